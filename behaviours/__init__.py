@@ -1,0 +1,1 @@
+"""py_trees leaves of the missions, and the policies behind them."""

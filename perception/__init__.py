@@ -1,0 +1,1 @@
+"""Arrays in, typed results out: segmentation, helipad detection and tracking."""

@@ -1,0 +1,1 @@
+"""Anything that flies: the MuJoCo twin, and the bridges to real drones."""

@@ -1,0 +1,49 @@
+"""Clocks. A mission has one, its drone's; nothing below the runner sleeps."""
+
+from __future__ import annotations
+
+import time
+
+from uav_bt.errors import ValueRangeError
+
+__all__ = ["ManualClock", "WallClock"]
+
+
+class ManualClock:
+    """A clock that moves only when told to; for tests and for anything that is simulated."""
+
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._now_s = start_s
+
+    def now(self) -> float:
+        """Return the time in seconds."""
+        return self._now_s
+
+    def advance(self, duration_s: float) -> None:
+        """Move time forward.
+
+        Raises:
+            ValueRangeError: the duration is negative.
+        """
+        if duration_s < 0.0:
+            raise ValueRangeError(f"time only moves forward, got {duration_s} s")
+        self._now_s += duration_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Jump to a time; a time that has passed is no error and changes nothing."""
+        self._now_s = max(self._now_s, time_s)
+
+
+class WallClock:
+    """Real seconds since the clock was made."""
+
+    def __init__(self) -> None:
+        self._start_s = time.monotonic()
+
+    def now(self) -> float:
+        """Return the time in seconds."""
+        return time.monotonic() - self._start_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Sleep until a time; return at once when it has passed."""
+        time.sleep(max(0.0, time_s - self.now()))

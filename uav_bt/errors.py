@@ -1,0 +1,141 @@
+"""Everything that can go wrong, drawn at the top.
+
+    UavBtError                      exit code 1 unless a subclass says otherwise
+      InputError                    the input was refused (exit code 2)
+        ShapeError                    an array has the wrong shape
+        ValueRangeError               a number is out of its range
+        FileError                     a file is missing, malformed or damaged (file and line)
+          SceneError                    a scene file
+          WeightsError                  a weights file
+          TreeError                     a tree file; carries every finding of the file
+        UnknownNameError              a name that nobody registered, with a suggestion
+        MissingDependencyError        a package or a system library is absent, with the cure
+      MissionError                  the mission itself went wrong
+        ProposalConflictError         two leaves proposed on one channel in one tick
+        BoardAccessError              undeclared or mistyped access to the board
+        NodeFailedError               an exception in a node, with the node's path
+      DroneError                    the drone did not do what it was told
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+__all__ = [
+    "BoardAccessError",
+    "DroneError",
+    "FileError",
+    "InputError",
+    "MissingDependencyError",
+    "MissionError",
+    "NodeFailedError",
+    "ProposalConflictError",
+    "SceneError",
+    "ShapeError",
+    "TreeError",
+    "UavBtError",
+    "UnknownNameError",
+    "ValueRangeError",
+    "WeightsError",
+    "did_you_mean",
+]
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the closest known name, or an empty string."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+class UavBtError(Exception):
+    """Base of all errors this project raises on purpose."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class InputError(UavBtError):
+    """Something a person gave us cannot be used."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class ShapeError(InputError):
+    """An array has the wrong shape."""
+
+    def __init__(self, name: str, *, expected: str, actual: Sequence[int]) -> None:
+        got = "x".join(str(size) for size in actual)
+        super().__init__(f"{name} must be {expected}, got {got}")
+
+
+class ValueRangeError(InputError):
+    """A number lies outside the range it must keep."""
+
+
+class FileError(InputError):
+    """A file is missing, malformed or damaged."""
+
+    def __init__(self, path: Path | str, message: str, line: int | None = None) -> None:
+        self.path = Path(path)
+        self.line = line
+        where = f"{path}:{line}" if line is not None else str(path)
+        super().__init__(f"{where}: {message}")
+
+
+class SceneError(FileError):
+    """A scene file cannot be flown."""
+
+
+class WeightsError(FileError):
+    """A weights file is absent, damaged or made for another network."""
+
+
+class TreeError(FileError):
+    """A tree file was refused; `findings` holds every line of the report."""
+
+    def __init__(self, path: Path | str, findings: Sequence[str]) -> None:
+        self.findings = tuple(findings)
+        count = len(self.findings)
+        head = f"refused, {count} error{'s' if count != 1 else ''}"
+        super().__init__(path, "\n  ".join([head, *self.findings]))
+
+
+class UnknownNameError(InputError):
+    """A name that nothing was registered under."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        names = sorted(known)
+        super().__init__(
+            f"unknown {kind} '{name}'{did_you_mean(name, names)} "
+            f"(known: {', '.join(names) if names else 'none'})"
+        )
+
+
+class MissingDependencyError(InputError):
+    """A package or a system library is absent."""
+
+
+class MissionError(UavBtError):
+    """The mission itself went wrong."""
+
+
+class ProposalConflictError(MissionError):
+    """Two leaves proposed on one channel in one tick."""
+
+
+class BoardAccessError(MissionError):
+    """Undeclared or mistyped access to the board."""
+
+
+class NodeFailedError(MissionError):
+    """An exception in a node of the tree."""
+
+    def __init__(self, node_path: str, cause: BaseException) -> None:
+        self.node_path = node_path
+        super().__init__(f"node '{node_path}' failed: {type(cause).__name__}: {cause}")
+
+
+class DroneError(UavBtError):
+    """The drone did not do what it was told."""

@@ -1,0 +1,177 @@
+"""The joints of the system: what a drone, a referee, a clock, a network and a policy must offer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.types import (
+    CameraModel,
+    ClassMap,
+    Command,
+    Corridor,
+    DepthMap,
+    Frame,
+    Observation,
+    Truth,
+)
+
+__all__ = [
+    "Clock",
+    "Decision",
+    "DepthEstimator",
+    "Drone",
+    "DroneFactory",
+    "DroneOptions",
+    "LeafPolicy",
+    "PolicyView",
+    "Referee",
+    "Segmenter",
+]
+
+
+@runtime_checkable
+class Clock(Protocol):
+    """The mission's time, seconds."""
+
+    def now(self) -> float:
+        """Return the present time."""
+        ...
+
+    def sleep_until(self, time_s: float) -> None:
+        """Return when that time has come (in the twin: step the physics up to it)."""
+        ...
+
+
+@runtime_checkable
+class Drone(Protocol):
+    """Anything that flies. Nothing external happens before `connect`."""
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that the whole mission uses."""
+        ...
+
+    @property
+    def camera(self) -> CameraModel:
+        """The camera's intrinsics at the size of the frames it sends."""
+        ...
+
+    @property
+    def referee(self) -> Referee | None:
+        """The truth, where there is one; None on a real drone."""
+        ...
+
+    def connect(self) -> None:
+        """Get ready to fly.
+
+        Raises:
+            DroneError: the drone cannot be reached.
+        """
+        ...
+
+    def observe(self) -> Observation:
+        """Return the newest frame and state; never blocks."""
+        ...
+
+    def send(self, command: Command) -> Command:
+        """Tell the drone; return what was really sent (after its own limits)."""
+        ...
+
+    def disconnect(self) -> None:
+        """Let go; safe to call twice."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroneOptions:
+    """What a person may say about the drone; each drone takes what concerns it."""
+
+    address: str | None = None  # NAME:ADDRESS on the command line
+    scene: str | None = None  # a scene's name or file; simulated drones only
+    seed: int = 0  # of everything random; simulated drones only
+    profile: str = "lab"  # how imperfect a simulated drone is
+    image_size_px: tuple[int, int] = (640, 360)  # width, height
+    realtime: bool = False  # a simulated drone paces itself by the wall clock
+
+
+class DroneFactory(Protocol):
+    """What the entry-point group `uav_bt.drones` registers: makes a drone, connects nothing."""
+
+    def __call__(self, options: DroneOptions) -> Drone:
+        """Return an unconnected drone."""
+        ...
+
+
+@runtime_checkable
+class Referee(Protocol):
+    """The truth of a simulation, for reports and evaluations only."""
+
+    def truth(self) -> Truth:
+        """Return the truth of this moment."""
+        ...
+
+    def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        """Return the exact class ids of a delivered frame's view, (height_px, width_px)."""
+        ...
+
+    def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
+        """Return the exact depth along the optical axis, metres, (height_px, width_px)."""
+        ...
+
+
+@runtime_checkable
+class Segmenter(Protocol):
+    """Frame in, class map out."""
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return a class id for every pixel of the (resized) frame."""
+        ...
+
+
+@runtime_checkable
+class DepthEstimator(Protocol):
+    """Frame in, depth map out."""
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the depth of every pixel of the (resized) frame."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyView:
+    """All that a leaf policy may look at."""
+
+    class_map: ClassMap
+    camera: CameraModel  # at the class map's size
+    gimbal_pitch_rad: float  # when the frame was captured
+    height_above_carpet_m: float  # when the frame was captured
+    corridor: Corridor | None = None
+    turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
+    coin: float = 0.5  # a uniform draw from [0, 1), so that policies stay pure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """What a policy wants next: an advance, or a turn away from what blocks the way."""
+
+    forward_m: float = 0.0
+    yaw_rad: float = 0.0  # clockwise positive
+    reason: str = ""  # one word or two, for the status line and the records
+
+    @property
+    def blocked(self) -> bool:
+        """True when the way ahead is not free."""
+        return self.forward_m <= 0.0
+
+
+@runtime_checkable
+class LeafPolicy(Protocol):
+    """Where to go next. Pure: the same view gives the same decision."""
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Return the next movement."""
+        ...
