@@ -1,20 +1,20 @@
 """Everything that can go wrong, drawn at the top.
 
-    UavBtError                      exit code 1 unless a subclass says otherwise
-      InputError                    the input was refused (exit code 2)
-        ShapeError                    an array has the wrong shape
-        ValueRangeError               a number is out of its range
-        FileError                     a file is missing, malformed or damaged (file and line)
-          SceneError                    a scene file
-          WeightsError                  a weights file
-          TreeError                     a tree file; carries every finding of the file
-        UnknownNameError              a name that nobody registered, with a suggestion
-        MissingDependencyError        a package or a system library is absent, with the cure
-      MissionError                  the mission itself went wrong
-        ProposalConflictError         two leaves proposed on one channel in one tick
-        BoardAccessError              undeclared or mistyped access to the board
-        NodeFailedError               an exception in a node, with the node's path
-      DroneError                    the drone did not do what it was told
+UavBtError                      exit code 1 unless a subclass says otherwise
+  InputError                    the input was refused (exit code 2)
+    ShapeError                    an array has the wrong shape
+    ValueRangeError               a number is out of its range
+    FileError                     a file is missing, malformed or damaged (file and line)
+      SceneError                    a scene file
+      WeightsError                  a weights file
+      TreeError                     a tree file; carries every finding of the file
+    UnknownNameError              a name that nobody registered, with a suggestion
+    MissingDependencyError        a package or a system library is absent, with the cure
+  MissionError                  the mission itself went wrong
+    ProposalConflictError         two leaves proposed on one channel in one tick
+    BoardAccessError              undeclared or mistyped access to the board
+    NodeFailedError               an exception in a node, with the node's path
+  DroneError                    the drone did not do what it was told
 """
 
 from __future__ import annotations

@@ -1,0 +1,64 @@
+"""The keys of the mission board, in one place. A plug-in contributes its own when it registers."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from uav_bt.mission.blackboard import Key
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HelipadFix
+
+__all__ = [
+    "CAMERA",
+    "CLASS_MAP",
+    "ELAPSED",
+    "FRAME",
+    "HEIGHT",
+    "HELIPAD",
+    "MISSION_KEYS",
+    "STATE",
+]
+
+# A frame is old when the drone has flown blind for longer than one 30 cm step takes to start.
+_FRAME_MAX_AGE_S = 0.7
+# Telemetry comes many times a second; without it for half a second nothing is known.
+_STATE_MAX_AGE_S = 0.5
+# The tracker carries the pad through missed frames; afterwards the search begins again.
+_HELIPAD_MAX_AGE_S = 12.0
+
+FRAME: Final = Key(
+    "frame", Frame, "newest camera frame", writer="runner", max_age_s=_FRAME_MAX_AGE_S
+)
+STATE: Final = Key(
+    "state", DroneState, "newest telemetry", writer="runner", max_age_s=_STATE_MAX_AGE_S
+)
+CAMERA: Final = Key("camera", CameraModel, "intrinsics at the frame's size", writer="runner")
+ELAPSED: Final = Key(
+    "elapsed_s", float, "time since the take-off command", unit="s", writer="runner"
+)
+HEIGHT: Final = Key(
+    "height_above_carpet_m", float, "height above the carpet", unit="m", writer="runner"
+)
+CLASS_MAP: Final = Key(
+    "class_map",
+    ClassMap,
+    "class id of every pixel",
+    writer="Segment",
+    max_age_s=_FRAME_MAX_AGE_S,
+)
+HELIPAD: Final = Key(
+    "helipad",
+    HelipadFix,
+    "where the helipad lies",
+    writer="FindHelipad",
+    max_age_s=_HELIPAD_MAX_AGE_S,
+)
+
+MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
+    FRAME,
+    STATE,
+    CAMERA,
+    ELAPSED,
+    HEIGHT,
+    CLASS_MAP,
+    HELIPAD,
+)

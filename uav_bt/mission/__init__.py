@@ -1,0 +1,1 @@
+"""Flying a tree: the board, the arbiter and the runner."""

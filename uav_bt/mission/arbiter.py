@@ -1,0 +1,175 @@
+"""One command per tick: leaves propose, the arbiter yields.
+
+Overrides come first, in the order of `Override`; then the leaves' proposals; nothing proposed means
+hover. Limits clamp what is left.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+from uav_bt.errors import ProposalConflictError, ValueRangeError
+from uav_bt.types import (
+    Command,
+    DroneState,
+    FlyingState,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    Release,
+    Velocity,
+)
+
+__all__ = ["Arbiter", "Limits", "Override", "Proposals"]
+
+
+class Override(enum.Enum):
+    """Why the leaves were not asked, strongest first."""
+
+    MANUAL = "manual take-over"
+    ABORT = "abort"
+    BATTERY = "critical battery"
+    STALE_FRAME = "stale frame"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What no leaf may exceed."""
+
+    speed_mps: float = 1.0  # horizontal; a lab is 5 m long
+    climb_mps: float = 0.6
+    yaw_rate_radps: float = 1.6
+    ceiling_m: float = 2.4  # above the carpet
+    critical_battery: float = 0.1  # land below this
+    stale_frame_s: float = 1.0  # hover when the newest frame is older
+
+    def __post_init__(self) -> None:
+        if min(self.speed_mps, self.climb_mps, self.yaw_rate_radps, self.ceiling_m) <= 0:
+            raise ValueRangeError(f"speed, climb, yaw-rate and ceiling must be positive: {self}")
+
+
+class Proposals:
+    """What the leaves of one tick asked for; emptied before each tick."""
+
+    def __init__(self) -> None:
+        self._movement: tuple[str, Movement] | None = None
+        self._gimbal: tuple[str, GimbalTo] | None = None
+        self._next_id = 1
+
+    def next_id(self) -> int:
+        """Return a fresh id for a `MoveBy`."""
+        self._next_id += 1
+        return self._next_id - 1
+
+    def clear(self) -> None:
+        """Forget everything proposed; ids go on counting."""
+        self._movement = None
+        self._gimbal = None
+
+    def propose(self, owner: str, movement: Movement) -> None:
+        """Ask for a movement.
+
+        Raises:
+            ProposalConflictError: another leaf already asked for one in this tick.
+        """
+        if self._movement is not None and self._movement[0] != owner:
+            raise ProposalConflictError(
+                f"leaves '{self._movement[0]}' and '{owner}' both propose a movement in one tick"
+            )
+        self._movement = (owner, movement)
+
+    def propose_gimbal(self, owner: str, gimbal: GimbalTo) -> None:
+        """Ask for a camera direction.
+
+        Raises:
+            ProposalConflictError: another leaf already asked for one in this tick.
+        """
+        if self._gimbal is not None and self._gimbal[0] != owner:
+            raise ProposalConflictError(
+                f"leaves '{self._gimbal[0]}' and '{owner}' both propose a gimbal pitch in one tick"
+            )
+        self._gimbal = (owner, gimbal)
+
+    @property
+    def movement(self) -> Movement | None:
+        """The proposed movement of this tick."""
+        return self._movement[1] if self._movement else None
+
+    @property
+    def movement_owner(self) -> str | None:
+        """The leaf that proposed the movement."""
+        return self._movement[0] if self._movement else None
+
+    @property
+    def gimbal(self) -> GimbalTo | None:
+        """The proposed camera direction of this tick."""
+        return self._gimbal[1] if self._gimbal else None
+
+
+class Arbiter:
+    """Turns proposals and circumstances into the one command of the tick."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self.override: Override | None = None  # the one in force since the last decision
+
+    def decide(
+        self, proposals: Proposals, state: DroneState, *, frame_age_s: float, abort: bool = False
+    ) -> Command:
+        """Return this tick's command.
+
+        Args:
+            proposals: what the leaves asked for in this tick.
+            state: the newest drone state.
+            frame_age_s: age of the newest frame, inf before the first.
+            abort: an operator or a fault wants the drone on the ground.
+        """
+        self.override = self._find_override(state, frame_age_s=frame_age_s, abort=abort)
+        if self.override is None:
+            movement = proposals.movement or Hover()
+            return Command(movement=self._clamp(movement, state), gimbal=proposals.gimbal)
+        match self.override:
+            case Override.MANUAL:
+                return Command(movement=Release())
+            case Override.ABORT | Override.BATTERY:
+                return Command(movement=Land())
+            case Override.STALE_FRAME:
+                return Command(movement=Hover(), gimbal=proposals.gimbal)
+
+    def _find_override(
+        self, state: DroneState, *, frame_age_s: float, abort: bool
+    ) -> Override | None:
+        if state.pilot_has_control:
+            return Override.MANUAL
+        if abort:
+            return Override.ABORT
+        airborne = state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
+        if airborne and state.battery < self._limits.critical_battery:
+            return Override.BATTERY
+        if airborne and frame_age_s > self._limits.stale_frame_s:
+            return Override.STALE_FRAME
+        return None
+
+    def _clamp(self, movement: Movement, state: DroneState) -> Movement:
+        limits = self._limits
+        # Down is positive: the most negative step that stays below the ceiling.
+        headroom_m = max(0.0, limits.ceiling_m - state.height_above_carpet_m)
+        if isinstance(movement, MoveBy):
+            return replace(movement, down_m=max(movement.down_m, -headroom_m))
+        if isinstance(movement, Velocity):
+            horizontal = math.hypot(movement.forward_mps, movement.right_mps)
+            shrink = min(1.0, limits.speed_mps / horizontal) if horizontal > 0 else 1.0
+            climb_mps = limits.climb_mps if headroom_m > 0 else 0.0
+            return Velocity(
+                forward_mps=movement.forward_mps * shrink,
+                right_mps=movement.right_mps * shrink,
+                down_mps=min(max(movement.down_mps, -climb_mps), limits.climb_mps),
+                yaw_rate_radps=min(
+                    max(movement.yaw_rate_radps, -limits.yaw_rate_radps), limits.yaw_rate_radps
+                ),
+            )
+        return movement

@@ -1,0 +1,178 @@
+"""The mission's blackboard: typed keys, ages, and access that is declared or refused.
+
+py_trees' own blackboard is one store for the whole process; ours belongs to one mission, so that two
+missions never meet and a test starts empty.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, cast
+
+from uav_bt.errors import BoardAccessError, did_you_mean
+from uav_bt.protocols import Clock
+
+__all__ = ["Blackboard", "BoardView", "Key", "Reading"]
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+
+@dataclass(frozen=True)
+class Key(Generic[T]):
+    """A typed entry of the board."""
+
+    name: str
+    type: type[T]
+    doc: str
+    unit: str = ""  # of plain numbers; typed values carry theirs in their field names
+    writer: str = ""  # who writes it, for people
+    max_age_s: float = math.inf  # older than this reads as "no fix"
+
+
+@dataclass(frozen=True)
+class Reading(Generic[T_co]):
+    """What a read gives: a value that is fresh enough, or None with the age of what there was."""
+
+    value: T_co | None
+    age_s: float  # since capture; inf when never written
+
+    @property
+    def known(self) -> bool:
+        """True when there is a fresh value."""
+        return self.value is not None
+
+
+@dataclass
+class _Entry:
+    value: Any
+    captured_s: float
+
+
+class Blackboard:
+    """The store of one mission. Leaves do not touch it: they go through a `BoardView`."""
+
+    def __init__(self, clock: Clock, keys: Iterable[Key[Any]]) -> None:
+        self._clock = clock
+        self._keys: dict[str, Key[Any]] = {}
+        self._entries: dict[str, _Entry] = {}
+        for key in keys:
+            self.declare(key)
+
+    def declare(self, key: Key[Any]) -> None:
+        """Add a key; the same key twice is fine, two keys of one name are not.
+
+        Raises:
+            BoardAccessError: another key of that name exists.
+        """
+        known = self._keys.setdefault(key.name, key)
+        if known != key:
+            raise BoardAccessError(f"board key '{key.name}' is declared twice, differently")
+
+    @property
+    def keys(self) -> dict[str, Key[Any]]:
+        """All declared keys by name (a copy)."""
+        return dict(self._keys)
+
+    def key(self, name: str) -> Key[Any]:
+        """Return a key by name.
+
+        Raises:
+            BoardAccessError: nobody declared it.
+        """
+        try:
+            return self._keys[name]
+        except KeyError:
+            raise BoardAccessError(
+                f"unknown board key '{name}'{did_you_mean(name, self._keys)}"
+            ) from None
+
+    def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
+        """Store a value; `captured_s` is when what it describes was captured (default: now).
+
+        Raises:
+            BoardAccessError: the key is unknown or the value is of another type.
+        """
+        if self._keys.get(key.name) != key:
+            raise BoardAccessError(f"board key '{key.name}' was never declared on this board")
+        accepted = (int, float) if key.type is float else key.type
+        if not isinstance(value, accepted) or (isinstance(value, bool) and key.type is not bool):
+            raise BoardAccessError(
+                f"board key '{key.name}' holds {key.type.__name__}, got {type(value).__name__}"
+            )
+        now = self._clock.now()
+        self._entries[key.name] = _Entry(value, now if captured_s is None else captured_s)
+
+    def read(self, key: Key[T]) -> Reading[T]:
+        """Return the value when it is fresh, and its age."""
+        entry = self._entries.get(key.name)
+        if entry is None:
+            return Reading(None, math.inf)
+        age_s = self._clock.now() - entry.captured_s
+        # A hair of tolerance: ages are differences of sums of ticks.
+        fresh = age_s <= key.max_age_s + 1e-9
+        return Reading(cast("T", entry.value) if fresh else None, age_s)
+
+    def forget(self, key: Key[Any]) -> None:
+        """Drop a value, as if it had never been written."""
+        self._entries.pop(key.name, None)
+
+    def snapshot(self) -> dict[str, tuple[Any, float]]:
+        """Return (value, capture time) of everything written, for records and displays."""
+        return {name: (entry.value, entry.captured_s) for name, entry in self._entries.items()}
+
+
+class BoardView:
+    """One leaf's window on the board: what it declared, nothing else."""
+
+    def __init__(
+        self,
+        board: Blackboard,
+        owner: str,
+        *,
+        reads: Iterable[Key[Any]] = (),
+        writes: Iterable[Key[Any]] = (),
+    ) -> None:
+        self._board = board
+        self._owner = owner
+        self._reads = frozenset(key.name for key in reads)
+        self._writes = frozenset(key.name for key in writes)
+
+    def read(self, key: Key[T]) -> Reading[T]:
+        """Read a declared key.
+
+        Raises:
+            BoardAccessError: the leaf did not declare that it reads the key.
+        """
+        if key.name not in self._reads and key.name not in self._writes:
+            raise BoardAccessError(
+                f"leaf '{self._owner}' reads board key '{key.name}' without declaring it: "
+                "add the key to its `reads`"
+            )
+        return self._board.read(key)
+
+    def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
+        """Write a declared key.
+
+        Raises:
+            BoardAccessError: the leaf did not declare the key, or the value has another type.
+        """
+        self._check_writes(key)
+        try:
+            self._board.write(key, value, captured_s)
+        except BoardAccessError as error:
+            raise BoardAccessError(f"leaf '{self._owner}': {error}") from error
+
+    def forget(self, key: Key[Any]) -> None:
+        """Drop a declared key's value."""
+        self._check_writes(key)
+        self._board.forget(key)
+
+    def _check_writes(self, key: Key[Any]) -> None:
+        if key.name not in self._writes:
+            raise BoardAccessError(
+                f"leaf '{self._owner}' writes board key '{key.name}' without declaring it: "
+                "add the key to its `writes`"
+            )

@@ -1,0 +1,1 @@
+"""The tree language: nodes, ports, registry and the loader of tree files."""
