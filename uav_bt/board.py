@@ -15,6 +15,7 @@ __all__ = [
     "HEIGHT",
     "HELIPAD",
     "MISSION_KEYS",
+    "PHASE",
     "STATE",
 ]
 
@@ -53,6 +54,10 @@ HELIPAD: Final = Key(
     max_age_s=_HELIPAD_MAX_AGE_S,
 )
 
+PHASE: Final = Key(
+    "phase", str, "what the mission is doing: explore, search, approach, ...", writer="mission leaves"
+)
+
 MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     FRAME,
     STATE,
@@ -61,4 +66,5 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     HEIGHT,
     CLASS_MAP,
     HELIPAD,
+    PHASE,
 )

@@ -1,0 +1,109 @@
+"""HelipadCenter: look straight down, climb a little, and bring the camera above the pad's centre."""
+
+from __future__ import annotations
+
+import math
+
+from behaviours.movement import Mover, Progress
+from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import DroneState, GimbalTo, HelipadFix
+
+__all__ = ["HelipadCenter"]
+
+_STRAIGHT_DOWN = GimbalTo(pitch_rad=-math.pi / 2)
+_LOOKS_DOWN_RAD = math.radians(-85)
+# Without a detection for this long at one height the drone climbs to see more.
+_LOOK_S = 1.0
+_CEILING_M = 2.2  # above the carpet: higher shows nothing more than the boxes' roofs
+_CONFIRMATIONS = 2
+
+
+class HelipadCenter(Leaf):
+    """Tilt the gimbal down, climb and centre the camera above the pad; FAILURE when it is lost."""
+
+    ports = (
+        Port("climb_m", float, default=0.2, doc="how much higher to look from, m"),
+        Port("tolerance_m", float, default=0.04, doc="largest offset that counts as centred, m"),
+        Port("give_up_s", float, default=20.0, doc="seconds until the pad counts as lost"),
+        Port("camera_forward_m", float, default=0.15, doc="camera ahead of the body's centre, m"),
+    )
+    reads = (STATE, FRAME, HELIPAD)
+    writes = (PHASE,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the movement's keeper."""
+        del mission
+        self._mover = Mover()
+
+    def initialise(self) -> None:
+        """Climb first."""
+        self.write(PHASE, "center")
+        self._started_s = self.clock.now()
+        self._climb_next_m = self.port_value("climb_m")
+        self._confirmed = 0
+
+    def terminate(self, new_status: Status) -> None:
+        """Let go of the movement."""
+        self._mover.drop(self.clock.now())
+
+    def update(self) -> Status:
+        """Go on with a movement in progress, or look and correct."""
+        self.point(_STRAIGHT_DOWN)
+        state, now_s = self.read(STATE).value, self.clock.now()
+        if state is None:
+            return Status.RUNNING
+        if self._mover.update(state, now_s) is Progress.RUNNING and self._mover.proposal:
+            self.propose(self._mover.proposal)
+            return Status.RUNNING
+        if self._climb_next_m > 0.0:
+            self._move(now_s, down_m=-self._climb_next_m)
+            self._climb_next_m = 0.0
+            return Status.RUNNING
+        if now_s - self._started_s > self.port_value("give_up_s"):
+            self.feedback_message = "helipad lost"
+            return Status.FAILURE
+        fix = self._fix_from_above()
+        if fix is not None:
+            return self._centre(fix, now_s)
+        self._confirmed = 0
+        return self._look_from_higher(state, now_s)
+
+    def _fix_from_above(self) -> HelipadFix | None:
+        """Return a detection made looking straight down since the last movement ended."""
+        frame, fix = self.read(FRAME).value, self.read(HELIPAD).value
+        if frame is None or fix is None or not fix.detected:
+            return None
+        looks_down = frame.gimbal_pitch_rad < _LOOKS_DOWN_RAD
+        return fix if looks_down and fix.captured_s >= self._mover.ended_s else None
+
+    def _centre(self, fix: HelipadFix, now_s: float) -> Status:
+        forward_m = fix.forward_m - self.port_value("camera_forward_m")
+        offset_m = math.hypot(forward_m, fix.right_m)
+        self.feedback_message = f"{100 * offset_m:.0f} cm off"
+        if offset_m > self.port_value("tolerance_m"):
+            self._confirmed = 0
+            self._move(now_s, forward_m=forward_m, right_m=fix.right_m)
+            return Status.RUNNING
+        self._confirmed += 1
+        return Status.SUCCESS if self._confirmed >= _CONFIRMATIONS else Status.RUNNING
+
+    def _look_from_higher(self, state: DroneState, now_s: float) -> Status:
+        waited_s = now_s - max(self._mover.ended_s, self._started_s)
+        if waited_s > _LOOK_S and state.height_above_carpet_m < _CEILING_M:
+            self._move(now_s, down_m=-self.port_value("climb_m"))
+        return Status.RUNNING
+
+    def _move(
+        self, now_s: float, *, forward_m: float = 0.0, right_m: float = 0.0, down_m: float = 0.0
+    ) -> None:
+        self.propose(
+            self._mover.start(
+                self.mission.proposals,
+                now_s,
+                forward_m=forward_m,
+                right_m=right_m,
+                down_m=down_m,
+            )
+        )

@@ -1,0 +1,1 @@
+"""Leaf policies: pure functions from a view to a decision, swappable in the tree file."""

@@ -1,0 +1,140 @@
+"""The paper's first-level rule: two rectangles of the class map, one high, one low.
+
+    low full,  high empty   advance 30 cm
+    low full,  high filled  turn to the half with fewer obstacle pixels
+    low short, high empty   turn to the half with more carpet
+    low short, high filled  turn round
+
+The paper gives thresholds (1600 and 900 pixels of a 224x112 map) but not the rectangles. Here they
+follow from the camera's geometry, so that each asks a question in metres:
+
+- The *high* rectangle asks whether a box stands in the way. Its upper edge is the row that sees the
+  carpet `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its lower
+  edge is the image's, where the nearest visible carpet lies. A box that reaches the flight altitude
+  fills it from top to bottom when near, whatever the distance.
+- The *low* rectangle asks whether the carpet goes on. It spans the carpet from the nearest visible
+  row to `carpet_range_m`. Boxes and the helipad stand on the carpet, so they count as carpet.
+
+Both are as wide as the swept path with its margins, seen at the distance where it matters.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
+from perception.geometry import ground_range_to_row
+from uav_bt.errors import ValueRangeError
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.types import CameraModel
+
+__all__ = ["Rectangle", "SegmentationRule", "SegmentationRuleConfig"]
+
+_REFERENCE_PIXELS = 224 * 112  # the map size that the paper's pixel counts refer to
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A region of a class map: rows [top, bottom), columns [left, right)."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    def of(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the region's pixels (a view)."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+    def halves(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Return the left and the right half of the region."""
+        middle = (self.left + self.right) // 2
+        rows = slice(self.top, self.bottom)
+        return image[rows, self.left : middle], image[rows, middle : self.right]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegmentationRuleConfig:
+    """Where the rectangles lie and what they trigger."""
+
+    step_m: float = 0.3  # the paper's advance
+    turn_rad: float = math.radians(30)  # one correction; a third of the view
+    obstacle_threshold_px: float = 900.0  # of a 224x112 map, as in the paper
+    carpet_threshold_px: float = 1600.0  # likewise
+    obstacle_range_m: float = 1.9  # from the camera: boxes based beyond this are not in the way
+    obstacle_half_angle_rad: float = math.radians(30)  # a grazing box is seen before it leaves view
+    carpet_range_m: float = 1.75  # from the camera: how far the carpet must go on
+    carpet_half_angle_rad: float = math.radians(18)
+    # Leaving a turn takes this share of the obstacle threshold: no dithering at the threshold.
+    hysteresis: float = 0.6
+    tie_ratio: float = 0.1  # halves closer than this are a tie, which the coin decides
+
+    def __post_init__(self) -> None:
+        if self.step_m <= 0.0 or not 0.0 < self.turn_rad <= math.pi:
+            raise ValueRangeError(f"step and turn must be positive, got {self}")
+
+
+class SegmentationRule:
+    """The rule as a leaf policy."""
+
+    def __init__(self, config: SegmentationRuleConfig | None = None) -> None:
+        self.config = config or SegmentationRuleConfig()
+
+    def rectangles(self, view: PolicyView) -> tuple[Rectangle, Rectangle]:
+        """Return the high and the low rectangle for a view's camera, pitch and height."""
+        cfg = self.config
+        high = self._rectangle(view, cfg.obstacle_range_m, cfg.obstacle_half_angle_rad)
+        low = self._rectangle(view, cfg.carpet_range_m, cfg.carpet_half_angle_rad)
+        return high, low
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Return an advance or a turn. A turn under way keeps its direction until it worked."""
+        cfg = self.config
+        groups = group_of(view.class_map.ids)
+        high, low = self.rectangles(view)
+        scale = groups.size / _REFERENCE_PIXELS
+        obstacles = np.count_nonzero(high.of(groups) == GROUP_OBSTACLE) / scale
+        ground = np.count_nonzero(low.of(groups) != GROUP_BACKGROUND) / scale
+
+        obstacle_limit = cfg.obstacle_threshold_px * (cfg.hysteresis if view.turning else 1.0)
+        way_is_free = obstacles <= obstacle_limit
+        carpet_goes_on = ground >= cfg.carpet_threshold_px
+        if way_is_free and carpet_goes_on:
+            return Decision(forward_m=cfg.step_m, reason="clear")
+
+        reason = "obstacle" if carpet_goes_on else ("edge" if way_is_free else "corner")
+        if view.turning:
+            return Decision(yaw_rad=math.copysign(cfg.turn_rad, view.turning), reason=reason)
+        if carpet_goes_on:
+            left, right = (
+                np.count_nonzero(half == GROUP_OBSTACLE) for half in high.halves(groups)
+            )
+            return Decision(yaw_rad=self._turn(right, left, view.coin), reason=reason)
+        if way_is_free:
+            left, right = (np.count_nonzero(half == GROUP_CARPET) for half in high.halves(groups))
+            return Decision(yaw_rad=self._turn(left, right, view.coin), reason=reason)
+        return Decision(yaw_rad=math.copysign(math.pi, view.coin - 0.5), reason=reason)
+
+    def _turn(self, for_left: int, for_right: int, coin: float) -> float:
+        """Return a turn to the side with more votes; clockwise, to the right, is positive."""
+        if abs(for_left - for_right) <= self.config.tie_ratio * max(for_left, for_right):
+            return math.copysign(self.config.turn_rad, coin - 0.5)
+        return self.config.turn_rad if for_right > for_left else -self.config.turn_rad
+
+    @staticmethod
+    def _rectangle(view: PolicyView, range_m: float, half_angle_rad: float) -> Rectangle:
+        camera: CameraModel = view.camera
+        top = ground_range_to_row(
+            range_m, camera, view.gimbal_pitch_rad, max(view.height_above_carpet_m, 0.1)
+        )
+        reach = camera.fx_px * math.tan(half_angle_rad)
+        return Rectangle(
+            top=int(np.clip(round(top), 0, camera.height_px - 1)),
+            bottom=camera.height_px,
+            left=int(np.clip(round(camera.cx_px - reach), 0, camera.width_px - 2)),
+            right=int(np.clip(round(camera.cx_px + reach) + 1, 2, camera.width_px)),
+        )

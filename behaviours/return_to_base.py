@@ -1,0 +1,177 @@
+"""ReturnToBase: search for the helipad, turn to it, fly to it, and stop above it."""
+
+from __future__ import annotations
+
+import enum
+import math
+
+from behaviours.avoid import TurnAway
+from behaviours.heading import HeadingController
+from behaviours.path_check import free_path
+from behaviours.steering import FLIGHT_HEIGHT, POLICY, SteeringLeaf
+from uav_bt.board import CAMERA, HELIPAD, PHASE
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree import Port, Status
+from uav_bt.types import DroneState, GimbalTo, HelipadFix, Velocity
+
+__all__ = ["ReturnToBase"]
+
+# The pad counts as out of view after this long without a detection: the paper's 15 frames.
+_OUT_OF_VIEW_S = 0.5
+# It can only leave view through the image's lower edge this close; further away it was just missed.
+_CLOSE_M = 1.6
+# The track is trusted this long without a detection, while it lies ahead.
+_TRACK_S = 5.0
+# Advance while the bearing error is below this; turn on the spot otherwise.
+_AHEAD_RAD = math.radians(12)
+_APPROACH_MPS = 0.45
+_SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
+_STOP_SHORT_M = 0.45  # a box this close behind a free path is not reached within a tick's motion
+_DETOUR_STEPS = 2
+
+
+class _Phase(enum.Enum):
+    SEARCH = "search"
+    APPROACH = "approach"
+    DETOUR = "detour"
+    OVERFLY = "overfly"  # the pad is below the view: the last metre goes by the track
+
+
+class ReturnToBase(SteeringLeaf):
+    """Search for the helipad under a leaf policy and approach it; SUCCESS above it."""
+
+    ports = (
+        POLICY,
+        FLIGHT_HEIGHT,
+        Port("gimbal_deg", float, default=-28.0, doc="camera pitch while searching, degrees"),
+        Port("arrive_m", float, default=0.12, doc="horizontal distance that counts as above, m"),
+    )
+    reads = (*SteeringLeaf.reads, HELIPAD)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the heading controller."""
+        super().on_setup(mission)
+        self._heading = HeadingController()
+
+    def initialise(self) -> None:
+        """Begin with the search; a helipad in view ends it at once."""
+        self._enter(_Phase.SEARCH)
+        self._turn = TurnAway()
+        self._detour_steps = 0
+
+    def update(self) -> Status:
+        """Do what the phase asks."""
+        self.point(GimbalTo(pitch_rad=math.radians(self.port_value("gimbal_deg"))))
+        state = self.state()
+        if state is None:
+            return Status.RUNNING
+        match self._phase:
+            case _Phase.SEARCH:
+                self._search(state)
+            case _Phase.APPROACH:
+                self._approach(state)
+            case _Phase.DETOUR:
+                self._detour(state)
+            case _Phase.OVERFLY:
+                return self._overfly(state)
+        return Status.RUNNING
+
+    def _enter(self, phase: _Phase) -> None:
+        self._phase = phase
+        self._heading.reset()
+        self._mover.drop(self.clock.now())
+        self.turning = 0
+        if phase is not _Phase.DETOUR:
+            self._turn = TurnAway()
+        self.write(PHASE, "search" if phase is _Phase.SEARCH else "approach")
+
+    # --- search -----------------------------------------------------------------------------------
+
+    def _search(self, state: DroneState) -> None:
+        fix = self.read(HELIPAD)
+        if fix.value is not None and fix.value.detected:
+            self._enter(_Phase.APPROACH)
+            self._approach(state)
+            return
+        self._wander(state)
+
+    def _wander(self, state: DroneState) -> bool:
+        """Advance or turn under the policy; True when an advance began."""
+        if self.moving(state):
+            return False
+        decision = self.decide()
+        if decision is None:
+            return False
+        if decision.blocked:
+            yaw_rad = self._turn.take(decision)
+            self.turning = self._turn.direction
+            self.move(yaw_rad=yaw_rad)
+            return False
+        self.turning = 0
+        if self._phase is _Phase.SEARCH:
+            self._turn = TurnAway()
+        self.move(forward_m=decision.forward_m, yaw_rad=decision.yaw_rad)
+        return True
+
+    # --- approach ---------------------------------------------------------------------------------
+
+    def _approach(self, state: DroneState) -> None:
+        fix = self.read(HELIPAD).value
+        if fix is None:
+            self._enter(_Phase.SEARCH)
+            return
+        unseen_s = self.clock.now() - fix.captured_s
+        if unseen_s > _OUT_OF_VIEW_S and fix.range_m < _CLOSE_M:
+            self._enter(_Phase.OVERFLY)
+            return
+        if unseen_s > _TRACK_S:
+            self._enter(_Phase.SEARCH)
+            return
+        free_m = self._free_path()
+        # What stands behind the pad is not in the way to it.
+        if abs(fix.bearing_rad) < _AHEAD_RAD and free_m < min(fix.range_m, 1.3 + _STOP_SHORT_M):
+            self._enter(_Phase.DETOUR)
+            return
+        self._steer(fix)
+
+    def _steer(self, fix: HelipadFix) -> None:
+        yaw_rate = self._heading.update(fix.bearing_rad, self.clock.now())
+        ahead = abs(fix.bearing_rad) < _AHEAD_RAD
+        speed = min(_APPROACH_MPS, _SLOW_DOWN_PER_S * fix.range_m) if ahead else 0.0
+        self.feedback_message = f"helipad {fix.range_m:.1f} m"
+        self.propose(Velocity(forward_mps=speed, yaw_rate_radps=yaw_rate))
+
+    def _free_path(self) -> float:
+        view, camera = self.current_view(), self.read(CAMERA).value
+        if view is None or camera is None:
+            return 0.0
+        frame, class_map = view
+        height_px, width_px = class_map.ids.shape
+        return free_path(
+            class_map,
+            camera.resized(width_px, height_px),
+            frame.gimbal_pitch_rad,
+            frame.height_above_carpet_m,
+        )
+
+    def _detour(self, state: DroneState) -> None:
+        """Turn away until the policy finds a way, take two steps, then face the pad again."""
+        if self._wander(state):
+            self._detour_steps += 1
+        if self._detour_steps >= _DETOUR_STEPS and not self._mover.busy:
+            self._detour_steps = 0
+            self._enter(_Phase.APPROACH)
+
+    # --- the last metre ---------------------------------------------------------------------------
+
+    def _overfly(self, state: DroneState) -> Status:
+        """Fly the rest by the track; the pad's own roof lies below, so nothing is in the way."""
+        del state
+        fix = self.read(HELIPAD).value
+        if fix is None:
+            self._enter(_Phase.SEARCH)
+            return Status.RUNNING
+        if fix.range_m < self.port_value("arrive_m") or fix.forward_m < 0.0:
+            return Status.SUCCESS
+        self._steer(fix)
+        return Status.RUNNING

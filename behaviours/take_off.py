@@ -1,0 +1,71 @@
+"""TakeOff: start the motors, climb to the flight height, point the camera."""
+
+from __future__ import annotations
+
+import math
+
+from behaviours.movement import Mover, Progress
+from uav_bt.board import FRAME, PHASE, STATE
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import DroneState, FlyingState, GimbalTo, TakeOff
+
+__all__ = ["TakeOffAndClimb"]
+
+_AIRBORNE = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
+_HEIGHT_SLACK_M = 0.1
+_PITCH_SLACK_RAD = math.radians(2)
+
+
+class TakeOffAndClimb(Leaf):
+    """Take off, climb to the flight height and point the camera; FAILURE when it takes too long."""
+
+    node_id = "TakeOff"
+    ports = (
+        Port("height_m", float, default=1.5, doc="flight height above the carpet, m"),
+        Port("gimbal_deg", float, default=-28.0, doc="camera pitch in flight, degrees"),
+        Port("give_up_s", float, default=20.0, doc="seconds until the take-off has failed"),
+    )
+    reads = (STATE, FRAME)
+    writes = (PHASE,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the movement's keeper."""
+        del mission
+        self._mover = Mover()
+
+    def initialise(self) -> None:
+        """Note when it began."""
+        self.write(PHASE, "take-off")
+        self._started_s = self.clock.now()
+
+    def terminate(self, new_status: Status) -> None:
+        """Let go of the movement."""
+        self._mover.drop(self.clock.now())
+
+    def update(self) -> Status:
+        """Ask for the take-off, then for the climb, then wait until the camera points ahead."""
+        pitch_rad = math.radians(self.port_value("gimbal_deg"))
+        self.point(GimbalTo(pitch_rad=pitch_rad))
+        state, now_s = self.read(STATE).value, self.clock.now()
+        if state is None:
+            return Status.RUNNING
+        if now_s - self._started_s > self.port_value("give_up_s"):
+            self.feedback_message = f"still {state.flying.value}"
+            return Status.FAILURE
+        if state.flying not in _AIRBORNE:
+            self.propose(TakeOff())
+            return Status.RUNNING
+        return self._climb(state, now_s, pitch_rad)
+
+    def _climb(self, state: DroneState, now_s: float, pitch_rad: float) -> Status:
+        if self._mover.update(state, now_s) is Progress.RUNNING and self._mover.proposal:
+            self.propose(self._mover.proposal)
+            return Status.RUNNING
+        error_m = state.height_above_carpet_m - self.port_value("height_m")
+        if abs(error_m) > _HEIGHT_SLACK_M:
+            self.propose(self._mover.start(self.mission.proposals, now_s, down_m=error_m))
+            return Status.RUNNING
+        frame = self.read(FRAME).value
+        points_ahead = frame and abs(frame.gimbal_pitch_rad - pitch_rad) < _PITCH_SLACK_RAD
+        return Status.SUCCESS if points_ahead else Status.RUNNING

@@ -1,0 +1,117 @@
+"""Rays, ground points and projections for a camera on a stabilised gimbal.
+
+Everything is expressed in the *level frame* of the camera: x forward along the heading, y right,
+z down, origin at the camera's optical centre. The gimbal keeps the horizon level, so its pitch is
+the only rotation between this frame and OpenCV's camera frame (x right, y down, z along the optical
+axis):
+
+    optical axis = (cos p, 0, -sin p),  image right = (0, 1, 0),  image down = (sin p, 0, cos p)
+
+with p the gimbal pitch, negative when it looks down. The paper's axes (X up, Y lateral, Z forward)
+map to (-z, y, x) here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uav_bt.errors import ShapeError
+from uav_bt.types import CameraModel
+
+__all__ = [
+    "camera_axes",
+    "elevation_to_row",
+    "ground_points",
+    "ground_range_to_row",
+    "pixel_rays",
+    "project",
+]
+
+
+def camera_axes(gimbal_pitch_rad: float) -> NDArray[np.float64]:
+    """Return the rotation from the camera frame to the level frame, (3, 3)."""
+    c, s = math.cos(gimbal_pitch_rad), math.sin(gimbal_pitch_rad)
+    return np.array([[0.0, s, c], [1.0, 0.0, 0.0], [0.0, c, -s]])
+
+
+def _pixels(points: ArrayLike) -> NDArray[np.float64]:
+    array = np.asarray(points, dtype=np.float64)
+    if array.ndim < 1 or array.shape[-1] != 2:
+        raise ShapeError("pixels", expected="...x2", actual=array.shape)
+    return array
+
+
+def pixel_rays(
+    pixels: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float
+) -> NDArray[np.float64]:
+    """Cast pixels into the level frame.
+
+    Args:
+        pixels: (..., 2) as (column, row), at the camera model's size.
+        camera: intrinsics at that size; its distortion is not applied (undistort first).
+        gimbal_pitch_rad: 0 level, negative down.
+
+    Returns:
+        (..., 3) rays of unit depth along the optical axis, in the level frame.
+    """
+    array = _pixels(pixels)
+    x = (array[..., 0] - camera.cx_px) / camera.fx_px
+    y = (array[..., 1] - camera.cy_px) / camera.fy_px
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
+    return np.asarray(rays @ camera_axes(gimbal_pitch_rad).T)
+
+
+def ground_points(
+    pixels: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float, height_m: float
+) -> NDArray[np.float64]:
+    """Intersect pixels' rays with a level plane below the camera.
+
+    Args:
+        pixels: (..., 2) as (column, row).
+        camera: intrinsics at the pixels' image size.
+        gimbal_pitch_rad: 0 level, negative down.
+        height_m: of the camera above the plane, positive.
+
+    Returns:
+        (..., 2) metres forward and right of the point below the camera; NaN where a ray does not
+        go down.
+    """
+    rays = pixel_rays(pixels, camera, gimbal_pitch_rad)
+    down = np.where(rays[..., 2] > 1e-9, rays[..., 2], np.nan)
+    return np.asarray(rays[..., :2] * (height_m / down)[..., None])
+
+
+def project(points: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float) -> NDArray[np.float64]:
+    """Project points of the level frame into the image.
+
+    Args:
+        points: (..., 3) metres forward, right and down of the camera.
+        camera: intrinsics at the image size asked for.
+        gimbal_pitch_rad: 0 level, negative down.
+
+    Returns:
+        (..., 2) pixels as (column, row); NaN for points not in front of the camera.
+    """
+    array = np.asarray(points, dtype=np.float64)
+    if array.ndim < 1 or array.shape[-1] != 3:
+        raise ShapeError("points", expected="...x3", actual=array.shape)
+    in_camera = array @ camera_axes(gimbal_pitch_rad)
+    depth = np.where(in_camera[..., 2] > 1e-9, in_camera[..., 2], np.nan)
+    column = camera.fx_px * in_camera[..., 0] / depth + camera.cx_px
+    row = camera.fy_px * in_camera[..., 1] / depth + camera.cy_px
+    return np.stack([column, row], axis=-1)
+
+
+def elevation_to_row(elevation_rad: float, camera: CameraModel, gimbal_pitch_rad: float) -> float:
+    """Return the row of the central column at which a ray has this elevation (negative: down)."""
+    return camera.cy_px + camera.fy_px * math.tan(gimbal_pitch_rad - elevation_rad)
+
+
+def ground_range_to_row(
+    range_m: float, camera: CameraModel, gimbal_pitch_rad: float, height_m: float
+) -> float:
+    """Return the row of the central column that sees the ground at this distance ahead."""
+    return elevation_to_row(-math.atan2(height_m, range_m), camera, gimbal_pitch_rad)

@@ -1,0 +1,195 @@
+"""Carry the helipad's position through frames that miss it.
+
+The pad stands still, so a Kalman filter with a constant state in a dead-reckoned frame does it: the
+odometry integrates the drone's own velocity and yaw, detections are placed at the pose their frame
+was captured at (video is late), and the fix is read relative to the pose of now.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from uav_bt.types import DroneState, HelipadFix
+
+__all__ = ["HelipadTracker", "HelipadTrackerConfig", "Odometry", "OdometryPose"]
+
+
+@dataclass(frozen=True)
+class OdometryPose:
+    """A dead-reckoned pose: origin and axes are where the odometry began (x north-like, y right)."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float  # clockwise positive, as the drone reports it
+
+    def to_world(self, forward_m: float, right_m: float) -> tuple[float, float]:
+        """Place a point given relative to this pose into the odometry frame."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return (
+            self.x_m + c * forward_m - s * right_m,
+            self.y_m + s * forward_m + c * right_m,
+        )
+
+    def to_body(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return a point of the odometry frame as (forward, right) from this pose."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        dx, dy = x_m - self.x_m, y_m - self.y_m
+        return c * dx + s * dy, -s * dx + c * dy
+
+
+class Odometry:
+    """Integrates telemetry into poses and remembers the last few seconds of them."""
+
+    def __init__(self, memory_s: float = 3.0) -> None:
+        self._memory_s = memory_s
+        self._poses: list[OdometryPose] = []
+
+    def update(self, state: DroneState) -> OdometryPose:
+        """Add a telemetry sample (one that is not newer changes nothing) and return the pose."""
+        yaw_rad = state.attitude.yaw_rad
+        if not self._poses:
+            self._poses.append(OdometryPose(state.captured_s, 0.0, 0.0, yaw_rad))
+            return self._poses[-1]
+        last = self._poses[-1]
+        dt = state.captured_s - last.time_s
+        if dt <= 0.0:
+            return last
+        velocity = state.velocity
+        x_m, y_m = OdometryPose(last.time_s, last.x_m, last.y_m, yaw_rad).to_world(
+            velocity.forward_mps * dt, velocity.right_mps * dt
+        )
+        self._poses.append(OdometryPose(state.captured_s, x_m, y_m, yaw_rad))
+        while self._poses[0].time_s < state.captured_s - self._memory_s:
+            self._poses.pop(0)
+        return self._poses[-1]
+
+    @property
+    def now(self) -> OdometryPose | None:
+        """The newest pose, None before the first sample."""
+        return self._poses[-1] if self._poses else None
+
+    def at(self, time_s: float) -> OdometryPose | None:
+        """Return the pose of a moment, interpolated; the oldest known when it is further back."""
+        if not self._poses:
+            return None
+        index = bisect.bisect_left([pose.time_s for pose in self._poses], time_s)
+        if index == 0:
+            return self._poses[0]
+        if index == len(self._poses):
+            return self._poses[-1]
+        before, after = self._poses[index - 1], self._poses[index]
+        share = (time_s - before.time_s) / (after.time_s - before.time_s)
+        turn = math.remainder(after.yaw_rad - before.yaw_rad, 2.0 * math.pi)
+        return OdometryPose(
+            time_s,
+            before.x_m + share * (after.x_m - before.x_m),
+            before.y_m + share * (after.y_m - before.y_m),
+            before.yaw_rad + share * turn,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HelipadTrackerConfig:
+    """Noise model of the filter."""
+
+    bearing_std_rad: float = 0.02  # about 3 pixels of a 224-wide class map
+    range_std_ratio: float = 0.06  # of the range: a pixel of elevation weighs more far away
+    floor_std_m: float = 0.03  # close up, the centroid of the H is this good
+    drift_std_mps: float = 0.05  # dead reckoning's error growth while the pad is unseen
+    gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
+    rejections_to_restart: int = 5  # so many outliers in a row mean that the track is wrong
+
+
+class HelipadTracker:
+    """Fuses detections into one position of the pad."""
+
+    def __init__(self, config: HelipadTrackerConfig | None = None) -> None:
+        self._config = config or HelipadTrackerConfig()
+        self._odometry = Odometry()
+        self._filter: KalmanFilter | None = None
+        self._filter_time_s = 0.0
+        self._seen_s = -math.inf
+        self._confidence = 0.0
+        self._rejected = 0
+
+    def predict(self, state: DroneState) -> None:
+        """Follow the drone's own motion up to a telemetry sample."""
+        pose = self._odometry.update(state)
+        if self._filter is not None:
+            dt = max(0.0, pose.time_s - self._filter_time_s)
+            self._filter.predict(Q=np.eye(2) * (self._config.drift_std_mps**2 * dt))
+        self._filter_time_s = pose.time_s
+
+    def update(
+        self, forward_m: float, right_m: float, *, captured_s: float, confidence: float
+    ) -> bool:
+        """Take in a detection, metres from the body's centre at its frame's capture.
+
+        Returns:
+            False when the detection was rejected as an outlier (or came before any telemetry).
+        """
+        pose = self._odometry.at(captured_s)
+        if pose is None:
+            return False
+        measurement = np.array(pose.to_world(forward_m, right_m))
+        noise = self._measurement_noise(forward_m, right_m, pose.yaw_rad)
+        if self._filter is None or self._rejected >= self._config.rejections_to_restart:
+            self._start(measurement, noise)
+        elif self._distance(measurement, noise) > self._config.gate:
+            self._rejected += 1
+            return False
+        else:
+            self._filter.update(measurement, R=noise)
+        self._rejected = 0
+        self._seen_s = captured_s
+        self._confidence = confidence
+        return True
+
+    def fix(self, *, detected: bool) -> HelipadFix | None:
+        """Return the pad relative to the drone now, None before the first detection."""
+        pose = self._odometry.now
+        if self._filter is None or pose is None:
+            return None
+        forward_m, right_m = pose.to_body(*(float(v) for v in self._filter.x.ravel()))
+        return HelipadFix(
+            captured_s=self._seen_s,
+            forward_m=forward_m,
+            right_m=right_m,
+            detected=detected,
+            confidence=self._confidence,
+            std_m=float(np.sqrt(np.linalg.eigvalsh(self._filter.P)[-1])),
+        )
+
+    def forget(self) -> None:
+        """Drop the track; the odometry goes on."""
+        self._filter = None
+        self._rejected = 0
+
+    def _start(self, measurement: np.ndarray, noise: np.ndarray) -> None:
+        kalman = KalmanFilter(dim_x=2, dim_z=2)
+        kalman.x = measurement.reshape(2, 1)
+        kalman.F = np.eye(2)
+        kalman.H = np.eye(2)
+        kalman.P = noise.copy()
+        self._filter = kalman
+
+    def _distance(self, measurement: np.ndarray, noise: np.ndarray) -> float:
+        residual = measurement - self._filter.x.ravel()  # type: ignore[union-attr]
+        covariance = self._filter.P + noise  # type: ignore[union-attr]
+        return float(residual @ np.linalg.solve(covariance, residual))
+
+    def _measurement_noise(self, forward_m: float, right_m: float, yaw_rad: float) -> np.ndarray:
+        cfg = self._config
+        range_m = max(math.hypot(forward_m, right_m), 1e-3)
+        along = max(cfg.floor_std_m, cfg.range_std_ratio * range_m)
+        across = max(cfg.floor_std_m, cfg.bearing_std_rad * range_m)
+        direction = yaw_rad + math.atan2(right_m, forward_m)
+        c, s = math.cos(direction), math.sin(direction)
+        rotation = np.array([[c, -s], [s, c]])
+        return np.asarray(rotation @ np.diag([along**2, across**2]) @ rotation.T)
