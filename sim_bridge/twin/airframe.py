@@ -1,0 +1,150 @@
+"""The flying body: forces in, motion out, in MuJoCo.
+
+Rotors are not modelled one by one. The body gets the force that a quadrotor with an attitude loop
+would produce (demanded acceleration behind a first-order lag) and tilts as it would have to.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+
+from sim_bridge.twin.model import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
+
+__all__ = ["CONTROL_STEP_S", "Airframe", "Motion"]
+
+STEPS_PER_CONTROL = 2
+CONTROL_STEP_S = STEPS_PER_CONTROL * PHYSICS_STEP_S
+
+_GRAVITY_MPS2 = 9.81
+_TILT_RADPS = 18.0  # bandwidth of the attitude loop, rad/s; faster than the thrust lag
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Motion:
+    """True motion of the body's centre, world axes; yaw counter-clockwise."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    vx_mps: float
+    vy_mps: float
+    vz_mps: float
+    roll_rad: float  # about the forward axis, right-down positive
+    pitch_rad: float  # nose-up positive
+    yaw_rad: float
+    yaw_rate_radps: float
+
+
+class Airframe:
+    """The drone's body in a lab's physics."""
+
+    def __init__(self, lab: LabModel, *, lag_s: float) -> None:
+        """Make the body's state.
+
+        Args:
+            lab: the compiled scene.
+            lag_s: first-order lag from demanded to real acceleration, seconds.
+        """
+        self._model = lab.model
+        self.data: Any = mujoco.MjData(lab.model)
+        self._position = self.data.qpos[:7]
+        self._velocity = self.data.qvel[:6]
+        self._wrench = self.data.xfrc_applied[lab.hull_body]
+        self._inertia = [float(value) for value in lab.model.body_inertia[lab.hull_body]]
+        self._hull = lab.hull_geom
+        self._gain = 1.0 - math.exp(-CONTROL_STEP_S / lag_s) if lag_s > 0.0 else 1.0
+        self._thrust = [0.0, 0.0, 0.0]
+        self._names = [lab.model.geom(index).name for index in range(lab.model.ngeom)]
+
+    def place(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
+        """Put the body somewhere, at rest and level."""
+        half = yaw_rad / 2.0
+        self._position[:] = (x_m, y_m, z_m, math.cos(half), 0.0, 0.0, math.sin(half))
+        self._velocity[:] = 0.0
+        self._thrust = [0.0, 0.0, 0.0]
+        mujoco.mj_forward(self._model, self.data)
+
+    def motion(self) -> Motion:
+        """Return the present motion."""
+        x, y, z, qw, qx, qy, qz = self._position.tolist()
+        vx, vy, vz, wx, wy, wz = self._velocity.tolist()
+        sine = max(-1.0, min(1.0, 2.0 * (qw * qy - qz * qx)))
+        roll = math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy))
+        yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        pitch_down = math.asin(sine)
+        yaw_rate = (wy * math.sin(roll) + wz * math.cos(roll)) / max(0.1, math.cos(pitch_down))
+        return Motion(
+            x_m=x,
+            y_m=y,
+            z_m=z,
+            vx_mps=vx,
+            vy_mps=vy,
+            vz_mps=vz,
+            roll_rad=roll,
+            pitch_rad=-pitch_down,
+            yaw_rad=yaw,
+            yaw_rate_radps=yaw_rate,
+        )
+
+    def fly(
+        self,
+        motion: Motion,
+        demand_mps2: tuple[float, float, float],
+        yaw_demand_radps2: float,
+        wind_mps2: tuple[float, float, float],
+    ) -> None:
+        """Set the forces of the next control step.
+
+        Args:
+            motion: the present motion.
+            demand_mps2: wanted acceleration, world axes, gravity not counted.
+            yaw_demand_radps2: wanted yaw acceleration, counter-clockwise.
+            wind_mps2: disturbance acceleration, world axes.
+        """
+        thrust, gain = self._thrust, self._gain
+        for axis in range(3):
+            thrust[axis] += gain * (demand_mps2[axis] - thrust[axis])
+        ax, ay, az = thrust
+        lift = max(_GRAVITY_MPS2 + az, 1.0)
+        cy, sy = math.cos(motion.yaw_rad), math.sin(motion.yaw_rad)
+        forward, left = cy * ax + sy * ay, cy * ay - sy * ax
+        # The rotors push along the body's up axis, so an acceleration needs a tilt towards it.
+        want_pitch = -math.atan2(forward, lift)
+        want_roll = -math.atan2(left, math.hypot(forward, lift))
+        wx, wy, wz = self._velocity[3:6].tolist()
+        stiff, damp = _TILT_RADPS**2, 2.0 * _TILT_RADPS
+        torque_x = self._inertia[0] * (stiff * (want_roll - motion.roll_rad) - damp * wx)
+        torque_y = self._inertia[1] * (stiff * (motion.pitch_rad - want_pitch) - damp * wy)
+        torque_z = self._inertia[2] * yaw_demand_radps2
+        mass = HULL_MASS_KG
+        self._wrench[:] = (
+            mass * (ax + wind_mps2[0]),
+            mass * (ay + wind_mps2[1]),
+            mass * (az + _GRAVITY_MPS2 + wind_mps2[2]),
+            cy * torque_x - sy * torque_y,
+            sy * torque_x + cy * torque_y,
+            torque_z,
+        )
+
+    def drop(self) -> None:
+        """Take all forces away: the motors stand still."""
+        self._thrust = [0.0, 0.0, 0.0]
+        self._wrench[:] = 0.0
+
+    def advance(self) -> None:
+        """Let the physics run for one control step."""
+        mujoco.mj_step(self._model, self.data, nstep=STEPS_PER_CONTROL)
+
+    def contacts(self) -> tuple[str, ...]:
+        """Return the names of the geoms that the hull touches now, sorted."""
+        count = self.data.ncon
+        if not count:
+            return ()
+        pairs = self.data.contact.geom[:count].tolist()
+        hull = self._hull
+        others = {a if b == hull else b for a, b in pairs if hull in (a, b)}
+        return tuple(sorted(self._names[geom] for geom in others))

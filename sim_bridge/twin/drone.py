@@ -1,0 +1,232 @@
+"""`TwinDrone`: the lab's drone as the mission sees it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+from sim_bridge.twin.camera import anafi_camera
+from sim_bridge.twin.gl import choose_gl
+from sim_bridge.twin.optics import Optics
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import Scene
+from uav_bt.errors import DroneError, ValueRangeError
+from uav_bt.types import CameraModel, Command, Frame, Observation, Velocity
+
+choose_gl()  # the modules below import MuJoCo, which settles how it draws at that moment
+
+from sim_bridge.twin.model import build_model  # noqa: E402  (after choose_gl)
+from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after choose_gl)
+from sim_bridge.twin.render import Renderer  # noqa: E402  (after choose_gl)
+from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after choose_gl)
+from sim_bridge.twin.start import start_pose  # noqa: E402  (after choose_gl)
+
+__all__ = ["TwinDrone"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Flight:
+    """What exists while connected."""
+
+    simulation: Simulation
+    renderer: Renderer
+    referee: TwinReferee
+    optics: Optics
+
+
+class TwinDrone:
+    """A simulated ANAFI in the simulated lab; implements the `Drone` protocol.
+
+    Time stands still except in `clock.sleep_until`, which steps the physics in steps of 10 ms.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        profile: Profile,
+        seed: int = 0,
+        image_size_px: tuple[int, int] = (640, 360),
+        realtime: bool = False,
+    ) -> None:
+        """Describe the flight; nothing is built before `connect`.
+
+        Args:
+            scene: the lab.
+            profile: limits and imperfections.
+            seed: of everything random, from 0.
+            image_size_px: width and height of the video, 16:9.
+            realtime: keep pace with the wall clock instead of running as fast as it can.
+
+        Raises:
+            ValueRangeError: the seed is negative or the size is not 16:9.
+        """
+        if seed < 0:
+            raise ValueRangeError(f"the seed must be zero or a positive number, got {seed}")
+        self._scene = scene
+        self._profile = profile
+        self._seed = seed
+        self._camera = anafi_camera(*image_size_px)
+        self._clock = TwinClock(self, realtime=realtime)
+        self._flight: _Flight | None = None
+        self._last: Frame | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """The lab it flies in."""
+        return self._scene
+
+    @property
+    def profile(self) -> Profile:
+        """Its limits and imperfections."""
+        return self._profile
+
+    @property
+    def clock(self) -> TwinClock:
+        """The flight's clock; it starts at 0 on connecting."""
+        return self._clock
+
+    @property
+    def camera(self) -> CameraModel:
+        """The intrinsics of its video."""
+        return self._camera
+
+    @property
+    def referee(self) -> TwinReferee | None:
+        """The truth; None before connecting."""
+        return self._flight.referee if self._flight is not None else None
+
+    @property
+    def pilot_has_control(self) -> bool:
+        """Whether a person flies; tests set it. Commands are then not obeyed."""
+        return self.simulation.pilot_has_control
+
+    @pilot_has_control.setter
+    def pilot_has_control(self, value: bool) -> None:
+        self.simulation.pilot_has_control = value
+
+    @property
+    def simulation(self) -> Simulation:
+        """The running simulation.
+
+        Raises:
+            DroneError: not connected.
+        """
+        return self._connected().simulation
+
+    def connect(self) -> None:
+        """Build the lab and the picture-maker; the drone stands at its start.
+
+        Raises:
+            MissingDependencyError: OpenGL does not work here, with what to install.
+        """
+        if self._flight is not None:
+            return
+        lab = build_model(self._scene)
+        renderer = Renderer(lab)
+        start = start_pose(self._scene, self._seed)
+        simulation = Simulation(self._scene, lab, self._profile, self._seed, start)
+        size = self._camera.width_px, self._camera.height_px
+        self._last = None
+        self._flight = _Flight(
+            simulation=simulation,
+            renderer=renderer,
+            referee=TwinReferee(self._scene, lab, simulation, renderer),
+            optics=Optics(self._profile, *size, self._seed),
+        )
+
+    def observe(self) -> Observation:
+        """Return the newest delivered frame (drawn now, if it is new) and the state.
+
+        Raises:
+            DroneError: not connected.
+        """
+        flight = self._connected()
+        simulation = flight.simulation
+        limit = simulation.now_s - self._profile.video_latency_s + 1e-6
+        newest = next((c for c in reversed(simulation.frames) if c.time_s <= limit), None)
+        if newest is not None and (self._last is None or newest.index != self._last.index):
+            self._last = self._draw(flight, newest)
+        return Observation(frame=self._last, state=simulation.state())
+
+    def _draw(self, flight: _Flight, capture: Capture) -> Frame:
+        camera, told = self._camera, capture.telemetry
+        clean = flight.renderer.rgb(capture.camera, camera.width_px, camera.height_px)
+        return Frame(
+            image=flight.optics.spoil(clean, capture.index, capture.exposure),
+            index=capture.index,
+            captured_s=capture.time_s,
+            gimbal_pitch_rad=capture.camera.pitch_rad,
+            attitude=told.attitude,
+            altitude_m=told.altitude_m,
+            height_m=told.height_m,
+            height_above_carpet_m=told.height_above_carpet_m,
+        )
+
+    def send(self, command: Command) -> Command:
+        """Send a command and return it as it was sent, speeds within the drone's limits.
+
+        Raises:
+            DroneError: not connected.
+        """
+        if isinstance(command.movement, Velocity):
+            command = replace(command, movement=self._limited(command.movement))
+        self.simulation.enqueue(command)
+        return command
+
+    def _limited(self, order: Velocity) -> Velocity:
+        profile = self._profile
+        speed = (order.forward_mps**2 + order.right_mps**2) ** 0.5
+        share = min(1.0, profile.max_speed_mps / speed) if speed else 1.0
+        return Velocity(
+            forward_mps=order.forward_mps * share,
+            right_mps=order.right_mps * share,
+            down_mps=_clamp(order.down_mps, profile.max_climb_mps),
+            yaw_rate_radps=_clamp(order.yaw_rate_radps, profile.max_yaw_rate_radps),
+        )
+
+    def disconnect(self) -> None:
+        """Free the picture-maker; safe to call twice."""
+        if self._flight is not None:
+            self._flight.renderer.close()
+            self._flight = None
+
+    def _connected(self) -> _Flight:
+        if self._flight is None:
+            raise DroneError("the twin is not connected; call connect() first")
+        return self._flight
+
+
+class TwinClock:
+    """The flight's time: it passes only in `sleep_until`."""
+
+    def __init__(self, drone: TwinDrone, *, realtime: bool) -> None:
+        self._drone = drone
+        self._realtime = realtime
+        self._wall_start_s: float | None = None
+
+    def now(self) -> float:
+        """Return the time since connecting; 0 before.
+
+        Raises:
+            DroneError: not connected.
+        """
+        return self._drone.simulation.now_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Step the physics to a time (rounded up to 10 ms); a past time changes nothing.
+
+        Raises:
+            DroneError: not connected.
+        """
+        simulation = self._drone.simulation
+        if self._realtime and self._wall_start_s is None:
+            self._wall_start_s = time.monotonic() - simulation.now_s
+        simulation.run_until(time_s)
+        if self._wall_start_s is not None:
+            elapsed = time.monotonic() - self._wall_start_s
+            time.sleep(max(0.0, simulation.now_s - elapsed))
+
+
+def _clamp(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))

@@ -1,0 +1,188 @@
+"""Choose a way to draw without a display, before MuJoCo is imported.
+
+MuJoCo reads ``MUJOCO_GL`` once, on import, and speaks OpenGL through PyOpenGL, which looks for bare
+library names only. So the choice must be made first, and made knowing that it works: a context is
+opened on trial through ctypes, because PyOpenGL cannot change its mind within a process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import importlib.util
+import os
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from uav_bt.errors import MissingDependencyError
+
+__all__ = ["choose_gl", "context_class"]
+
+_ADVICE = (
+    "the twin needs OpenGL to draw what the drone sees, and this machine has none that works. "
+    "Install one of: `pip install --no-deps lavavu-osmesa` (no root needed), "
+    "`apt install libegl1 libgl1` or `apt install libosmesa6`"
+)
+# In the order in which they depend on each other.
+_WHEEL_LIBRARIES = (
+    *("libtinfo", "libzstd", "libffi", "libpcre2-8", "libselinux", "libdrm"),
+    *("libglapi", "libLLVM", "libOSMesa"),
+)
+_OFF = ("disable", "disabled", "off", "false", "0")
+_EGL_PLATFORM_DEVICE = 0x313F
+_EGL_OPENGL_API = 0x30A2
+_EGL_OFFSCREEN_OPENGL = (0x3033, 0x0001, 0x3040, 0x0008, 0x3038)  # pbuffer, OpenGL, end of list
+
+
+@cache
+def choose_gl() -> str:
+    """Settle how this process draws; must run before MuJoCo is imported.
+
+    ``MUJOCO_GL`` is respected when set. Otherwise EGL where it really works, then the OSMesa of
+    the ``lavavu-osmesa`` wheel, then the system's OSMesa; on macOS and Windows MuJoCo's default.
+
+    Returns:
+        ``egl``, ``osmesa``, ``glfw``, ... as MuJoCo names them.
+
+    Raises:
+        MissingDependencyError: nothing works, with what to install.
+    """
+    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if asked in _OFF:
+        raise MissingDependencyError(
+            f"MUJOCO_GL={asked} turns drawing off, and the twin must draw; unset it"
+        )
+    if not sys.platform.startswith("linux"):
+        return asked or ("cgl" if sys.platform == "darwin" else "glfw")
+    kind = asked if asked in ("egl", "osmesa", "glfw", "glx") else _what_works()
+    if kind == "osmesa" and not (_preload_wheel() or _loads("libOSMesa.so", "libOSMesa.so.8")):
+        raise MissingDependencyError(f"MUJOCO_GL=osmesa, but no OSMesa was found: {_ADVICE}")
+    os.environ["MUJOCO_GL"] = kind
+    if kind in ("egl", "osmesa"):
+        os.environ["PYOPENGL_PLATFORM"] = kind
+    return kind
+
+
+def context_class() -> Any:
+    """Return MuJoCo's GL context class for the chosen way; imports MuJoCo.
+
+    Raises:
+        MissingDependencyError: there is no working OpenGL.
+    """
+    kind = choose_gl()
+    module = {"egl": "egl", "osmesa": "osmesa", "cgl": "cgl"}.get(kind, "glfw")
+    try:
+        return importlib.import_module(f"mujoco.{module}").GLContext
+    except (ImportError, AttributeError, OSError, RuntimeError) as error:
+        # AttributeError is what PyOpenGL raises when a library it wants is not there.
+        raise MissingDependencyError(f"OpenGL by {kind} failed ({error}): {_ADVICE}") from error
+
+
+def _what_works() -> str:
+    if _egl_works():
+        return "egl"
+    if _wheel_folder() is not None or _loads("libOSMesa.so", "libOSMesa.so.8"):
+        return "osmesa"
+    raise MissingDependencyError(_ADVICE)
+
+
+def _loads(*names: str) -> bool:
+    for name in names:
+        try:
+            ctypes.CDLL(name, ctypes.RTLD_GLOBAL)
+        except OSError:
+            continue
+        return True
+    return False
+
+
+def _egl_works() -> bool:
+    """Open and close a context on the first EGL device, as MuJoCo will."""
+    if not _loads("libGL.so.1", "libGL.so"):
+        return False
+    try:
+        egl = ctypes.CDLL("libEGL.so.1", ctypes.RTLD_GLOBAL)
+    except OSError:
+        return False
+    pointer = ctypes.c_void_p
+    egl.eglGetProcAddress.restype = pointer
+    query = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
+    get_display = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
+    if not query or not get_display:
+        return False
+    count = ctypes.c_int(0)
+    devices = (pointer * 16)()
+    query_devices = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, pointer, pointer)(query)
+    if not query_devices(16, ctypes.addressof(devices), ctypes.addressof(count)):
+        return False
+    open_display = ctypes.CFUNCTYPE(pointer, ctypes.c_uint, pointer, pointer)(get_display)
+    displays = (open_display(_EGL_PLATFORM_DEVICE, d, None) for d in devices[: count.value])
+    return any(_display_works(egl, display) for display in displays if display)
+
+
+def _display_works(egl: ctypes.CDLL, display: int) -> bool:
+    pointer = ctypes.c_void_p
+    shown = pointer(display)
+    if not egl.eglInitialize(shown, None, None):
+        return False
+    try:
+        wanted = (ctypes.c_int * len(_EGL_OFFSCREEN_OPENGL))(*_EGL_OFFSCREEN_OPENGL)
+        config, found = pointer(), ctypes.c_int(0)
+        egl.eglChooseConfig(shown, wanted, ctypes.byref(config), 1, ctypes.byref(found))
+        if found.value < 1 or not egl.eglBindAPI(_EGL_OPENGL_API):
+            return False
+        egl.eglCreateContext.restype = pointer
+        context = egl.eglCreateContext(shown, config, None, None)
+        if not context:
+            return False
+        egl.eglDestroyContext(shown, pointer(context))
+        return True
+    finally:
+        egl.eglTerminate(shown)
+
+
+def _wheel_folder() -> Path | None:
+    for entry in sys.path:
+        folder = Path(entry or ".") / "lavavu_osmesa.libs"
+        if folder.is_dir() and any(folder.glob("libOSMesa-*")):
+            return folder
+    return None
+
+
+def _preload_wheel() -> bool:
+    """Load the wheel's libraries by path and show PyOpenGL where its OSMesa is.
+
+    The wheel's libraries have no search path of their own, so each must be in the process before
+    the one that needs it; PyOpenGL would then still ask for plain ``libOSMesa.so``.
+    """
+    folder = _wheel_folder()
+    if folder is None:
+        return False
+    osmesa: Path | None = None
+    for stem in _WHEEL_LIBRARIES:
+        for path in sorted(folder.glob(f"{stem}-*")):
+            try:
+                ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
+            except OSError as error:
+                raise MissingDependencyError(
+                    f"{path.name} of lavavu-osmesa cannot be loaded ({error}): {_ADVICE}"
+                ) from error
+            osmesa = path
+    os.environ["PYOPENGL_PLATFORM"] = "osmesa"
+    try:
+        loader: Any = importlib.import_module("OpenGL.platform.ctypesloader")
+    except ImportError as error:
+        raise MissingDependencyError(
+            "the twin needs PyOpenGL; install it with `pip install PyOpenGL`"
+        ) from error
+    find_as_usual = loader.loadLibrary
+
+    def load_library(kind: Any, name: str, mode: int = ctypes.RTLD_GLOBAL) -> Any:
+        if name == "OSMesa":
+            return ctypes.CDLL(str(osmesa), mode)
+        return find_as_usual(kind, name, mode)
+
+    loader.loadLibrary = load_library
+    return True

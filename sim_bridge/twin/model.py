@@ -1,0 +1,271 @@
+"""A scene as a MuJoCo model: what is seen, what can be hit, and the class of each geom.
+
+What is seen and what can be hit are separate geoms: meshes with exact texture coordinates for the
+eye, plain boxes for contacts. The drone's own geoms lie in a group that its camera never draws.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin import textures
+from sim_bridge.twin.scene import CARPET_SIZE_M, ROOM_SIZE_M, BoxSpec, Helipad, Scene
+
+__all__ = ["HULL_HALF_M", "HULL_MASS_KG", "PHYSICS_STEP_S", "LabModel", "build_model"]
+
+HULL_HALF_M = (0.12, 0.16, 0.05)  # half sizes of the ANAFI's body: forward, sideways, up
+HULL_MASS_KG = 0.32  # the ANAFI's
+PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s
+
+SEEN_GROUP = 0
+HIT_GROUP = 3  # not drawn by default
+DRONE_GROUP = 4  # not drawn by default: the drone never sees itself
+
+_PAPER_M = 0.001  # roofs and the H are sheets of this thickness on top
+_FLOOR_M = -0.004  # the carpet's thickness; its surface is z = 0
+_H_SHARE = 0.8  # share of the pad's top that the H panel covers, each way
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabModel:
+    """A compiled scene."""
+
+    model: Any  # mujoco.MjModel
+    class_of_geom: NDArray[np.uint8]  # (number of geoms,): the class each geom shows
+    hull_geom: int
+    hull_body: int
+
+
+def build_model(scene: Scene) -> LabModel:
+    """Compile a scene, drone included.
+
+    Args:
+        scene: the lab.
+
+    Returns:
+        The MuJoCo model, with the drone's free joint as the first seven coordinates.
+    """
+    builder = _Builder()
+    builder.room(scene)
+    builder.helipad(scene.helipad)
+    for box in scene.boxes:
+        builder.box(box)
+    return builder.done()
+
+
+class _Builder:
+    def __init__(self) -> None:
+        self.spec = mujoco.MjSpec()
+        self.spec.option.timestep = PHYSICS_STEP_S
+        self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        # Near enough to see what the hull is about to touch, far enough for the room's diagonal.
+        self.spec.stat.extent = 8.0
+        self.spec.stat.center = (0.0, 0.0, 1.0)
+        self.spec.visual.map.znear = 0.02 / 8.0
+        self.spec.visual.map.zfar = 20.0 / 8.0
+        self.spec.visual.map.shadowclip = 1.0
+        self.spec.visual.quality.shadowsize = 2048
+        self.spec.visual.headlight.active = 0
+        self._classes: dict[str, int] = {}
+        self._drone()
+
+    def done(self) -> LabModel:
+        model = self.spec.compile()
+        ids = np.zeros(model.ngeom, np.uint8)
+        for name, class_id in self._classes.items():
+            ids[model.geom(name).id] = class_id
+        return LabModel(
+            model=model,
+            class_of_geom=ids,
+            hull_geom=model.geom("drone").id,
+            hull_body=model.body("drone").id,
+        )
+
+    def _drone(self) -> None:
+        body = self.spec.worldbody.add_body(name="drone")
+        body.add_freejoint(name="drone")
+        body.add_geom(
+            name="drone",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=HULL_HALF_M,
+            mass=HULL_MASS_KG,
+            group=DRONE_GROUP,
+            rgba=(0.25, 0.26, 0.28, 1.0),
+            friction=(0.8, 0.01, 0.001),
+        )
+
+    def room(self, scene: Scene) -> None:
+        half = [size / 2 for size in ROOM_SIZE_M]
+        self._plain("floor", 0.47, 310)
+        self._plain("wall", 0.74, 311)
+        self._plain("ceiling", 0.85, 312)
+        hx, hy, hz = half
+        middle = hz + _FLOOR_M
+        slabs = {
+            "floor": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M - 0.05)),
+            "ceiling": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M + ROOM_SIZE_M[2] + 0.05)),
+            "wall-east": ((0.05, hy, hz), (hx + 0.05, 0.0, middle)),
+            "wall-west": ((0.05, hy, hz), (-hx - 0.05, 0.0, middle)),
+            "wall-north": ((hx, 0.05, hz), (0.0, hy + 0.05, middle)),
+            "wall-south": ((hx, 0.05, hz), (0.0, -hy - 0.05, middle)),
+        }
+        for name, (size, position) in slabs.items():
+            material = name.split("-")[0]
+            self._mesh(f"{name}/seen", size, position, 0.0, material, 0, tile_m=(5.0, 5.0))
+            self._hit(name, size, position, 0.0)
+        self._texture("carpet", textures.carpet())
+        size = (CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2, -_FLOOR_M / 2)
+        place = (0.0, 0.0, _FLOOR_M / 2)
+        self._mesh("carpet/seen", size, place, 0.0, "carpet", 1, tile_m=CARPET_SIZE_M)
+        self._hit("carpet", size, place, 0.0)
+        light = self.spec.worldbody.add_light(name="lamp")
+        light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        light.dir = scene.lighting.direction
+        light.pos = [-4.0 * d for d in scene.lighting.direction]
+        light.castshadow = scene.lighting.shadows
+        ambient = scene.lighting.ambient
+        light.ambient = (ambient, ambient, ambient)
+        light.diffuse = (1.0 - ambient,) * 3
+        light.specular = (0.0, 0.0, 0.0)
+
+    def helipad(self, pad: Helipad) -> None:
+        self._texture("stripes", textures.stripes())
+        self._texture("h", textures.helipad_top())
+        x, y, z = (size / 2 for size in pad.size_m)
+        yaw = math.radians(pad.yaw_deg)
+        at = pad.position_m
+        body = (*at, z - _PAPER_M / 2)
+        self._mesh(
+            "helipad/sides", (x, y, z - _PAPER_M / 2), body, yaw, "stripes", 3, tile_m=(0.2, 0.2)
+        )
+        sheet = (_H_SHARE * x, _H_SHARE * y, _PAPER_M / 2)
+        top = (*at, 2 * z - _PAPER_M / 2)
+        self._mesh("helipad/h", sheet, top, yaw, "h", 2, tile_m=(2 * sheet[0], 2 * sheet[1]))
+        self._hit("helipad", (x, y, z), (*at, z), yaw)
+
+    def box(self, box: BoxSpec) -> None:
+        name, roof = f"box-{box.pattern}", f"roof-{box.roof}"
+        self._texture(name, textures.side(box.pattern))
+        self._texture(roof, textures.roof(box.roof))
+        x, y, z = (size / 2 for size in box.size_m)
+        yaw = math.radians(box.yaw_deg)
+        at = box.position_m
+        tile = (textures.TILE_M, textures.TILE_M)
+        body = (*at, z - _PAPER_M / 2)
+        self._mesh(
+            f"{name}/side", (x, y, z - _PAPER_M / 2), body, yaw, name, 3 + box.pattern, tile_m=tile
+        )
+        sheet = (*at, 2 * z - _PAPER_M / 2)
+        self._mesh(
+            f"{name}/roof", (x, y, _PAPER_M / 2), sheet, yaw, roof, 11 + box.roof, tile_m=tile
+        )
+        self._hit(name, (x, y, z), (*at, z), yaw)
+
+    def _plain(self, name: str, value: float, seed: int) -> None:
+        self._texture(name, textures.plain(value, seed))
+
+    def _texture(self, name: str, image: NDArray[np.uint8]) -> None:
+        if self.spec.material(name) is not None:
+            return  # two boxes wear the same roof
+        texture = self.spec.add_texture(
+            name=name,
+            type=mujoco.mjtTexture.mjTEXTURE_2D,
+            width=image.shape[1],
+            height=image.shape[0],
+            nchannel=3,
+        )
+        # MuJoCo's v runs up the image, ours (and every drawing program's) down.
+        texture.data = np.ascontiguousarray(image[::-1]).tobytes()
+        material = self.spec.add_material(name=name, specular=0.0, shininess=0.0)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+
+    def _mesh(
+        self,
+        name: str,
+        half_m: tuple[float, float, float],
+        centre_m: tuple[float, float, float],
+        yaw_rad: float,
+        material: str,
+        class_id: int,
+        *,
+        tile_m: tuple[float, float],
+    ) -> None:
+        vertices, faces, coordinates = _box_mesh(half_m, tile_m)
+        mesh = self.spec.add_mesh(name=name)
+        mesh.uservert = vertices.ravel()
+        mesh.userface = faces.ravel()
+        mesh.usertexcoord = coordinates.ravel()
+        mesh.userfacetexcoord = faces.ravel()
+        self.spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=name,
+            pos=centre_m,
+            quat=_yaw_quaternion(yaw_rad),
+            material=material,
+            group=SEEN_GROUP,
+            contype=0,
+            conaffinity=0,
+        )
+        self._classes[name] = class_id
+
+    def _hit(
+        self,
+        name: str,
+        half_m: tuple[float, float, float],
+        centre_m: tuple[float, float, float],
+        yaw_rad: float,
+    ) -> None:
+        self.spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=half_m,
+            pos=centre_m,
+            quat=_yaw_quaternion(yaw_rad),
+            group=HIT_GROUP,
+        )
+
+
+def _yaw_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
+    return math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
+
+
+def _box_mesh(
+    half_m: tuple[float, float, float], tile_m: tuple[float, float]
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
+    """Make a box with four vertices a face, so that each face has its own texture coordinates.
+
+    Textures are laid in metres from each face's middle, upright on the sides.
+
+    Returns:
+        Vertices (24, 3) in metres, triangles (12, 3), texture coordinates (24, 2) in tiles.
+    """
+    hx, hy, hz = half_m
+    # Per face: its normal, the direction of u, the direction of v, and half extents along u, v.
+    faces = (
+        ((1, 0, 0), (0, 1, 0), (0, 0, 1), hy, hz),
+        ((-1, 0, 0), (0, -1, 0), (0, 0, 1), hy, hz),
+        ((0, 1, 0), (-1, 0, 0), (0, 0, 1), hx, hz),
+        ((0, -1, 0), (1, 0, 0), (0, 0, 1), hx, hz),
+        ((0, 0, 1), (1, 0, 0), (0, 1, 0), hx, hy),
+        ((0, 0, -1), (1, 0, 0), (0, -1, 0), hx, hy),
+    )
+    half = np.array(half_m)
+    vertices, coordinates, triangles = [], [], []
+    for index, (normal, u, v, half_u, half_v) in enumerate(faces):
+        for su, sv in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+            vertices.append((np.array(normal) + su * np.array(u) + sv * np.array(v)) * half)
+            coordinates.append((0.5 + su * half_u / tile_m[0], 0.5 + sv * half_v / tile_m[1]))
+        first = 4 * index
+        triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    return (
+        np.array(vertices, np.float32),
+        np.array(triangles, np.int32),
+        np.array(coordinates, np.float32),
+    )

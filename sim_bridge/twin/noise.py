@@ -1,0 +1,62 @@
+"""Random disturbances that cost little a step and are the same for the same seed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+__all__ = ["NormalStream", "OrnsteinUhlenbeck", "child_seed"]
+
+_BLOCK = 4096
+
+
+def child_seed(seed: int, *path: int) -> np.random.SeedSequence:
+    """Return an independent seed for one purpose within a flight.
+
+    Args:
+        seed: the flight's seed, any whole number from 0.
+        path: which purpose.
+    """
+    return np.random.SeedSequence(seed, spawn_key=path)
+
+
+class NormalStream:
+    """Standard normal numbers, one at a time, drawn in blocks because single draws are slow."""
+
+    def __init__(self, seed: np.random.SeedSequence) -> None:
+        self._generator = np.random.Generator(np.random.PCG64(seed))
+        self._block: list[float] = []
+
+    def draw(self) -> float:
+        """Return the next number."""
+        if not self._block:
+            self._block = self._generator.standard_normal(_BLOCK).tolist()
+        return self._block.pop()
+
+
+class OrnsteinUhlenbeck:
+    """A random value that wanders around zero and forgets where it was after a while.
+
+    The discrete step is exact: whatever the step, the value's standard deviation is `std`.
+    """
+
+    def __init__(self, *, std: float, time_s: float, step_s: float, stream: NormalStream) -> None:
+        """Start at a value drawn from the process's long-run distribution.
+
+        Args:
+            std: standard deviation in the long run; 0 keeps the value at 0.
+            time_s: correlation time.
+            step_s: time between two calls of `step`.
+            stream: where the randomness comes from.
+        """
+        self._keep = math.exp(-step_s / time_s)
+        self._kick = std * math.sqrt(1.0 - self._keep**2)
+        self._stream = stream
+        self.value = std * stream.draw() if std else 0.0
+
+    def step(self) -> float:
+        """Move on by one step and return the new value."""
+        if self._kick:
+            self.value = self._keep * self.value + self._kick * self._stream.draw()
+        return self.value

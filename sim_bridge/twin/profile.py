@@ -1,0 +1,149 @@
+"""How imperfect the twin is: every limit, delay and disturbance is a field of `Profile`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+
+from uav_bt.errors import UnknownNameError, ValueRangeError
+
+__all__ = ["Profile"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """Limits and imperfections of the simulated drone; the defaults are the ``lab`` profile.
+
+    The limits are those of an ANAFI set up for indoor flight. The imperfections are estimates of
+    what a lab shows (nothing here was fitted to a real drone), which is why they are all fields.
+
+    Raises:
+        ValueRangeError: a field is negative, not finite, or a limit is zero.
+    """
+
+    # How it can move.
+    max_speed_mps: float = 1.0  # m/s, horizontal; indoor setting, the ANAFI itself reaches 15
+    max_climb_mps: float = 0.6  # m/s, up and down
+    max_acceleration_mps2: float = 1.2  # m/s2, horizontal, of the reference; about 7 deg of tilt
+    max_climb_acceleration_mps2: float = 1.0  # m/s2, vertical, of the reference
+    max_yaw_rate_radps: float = 1.4  # rad/s, 80 deg/s
+    max_yaw_acceleration_radps2: float = 4.0  # rad/s2
+    thrust_lag_s: float = 0.12  # s, first-order lag from demanded to real acceleration
+    take_off_height_m: float = 1.0  # m above the take-off point, as the ANAFI does
+    spin_up_s: float = 1.0  # s from the take-off command's arrival to leaving the ground
+    gimbal_rate_radps: float = 1.6  # rad/s, slew limit of the camera's pitch
+    gimbal_lag_s: float = 0.05  # s, first-order lag of the camera's pitch
+
+    # When it hears and sees.
+    compute_latency_s: float = 0.03  # s charged between a frame and the command made from it
+    command_latency_s: float = 0.06  # s from sending a command to the drone obeying it
+    video_latency_s: float = 0.15  # s from capture to delivery
+    video_rate_hz: float = 30.0  # frames a second
+
+    # What disturbs it.
+    wind_std_mps2: float = 0.12  # m/s2, each axis, of an Ornstein-Uhlenbeck acceleration
+    wind_time_s: float = 1.5  # s, its correlation time: gusts of rotor wash in a closed room
+    drift_std_mps: float = 0.02  # m/s, each horizontal axis, of the optical flow's velocity error
+    drift_time_s: float = 8.0  # s, its correlation time
+    yaw_drift_std_rad: float = 0.02  # rad, slow error of the heading estimate
+    yaw_drift_time_s: float = 30.0  # s, its correlation time
+
+    # What its telemetry shows besides.
+    altimeter_bias_std_m: float = 0.02  # m, slow error of the altitude (pressure, air flow)
+    altimeter_bias_time_s: float = 20.0  # s, its correlation time
+    altimeter_noise_std_m: float = 0.01  # m, white, of the altitude
+    height_noise_std_m: float = 0.015  # m, white, of the ultrasound height
+    velocity_noise_std_mps: float = 0.02  # m/s, white
+    attitude_noise_std_rad: float = 0.003  # rad, white, roll and pitch
+    yaw_noise_std_rad: float = 0.005  # rad, white
+    battery_life_s: float = 1500.0  # s from full to empty, as the ANAFI's 25 minutes
+
+    # What its pictures show besides.
+    image_noise_std: float = 3.0  # grey levels, white, each channel
+    blur_sigma_px: float = 0.5  # pixels at 640 wide, scaled with the size; 0 is none
+    exposure_std: float = 0.03  # relative brightness error of the automatic exposure
+    exposure_time_s: float = 3.0  # s, its correlation time
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            positive = item.name.startswith("max_") or item.name in _POSITIVE
+            if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
+                need = "a positive number" if positive else "zero or a positive number"
+                raise ValueRangeError(f"profile field {item.name} must be {need}, got {value}")
+
+    @staticmethod
+    def named(name: str) -> Profile:
+        """Return a profile that ships with the project.
+
+        Args:
+            name: ``ideal`` (limits only, no delay, no error), ``lab`` or ``harsh``.
+
+        Raises:
+            UnknownNameError: there is no such profile.
+        """
+        try:
+            return _NAMED[name]
+        except KeyError:
+            raise UnknownNameError("profile", name, _NAMED) from None
+
+    @staticmethod
+    def names() -> tuple[str, ...]:
+        """Return the names that `named` knows."""
+        return tuple(_NAMED)
+
+
+_POSITIVE = frozenset(
+    {
+        "take_off_height_m",
+        "gimbal_rate_radps",
+        "video_rate_hz",
+        "wind_time_s",
+        "drift_time_s",
+        "yaw_drift_time_s",
+        "altimeter_bias_time_s",
+        "exposure_time_s",
+        "battery_life_s",
+    }
+)
+
+_LAB = Profile()
+_NAMED = {
+    "ideal": replace(
+        _LAB,
+        compute_latency_s=0.0,
+        command_latency_s=0.0,
+        video_latency_s=0.0,
+        wind_std_mps2=0.0,
+        drift_std_mps=0.0,
+        yaw_drift_std_rad=0.0,
+        altimeter_bias_std_m=0.0,
+        altimeter_noise_std_m=0.0,
+        height_noise_std_m=0.0,
+        velocity_noise_std_mps=0.0,
+        attitude_noise_std_rad=0.0,
+        yaw_noise_std_rad=0.0,
+        image_noise_std=0.0,
+        blur_sigma_px=0.0,
+        exposure_std=0.0,
+    ),
+    "lab": _LAB,
+    "harsh": replace(
+        _LAB,
+        compute_latency_s=0.05,
+        command_latency_s=0.12,
+        video_latency_s=0.28,
+        wind_std_mps2=0.3,
+        drift_std_mps=0.05,
+        yaw_drift_std_rad=0.05,
+        altimeter_bias_std_m=0.05,
+        altimeter_noise_std_m=0.03,
+        height_noise_std_m=0.04,
+        velocity_noise_std_mps=0.06,
+        attitude_noise_std_rad=0.01,
+        yaw_noise_std_rad=0.015,
+        image_noise_std=7.0,
+        blur_sigma_px=1.0,
+        exposure_std=0.08,
+    ),
+}

@@ -1,0 +1,85 @@
+"""The truth of a twin flight, for reports and evaluations."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin.model import LabModel
+from sim_bridge.twin.render import Renderer
+from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from sim_bridge.twin.simulation import Capture, Simulation
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Frame, Pose, Truth
+
+__all__ = ["TwinReferee"]
+
+_FAR_M = 20.0  # beyond the room
+
+
+class TwinReferee:
+    """Knows everything about one flight."""
+
+    def __init__(
+        self, scene: Scene, lab: LabModel, simulation: Simulation, renderer: Renderer
+    ) -> None:
+        self._scene = scene
+        self._lab = lab
+        self._simulation = simulation
+        self._renderer = renderer
+        self._boxes = [lab.model.geom(f"box-{box.pattern}").id for box in scene.boxes]
+
+    def truth(self) -> Truth:
+        """Return the truth of this moment; contacts include those of the last 0.1 s."""
+        simulation, pad = self._simulation, self._scene.helipad
+        motion = simulation.motion
+        x, y = motion.x_m, motion.y_m
+        return Truth(
+            time_s=simulation.now_s,
+            pose=Pose(x_m=x, y_m=y, z_m=motion.z_m, yaw_rad=motion.yaw_rad),
+            contacts=simulation.contacts(),
+            clearance_m=self._clearance_m(simulation.airframe.data),
+            inside_carpet=abs(x) <= CARPET_SIZE_M[0] / 2 and abs(y) <= CARPET_SIZE_M[1] / 2,
+            on_helipad=pad.footprint.contains(x, y),
+            landing_error_m=math.hypot(x - pad.position_m[0], y - pad.position_m[1]),
+            motors_on=simulation.motors_on,
+        )
+
+    def _clearance_m(self, data: Any) -> float:
+        model, hull = self._lab.model, self._lab.hull_geom
+        mujoco.mj_kinematics(model, data)
+        nearest = _FAR_M
+        for geom in self._boxes:
+            nearest = min(nearest, mujoco.mj_geomDistance(model, data, hull, geom, nearest, None))
+        return max(0.0, nearest) if self._boxes else math.inf
+
+    def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        """Return the exact class ids of a delivered frame's view.
+
+        Raises:
+            ValueRangeError: the frame is too old or from another flight.
+        """
+        return self._renderer.class_ids(self._capture(frame).camera, width_px, height_px)
+
+    def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
+        """Return the exact depth along the optical axis, metres.
+
+        Raises:
+            ValueRangeError: the frame is too old or from another flight.
+        """
+        return self._renderer.ids_and_depth(self._capture(frame).camera, width_px, height_px)[1]
+
+    def _capture(self, frame: Frame) -> Capture:
+        frames = self._simulation.frames
+        place = frame.index - frames[0].index
+        if 0 <= place < len(frames) and frames[place].time_s == frame.captured_s:
+            return frames[place]
+        raise ValueRangeError(
+            f"frame {frame.index} of {frame.captured_s:.2f} s is not among the remembered frames "
+            f"{frames[0].index} to {frames[-1].index}; ask within 30 s of its capture, and only "
+            "the referee of the drone that sent it"
+        )

@@ -1,0 +1,115 @@
+"""The moving point that the autopilot follows: smooth, within the speed and acceleration limits."""
+
+from __future__ import annotations
+
+import math
+
+from sim_bridge.twin.profile import Profile
+from uav_bt.types import wrap_angle
+
+__all__ = ["Reference"]
+
+# Braking is planned with this share of the acceleration limit, so that the limit is kept.
+_BRAKE_SHARE = 0.7
+_ARRIVE_PER_S = 3.0  # 1/s: close to the goal the speed falls with the distance
+_ARRIVED_M = 0.002
+_ARRIVED_RAD = 0.002
+
+
+def _arrival_speed(distance: float, limit: float, acceleration: float) -> float:
+    braking = math.sqrt(2.0 * _BRAKE_SHARE * acceleration * distance)
+    return min(limit, braking, _ARRIVE_PER_S * distance)
+
+
+def _towards(value: float, target: float, step: float) -> float:
+    return value + max(-step, min(step, target - value))
+
+
+class Reference:
+    """Position, velocity and acceleration to follow; world axes, yaw counter-clockwise, unwrapped."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self.position = [0.0, 0.0, 0.0]
+        self.velocity = [0.0, 0.0, 0.0]
+        self.acceleration = [0.0, 0.0, 0.0]
+        self.yaw_rad = 0.0
+        self.yaw_rate_radps = 0.0
+
+    def reset(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
+        """Put the point somewhere, at rest."""
+        self.position[:] = (x_m, y_m, z_m)
+        self.velocity[:] = (0.0, 0.0, 0.0)
+        self.acceleration[:] = (0.0, 0.0, 0.0)
+        self.yaw_rad = yaw_rad
+        self.yaw_rate_radps = 0.0
+
+    def keep_near(self, x_m: float, y_m: float, z_m: float, reach_m: float) -> None:
+        """Hold the point within reach of the drone, which something may be blocking."""
+        for axis, value in enumerate((x_m, y_m, z_m)):
+            self.position[axis] = max(value - reach_m, min(value + reach_m, self.position[axis]))
+
+    def go_to(self, goal: tuple[float, float, float], climb_mps: float, step_s: float) -> bool:
+        """Move on towards a point in a straight line; True once there.
+
+        Args:
+            goal: where to, world metres.
+            climb_mps: vertical speed limit.
+            step_s: time to move on by.
+        """
+        dx, dy, dz = (goal[axis] - self.position[axis] for axis in range(3))
+        flat, distance = math.hypot(dx, dy), math.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance < _ARRIVED_M and max(map(abs, self.velocity)) < 0.05:
+            self.position[:] = goal
+            self.velocity[:] = (0.0, 0.0, 0.0)
+            self.acceleration[:] = (0.0, 0.0, 0.0)
+            return True
+        profile = self._profile
+        # The limits differ along and across the ground; the line must keep both.
+        limit = acceleration = math.inf
+        if flat > 1e-9:
+            limit = profile.max_speed_mps * distance / flat
+            acceleration = profile.max_acceleration_mps2 * distance / flat
+        if abs(dz) > 1e-9:
+            limit = min(limit, climb_mps * distance / abs(dz))
+            rise = profile.max_climb_acceleration_mps2 * distance / abs(dz)
+            acceleration = min(acceleration, rise)
+        share = _arrival_speed(distance, limit, acceleration) / distance if distance else 0.0
+        self.steer(dx * share, dy * share, dz * share, step_s)
+        return False
+
+    def steer(self, vx_mps: float, vy_mps: float, vz_mps: float, step_s: float) -> None:
+        """Move on with a velocity that is approached within the acceleration limits."""
+        profile, velocity = self._profile, self.velocity
+        ex, ey = vx_mps - velocity[0], vy_mps - velocity[1]
+        error = math.hypot(ex, ey)
+        reach = profile.max_acceleration_mps2 * step_s
+        share = min(1.0, reach / error) if error else 0.0
+        rise = _towards(velocity[2], vz_mps, profile.max_climb_acceleration_mps2 * step_s)
+        change = (ex * share, ey * share, rise - velocity[2])
+        for axis in range(3):
+            velocity[axis] += change[axis]
+            self.acceleration[axis] = change[axis] / step_s
+            self.position[axis] += velocity[axis] * step_s
+
+    def turn_to(self, yaw_rad: float, step_s: float) -> bool:
+        """Turn on towards a heading (unwrapped, so that long turns are kept); True once there."""
+        error, profile = yaw_rad - self.yaw_rad, self._profile
+        if abs(error) < _ARRIVED_RAD and abs(self.yaw_rate_radps) < 0.05:
+            self.yaw_rad, self.yaw_rate_radps = yaw_rad, 0.0
+            return True
+        rate = _arrival_speed(
+            abs(error), profile.max_yaw_rate_radps, profile.max_yaw_acceleration_radps2
+        )
+        self.spin(math.copysign(rate, error), step_s)
+        return False
+
+    def spin(self, rate_radps: float, step_s: float) -> None:
+        """Turn on with a rate that is approached within the acceleration limit."""
+        reach = self._profile.max_yaw_acceleration_radps2 * step_s
+        self.yaw_rate_radps = _towards(self.yaw_rate_radps, rate_radps, reach)
+        self.yaw_rad += self.yaw_rate_radps * step_s
+
+    def yaw_error(self, yaw_rad: float) -> float:
+        """Return how far the heading must still turn, the short way, from a wrapped one."""
+        return wrap_angle(self.yaw_rad - yaw_rad)

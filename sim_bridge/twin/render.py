@@ -1,0 +1,169 @@
+"""Draws what a camera in the lab sees: colours, class ids and depth, at any size.
+
+The lab does not move and the drone does not see itself, so MuJoCo's list of things to draw is made
+once; afterwards a picture costs only setting the camera and drawing. A size with another aspect
+than the camera's is the same view resized, never cropped.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin.camera import FOCAL_SHARE, CameraPose
+from sim_bridge.twin.gl import context_class
+from sim_bridge.twin.model import LabModel
+from uav_bt.errors import MissingDependencyError, ValueRangeError
+
+__all__ = ["Renderer"]
+
+_ASPECT = 9.0 / 16.0
+
+
+class Renderer:
+    """Pictures of one lab. Belongs to the thread that made it; close it when done.
+
+    Raises:
+        MissingDependencyError: OpenGL does not work here, with what to install.
+    """
+
+    def __init__(self, lab: LabModel, *, samples: int = 4) -> None:
+        """Open a GL context and load the lab into it.
+
+        Args:
+            lab: what to draw.
+            samples: anti-aliasing samples a pixel for colours, 0 for none.
+        """
+        model = lab.model
+        model.vis.quality.offsamples = samples
+        self._size = (model.vis.global_.offwidth, model.vis.global_.offheight)
+        self._near = float(model.vis.map.znear * model.stat.extent)
+        self._far = float(model.vis.map.zfar * model.stat.extent)
+        try:
+            self._gl = context_class()(64, 64)  # only the off-screen buffer is drawn to
+            self._gl.make_current()
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
+            raise MissingDependencyError(
+                f"OpenGL does not work on this machine: {error}"
+            ) from error
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._scene = self._static_scene(model)
+        self._class_of_segment = self._segment_table(lab)
+
+    def _static_scene(self, model: Any) -> Any:
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
+        option = mujoco.MjvOption()
+        mujoco.mjv_updateScene(
+            model,
+            data,
+            option,
+            None,
+            mujoco.MjvCamera(),
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            scene,
+        )
+        scene.stereo = mujoco.mjtStereo.mjSTEREO_NONE
+        half_width = self._near / (2.0 * FOCAL_SHARE)
+        for camera in scene.camera:
+            camera.frustum_near, camera.frustum_far = self._near, self._far
+            camera.frustum_center = 0.0
+            camera.frustum_width = half_width
+            camera.frustum_top = half_width * _ASPECT
+            camera.frustum_bottom = -half_width * _ASPECT
+            camera.orthographic = 0
+        return scene
+
+    def _segment_table(self, lab: LabModel) -> NDArray[np.uint8]:
+        table = np.zeros(self._scene.ngeom + 1, np.uint8)
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.segid >= 0:
+                table[geom.segid + 1] = lab.class_of_geom[geom.objid]
+        return table
+
+    @property
+    def scene(self) -> Any:
+        """MuJoCo's scene, for those who change the light between pictures."""
+        return self._scene
+
+    def rgb(self, pose: CameraPose, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        """Return the colours, (height_px, width_px, 3) uint8 RGB."""
+        image = np.empty((height_px, width_px, 3), np.uint8)
+        self._draw(pose, width_px, height_px, segments=False)
+        mujoco.mjr_readPixels(image, None, self._rect, self._context)
+        return image[::-1]
+
+    def ids_and_depth(
+        self, pose: CameraPose, width_px: int, height_px: int
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return exact class ids and depth of one view.
+
+        Returns:
+            Ids (height_px, width_px) uint8, and depth (height_px, width_px) float32, metres along
+            the optical axis.
+        """
+        colours = np.empty((height_px, width_px, 3), np.uint8)
+        buffer = np.empty((height_px, width_px), np.float32)
+        self._draw(pose, width_px, height_px, segments=True)
+        mujoco.mjr_readPixels(colours, buffer, self._rect, self._context)
+        # Fewer than 256 things are drawn, so the first channel holds the whole number.
+        ids = self._class_of_segment[colours[::-1, :, 0]]
+        near, far = np.float32(self._near), np.float32(self._far)
+        depth = near * far / (near + buffer[::-1] * (far - near))
+        return ids, np.ascontiguousarray(depth, np.float32)
+
+    def class_ids(self, pose: CameraPose, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        """Return exact class ids, (height_px, width_px) uint8."""
+        colours = np.empty((height_px, width_px, 3), np.uint8)
+        self._draw(pose, width_px, height_px, segments=True)
+        mujoco.mjr_readPixels(colours, None, self._rect, self._context)
+        return self._class_of_segment[colours[::-1, :, 0]]
+
+    def _draw(self, pose: CameraPose, width_px: int, height_px: int, *, segments: bool) -> None:
+        if self._context is None:
+            raise ValueRangeError("this renderer is closed; make another one")
+        self._gl.make_current()
+        self._fit(width_px, height_px)
+        axis, up = pose.axes()
+        for camera in self._scene.camera:
+            camera.pos[:] = (pose.x_m, pose.y_m, pose.z_m)
+            camera.forward[:] = axis
+            camera.up[:] = up
+        flags = self._scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = segments
+        flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = segments
+        self._rect = mujoco.MjrRect(0, 0, width_px, height_px)
+        mujoco.mjr_render(self._rect, self._scene, self._context)
+
+    def _fit(self, width_px: int, height_px: int) -> None:
+        if width_px < 1 or height_px < 1:
+            raise ValueRangeError(f"image size must be positive, got {width_px}x{height_px}")
+        if width_px > self._size[0] or height_px > self._size[1]:
+            self._size = max(width_px, self._size[0]), max(height_px, self._size[1])
+            mujoco.mjr_resizeOffscreen(*self._size, self._context)
+
+    def close(self) -> None:
+        """Free the GL context; safe to call twice."""
+        if self._context is not None:
+            self._gl.make_current()
+            self._context.free()
+            self._gl.free()
+            self._context = None
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

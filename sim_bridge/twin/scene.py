@@ -1,0 +1,205 @@
+"""What stands in the lab: boxes, helipad, light, and where the drone starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from sim_bridge.twin.footprint import Footprint
+from uav_bt.errors import ValueRangeError
+
+__all__ = [
+    "CARPET_SIZE_M",
+    "ROOM_SIZE_M",
+    "BoxSpec",
+    "Helipad",
+    "Lighting",
+    "Scene",
+    "TakeOffSpec",
+    "layout_problem",
+]
+
+CARPET_SIZE_M = (5.0, 4.0)  # along x and y, centred on the origin
+ROOM_SIZE_M = (10.0, 10.0, 5.0)  # centred on the origin, the floor at z = 0
+PATTERN_COUNT = 8
+MAX_HEIGHT_M = 4.0  # a metre of air stays below the ceiling
+
+Vector2 = tuple[float, float]
+Vector3 = tuple[float, float, float]
+
+
+def _check_item(what: str, position_m: Vector2, yaw_deg: float, size_m: Vector3) -> None:
+    if not all(math.isfinite(value) for value in (*position_m, yaw_deg, *size_m)):
+        raise ValueRangeError(f"{what}: position, yaw and size must be finite numbers")
+    if min(size_m) < 0.05 or size_m[2] > MAX_HEIGHT_M:
+        raise ValueRangeError(
+            f"{what}: size_m must be at least 0.05 m each way and at most {MAX_HEIGHT_M} m high, "
+            f"got {list(size_m)}"
+        )
+    half_x, half_y = CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2
+    for x, y in _footprint(position_m, yaw_deg, size_m).corners():
+        if abs(x) > half_x + 1e-9 or abs(y) > half_y + 1e-9:
+            raise ValueRangeError(
+                f"{what} at {list(position_m)} stands outside the carpet: a corner is at "
+                f"({x:.2f}, {y:.2f}), the carpet ends at x = +-{half_x}, y = +-{half_y}"
+            )
+
+
+def _footprint(position_m: Vector2, yaw_deg: float, size_m: Vector3) -> Footprint:
+    return Footprint(
+        x_m=position_m[0],
+        y_m=position_m[1],
+        half_x_m=size_m[0] / 2,
+        half_y_m=size_m[1] / 2,
+        yaw_rad=math.radians(yaw_deg),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoxSpec:
+    """A cardboard box wrapped in printed paper, standing on the carpet.
+
+    Raises:
+        ValueRangeError: a number is out of range or the box stands outside the carpet.
+    """
+
+    pattern: int  # 1 to 8; decides the side's texture and class, and the roof's
+    position_m: Vector2  # centre on the carpet, world x and y
+    size_m: Vector3  # along its own x and y, and upwards
+    yaw_deg: float = 0.0  # counter-clockwise from +x
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.pattern <= PATTERN_COUNT:
+            raise ValueRangeError(f"a box's pattern must be 1 to 8, got {self.pattern}")
+        _check_item(f"box {self.pattern}", self.position_m, self.yaw_deg, self.size_m)
+
+    @property
+    def footprint(self) -> Footprint:
+        """The box from above."""
+        return _footprint(self.position_m, self.yaw_deg, self.size_m)
+
+    @property
+    def roof(self) -> int:
+        """The roof pattern it wears, 1 to 5."""
+        return (self.pattern - 1) % 5 + 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Helipad:
+    """The landing box: an H on top, yellow-red stripes around.
+
+    Raises:
+        ValueRangeError: a number is out of range or it stands outside the carpet.
+    """
+
+    position_m: Vector2  # centre on the carpet, world x and y
+    yaw_deg: float = 0.0  # counter-clockwise from +x
+    size_m: Vector3 = (0.5, 0.5, 0.4)  # along its own x and y, and upwards
+
+    def __post_init__(self) -> None:
+        _check_item("helipad", self.position_m, self.yaw_deg, self.size_m)
+
+    @property
+    def footprint(self) -> Footprint:
+        """The pad from above."""
+        return _footprint(self.position_m, self.yaw_deg, self.size_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lighting:
+    """The lab's light: ambient plus one far lamp.
+
+    Raises:
+        ValueRangeError: ambient is not within 0 and 1, or the light does not shine downwards.
+    """
+
+    ambient: float = 0.35  # share of the light that comes from everywhere, 0 to 1
+    direction: Vector3 = (0.5, 0.3, -1.0)  # the way the light travels
+    shadows: bool = False  # cast shadows cost 10 ms and more a frame without a GPU
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.ambient <= 1.0:
+            raise ValueRangeError(f"lighting: ambient must lie within 0 and 1, got {self.ambient}")
+        if not all(math.isfinite(v) for v in self.direction) or self.direction[2] >= 0.0:
+            raise ValueRangeError(
+                "lighting: direction must be finite and point downwards (negative z), "
+                f"got {list(self.direction)}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeOffSpec:
+    """Where the drone stands at first.
+
+    Raises:
+        ValueRangeError: the yaw is not finite.
+    """
+
+    position_m: Vector2 | None = None  # None: on the helipad, or drawn when `random`
+    yaw_deg: float = 0.0  # counter-clockwise from +x; drawn too when `random`
+    random: bool = False  # free carpet away from the boxes, drawn from the flight's seed
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.yaw_deg):
+            raise ValueRangeError(f"take_off: yaw_deg must be finite, got {self.yaw_deg}")
+
+
+def layout_problem(helipad: Helipad, boxes: Sequence[BoxSpec]) -> tuple[int, str] | None:
+    """Find what is wrong with how the boxes stand together.
+
+    Returns:
+        The index of the offending box and a message, or None when all is well.
+    """
+    if len(boxes) > PATTERN_COUNT:
+        return PATTERN_COUNT, f"at most {PATTERN_COUNT} boxes, got {len(boxes)}"
+    for index, box in enumerate(boxes):
+        for other in boxes[:index]:
+            if box.pattern == other.pattern:
+                return index, f"pattern {box.pattern} is used twice; each box needs its own"
+            if box.footprint.overlaps(other.footprint):
+                return index, f"box {box.pattern} overlaps box {other.pattern}"
+        if box.footprint.overlaps(helipad.footprint):
+            return index, f"box {box.pattern} overlaps the helipad"
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """One arrangement of the lab.
+
+    Raises:
+        ValueRangeError: boxes overlap, a pattern is used twice, or the take-off point is taken.
+    """
+
+    name: str
+    helipad: Helipad
+    boxes: tuple[BoxSpec, ...] = ()
+    lighting: Lighting = field(default_factory=Lighting)
+    take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
+
+    def __post_init__(self) -> None:
+        problem = layout_problem(self.helipad, self.boxes)
+        if problem is not None:
+            raise ValueRangeError(f"scene '{self.name}': {problem[1]}")
+        if self.take_off.position_m is not None:
+            self._check_take_off(*self.take_off.position_m)
+
+    def _check_take_off(self, x_m: float, y_m: float) -> None:
+        inside = abs(x_m) <= CARPET_SIZE_M[0] / 2 and abs(y_m) <= CARPET_SIZE_M[1] / 2
+        if not inside:
+            raise ValueRangeError(
+                f"take_off: ({x_m}, {y_m}) is outside the carpet of {CARPET_SIZE_M} m"
+            )
+        for box in self.boxes:
+            if box.footprint.distance_m(x_m, y_m) < 0.25:
+                raise ValueRangeError(
+                    f"take_off: ({x_m}, {y_m}) is within 0.25 m of box {box.pattern}"
+                )
+
+    def surface_m(self, x_m: float, y_m: float) -> float:
+        """Return the height of whatever lies under a world point: a box, the pad or the ground."""
+        for box in self.boxes:
+            if box.footprint.contains(x_m, y_m):
+                return box.size_m[2]
+        return self.helipad.size_m[2] if self.helipad.footprint.contains(x_m, y_m) else 0.0

@@ -1,0 +1,119 @@
+"""What the drone believes about itself, and what it reports."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sim_bridge.twin.airframe import CONTROL_STEP_S, Motion
+from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
+from sim_bridge.twin.profile import Profile
+from uav_bt.types import Attitude, BodyVelocity, wrap_angle
+
+__all__ = ["Estimate", "Sensors", "Telemetry"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Estimate:
+    """Where the autopilot believes to be: world axes, slowly wrong. Yaw counter-clockwise."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    vx_mps: float
+    vy_mps: float
+    vz_mps: float
+    yaw_rad: float
+    yaw_rate_radps: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Telemetry:
+    """What the drone reports, in Parrot's conventions."""
+
+    attitude: Attitude
+    velocity: BodyVelocity
+    altitude_m: float
+    height_m: float
+    height_above_carpet_m: float
+
+
+class Sensors:
+    """Adds to the true motion what an ANAFI's sensors would get wrong."""
+
+    def __init__(self, profile: Profile, seed: int, *, start_z_m: float) -> None:
+        """Start the sensors.
+
+        Args:
+            profile: how wrong they are.
+            seed: the flight's seed.
+            start_z_m: height of the body's centre above the carpet where it stands at first.
+        """
+        self._profile = profile
+        self._start_z_m = start_z_m
+        self._white = NormalStream(child_seed(seed, 1))
+        slow = NormalStream(child_seed(seed, 2))
+
+        def wander(std: float, time_s: float) -> OrnsteinUhlenbeck:
+            return OrnsteinUhlenbeck(std=std, time_s=time_s, step_s=CONTROL_STEP_S, stream=slow)
+
+        self._flow_x = wander(profile.drift_std_mps, profile.drift_time_s)
+        self._flow_y = wander(profile.drift_std_mps, profile.drift_time_s)
+        self._yaw = wander(profile.yaw_drift_std_rad, profile.yaw_drift_time_s)
+        self._altitude = wander(profile.altimeter_bias_std_m, profile.altimeter_bias_time_s)
+        # A drone knows its altitude when it takes off: the pressure is zeroed there.
+        self._altitude.value = 0.0
+        self._lost_x_m = 0.0
+        self._lost_y_m = 0.0
+
+    def estimate(self, motion: Motion, *, airborne: bool) -> Estimate:
+        """Move the errors on by one control step and return what the autopilot believes.
+
+        Args:
+            motion: the true motion.
+            airborne: on the ground nothing drifts.
+        """
+        flow_x = flow_y = 0.0
+        if airborne:
+            flow_x, flow_y = self._flow_x.step(), self._flow_y.step()
+            self._lost_x_m += flow_x * CONTROL_STEP_S
+            self._lost_y_m += flow_y * CONTROL_STEP_S
+            self._altitude.step()
+        return Estimate(
+            x_m=motion.x_m + self._lost_x_m,
+            y_m=motion.y_m + self._lost_y_m,
+            z_m=motion.z_m + self._altitude.value,
+            vx_mps=motion.vx_mps + flow_x,
+            vy_mps=motion.vy_mps + flow_y,
+            vz_mps=motion.vz_mps,
+            yaw_rad=motion.yaw_rad + self._yaw.step(),
+            yaw_rate_radps=motion.yaw_rate_radps,
+        )
+
+    def telemetry(self, motion: Motion, estimate: Estimate, surface_m: float) -> Telemetry:
+        """Return the noisy report of one moment.
+
+        Args:
+            motion: the true motion.
+            estimate: what the autopilot believes.
+            surface_m: height of what lies below the body's centre.
+        """
+        profile, draw = self._profile, self._white.draw
+        altitude = estimate.z_m - self._start_z_m + profile.altimeter_noise_std_m * draw()
+        cy, sy = math.cos(estimate.yaw_rad), math.sin(estimate.yaw_rad)
+        shake = profile.velocity_noise_std_mps
+        return Telemetry(
+            attitude=Attitude(
+                roll_rad=motion.roll_rad + profile.attitude_noise_std_rad * draw(),
+                pitch_rad=motion.pitch_rad + profile.attitude_noise_std_rad * draw(),
+                yaw_rad=wrap_angle(-estimate.yaw_rad + profile.yaw_noise_std_rad * draw()),
+            ),
+            velocity=BodyVelocity(
+                forward_mps=cy * estimate.vx_mps + sy * estimate.vy_mps + shake * draw(),
+                right_mps=sy * estimate.vx_mps - cy * estimate.vy_mps + shake * draw(),
+                down_mps=-estimate.vz_mps + shake * draw(),
+            ),
+            altitude_m=altitude,
+            height_m=max(0.0, motion.z_m - surface_m + profile.height_noise_std_m * draw()),
+            height_above_carpet_m=altitude + self._start_z_m,
+        )

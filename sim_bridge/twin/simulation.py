@@ -1,0 +1,215 @@
+"""The twin's world over time: physics, autopilot, sensors and gimbal, stepped together."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from sim_bridge.twin.airframe import CONTROL_STEP_S, Airframe, Motion
+from sim_bridge.twin.autopilot import Autopilot
+from sim_bridge.twin.camera import CAMERA_FORWARD_M, CameraPose
+from sim_bridge.twin.model import LabModel
+from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.sensors import Sensors, Telemetry
+from uav_bt.types import Command, DroneState, MoveBy, Pose
+
+__all__ = ["Capture", "Simulation"]
+
+_REMEMBERED_FRAMES = 900  # half a minute of video, for referees that look back
+_CONTACT_MEMORY_S = 0.1  # a tick: who looks once a tick misses no touch
+_TIME_SLACK_S = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Capture:
+    """What it takes to draw a frame later: where the camera was, and the telemetry of then."""
+
+    index: int
+    time_s: float
+    camera: CameraPose
+    exposure: float  # relative brightness
+    telemetry: Telemetry
+
+
+class Simulation:
+    """One flight. Time moves only in `run_until`; the same seed and commands give the same flight."""
+
+    def __init__(
+        self, scene: Scene, lab: LabModel, profile: Profile, seed: int, start: Pose
+    ) -> None:
+        """Put the drone at its start, motors off.
+
+        Args:
+            scene: the lab.
+            lab: the same, compiled.
+            profile: limits and imperfections.
+            seed: of everything random.
+            start: the body's centre when standing.
+        """
+        self._scene = scene
+        self._profile = profile
+        self._steps = 0
+        self._queue: deque[tuple[float, Command]] = deque()
+        self.airframe = Airframe(lab, lag_s=profile.thrust_lag_s)
+        self.airframe.place(start.x_m, start.y_m, start.z_m, start.yaw_rad)
+        self._autopilot = Autopilot(profile)
+        self._sensors = Sensors(profile, seed, start_z_m=start.z_m)
+        gusts = NormalStream(child_seed(seed, 3))
+        self._wind = [
+            OrnsteinUhlenbeck(
+                std=profile.wind_std_mps2,
+                time_s=profile.wind_time_s,
+                step_s=CONTROL_STEP_S,
+                stream=gusts,
+            )
+            for _ in range(3)
+        ]
+        self._exposure = OrnsteinUhlenbeck(
+            std=profile.exposure_std,
+            time_s=profile.exposure_time_s,
+            step_s=1.0 / profile.video_rate_hz,
+            stream=NormalStream(child_seed(seed, 4)),
+        )
+        self._gimbal_rad = 0.0
+        self._gimbal_target_rad = 0.0
+        self._touched_s: dict[str, float] = {}
+        self._pilot = False
+        self._frames: deque[Capture] = deque(maxlen=_REMEMBERED_FRAMES)
+        self._frame_count = 0
+        self._sense()
+
+    @property
+    def now_s(self) -> float:
+        """Time since the start."""
+        return self._steps * CONTROL_STEP_S
+
+    @property
+    def motion(self) -> Motion:
+        """The true motion of this moment."""
+        return self._motion
+
+    @property
+    def motors_on(self) -> bool:
+        """Whether the rotors turn."""
+        return self._autopilot.motors_on
+
+    @property
+    def frames(self) -> deque[Capture]:
+        """The remembered captures, oldest first."""
+        return self._frames
+
+    @property
+    def pilot_has_control(self) -> bool:
+        """Whether a person flies."""
+        return self._pilot
+
+    @pilot_has_control.setter
+    def pilot_has_control(self, value: bool) -> None:
+        if value and not self._pilot:
+            self._autopilot.take_over()
+        self._pilot = value
+
+    def enqueue(self, command: Command) -> None:
+        """Send a command; it takes effect after computing and transmission."""
+        delay = self._profile.compute_latency_s + self._profile.command_latency_s
+        self._queue.append((self.now_s + delay, command))
+
+    def run_until(self, time_s: float) -> None:
+        """Let time pass, in control steps; a time that has passed changes nothing."""
+        while self.now_s < time_s - _TIME_SLACK_S:
+            self._step()
+
+    def state(self) -> DroneState:
+        """Return the telemetry of this moment."""
+        told = self._telemetry
+        return DroneState(
+            captured_s=self.now_s,
+            flying=self._autopilot.flying_state,
+            attitude=told.attitude,
+            velocity=told.velocity,
+            altitude_m=told.altitude_m,
+            height_m=told.height_m,
+            height_above_carpet_m=told.height_above_carpet_m,
+            gimbal_pitch_rad=self._gimbal_rad,
+            battery=max(0.0, 1.0 - self.now_s / self._profile.battery_life_s),
+            movement=self._autopilot.movement,
+            pilot_has_control=self._pilot,
+        )
+
+    def contacts(self) -> tuple[str, ...]:
+        """Return what the hull touches now or did in the last 0.1 s, while the motors turn."""
+        since = self.now_s - _CONTACT_MEMORY_S - _TIME_SLACK_S
+        return tuple(sorted(name for name, at in self._touched_s.items() if at >= since))
+
+    def _step(self) -> None:
+        while self._queue and self._queue[0][0] <= self.now_s + _TIME_SLACK_S:
+            self._obey(self._queue.popleft()[1])
+        height = self._motion.z_m - self._scene.surface_m(self._motion.x_m, self._motion.y_m)
+        demand = self._autopilot.update(
+            self._estimate, height_m=height, touching=bool(self._touching)
+        )
+        if demand is None:
+            self.airframe.drop()
+        else:
+            wind = (self._wind[0].step(), self._wind[1].step(), self._wind[2].step())
+            self.airframe.fly(
+                self._motion, demand.acceleration_mps2, demand.yaw_acceleration_radps2, wind
+            )
+        self._move_gimbal()
+        self.airframe.advance()
+        self._steps += 1
+        self._sense()
+
+    def _obey(self, command: Command) -> None:
+        if command.gimbal is not None:
+            self._gimbal_target_rad = command.gimbal.pitch_rad
+        if not self._pilot:
+            self._autopilot.obey(command.movement, self._estimate)
+        elif isinstance(command.movement, MoveBy):
+            self._autopilot.refuse(command.movement)
+
+    def _move_gimbal(self) -> None:
+        profile = self._profile
+        error = self._gimbal_target_rad - self._gimbal_rad
+        rate = error / max(profile.gimbal_lag_s, CONTROL_STEP_S)
+        rate = max(-profile.gimbal_rate_radps, min(profile.gimbal_rate_radps, rate))
+        self._gimbal_rad += rate * CONTROL_STEP_S
+
+    def _sense(self) -> None:
+        """Look at the world after a step: motion, contacts, telemetry, and a frame when due."""
+        self._motion = motion = self.airframe.motion()
+        self._touching = self.airframe.contacts()
+        if self.motors_on:
+            for name in self._touching:
+                self._touched_s[name] = self.now_s
+        elif self._touched_s:
+            self._touched_s.clear()
+        self._estimate = self._sensors.estimate(motion, airborne=self._autopilot.lifting)
+        surface = self._scene.surface_m(motion.x_m, motion.y_m)
+        self._telemetry = self._sensors.telemetry(motion, self._estimate, surface)
+        if self.now_s >= self._frame_count / self._profile.video_rate_hz - _TIME_SLACK_S:
+            self._capture()
+
+    def _capture(self) -> None:
+        motion = self._motion
+        # The lens sits ahead on the body, so it moves with the body's tilt; the view does not tilt.
+        level = CAMERA_FORWARD_M * math.cos(motion.pitch_rad)
+        self._frames.append(
+            Capture(
+                index=self._frame_count,
+                time_s=self.now_s,
+                camera=CameraPose(
+                    x_m=motion.x_m + level * math.cos(motion.yaw_rad),
+                    y_m=motion.y_m + level * math.sin(motion.yaw_rad),
+                    z_m=motion.z_m + CAMERA_FORWARD_M * math.sin(motion.pitch_rad),
+                    yaw_rad=motion.yaw_rad,
+                    pitch_rad=self._gimbal_rad,
+                ),
+                exposure=1.0 + self._exposure.step(),
+                telemetry=self._telemetry,
+            )
+        )
+        self._frame_count += 1
