@@ -1,1 +1,24 @@
 """The tree language: nodes, ports, registry and the loader of tree files."""
+
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.loader import load_tree, parse_tree
+from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.port import Port
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.status import SKIPPED, Status
+from uav_bt.tree.variables import Variables
+
+__all__ = [
+    "SKIPPED",
+    "Leaf",
+    "MissionTree",
+    "Node",
+    "NodeKind",
+    "NodeRegistry",
+    "Port",
+    "Status",
+    "Variables",
+    "load_tree",
+    "parse_tree",
+]

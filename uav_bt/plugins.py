@@ -1,0 +1,59 @@
+"""What installed packages contribute, by entry-point group and name."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from typing import Any, Final
+
+from uav_bt.errors import InputError, UnknownNameError
+
+__all__ = ["BEHAVIOURS", "DRONES", "POLICIES", "load", "names"]
+
+BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
+POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
+DRONES: Final = "uav_bt.drones"  # each names a DroneFactory
+
+_KINDS: Final = {BEHAVIOURS: "behaviours package", POLICIES: "policy", DRONES: "drone"}
+
+
+def _entry_points(group: str) -> dict[str, importlib.metadata.EntryPoint]:
+    found: dict[str, importlib.metadata.EntryPoint] = {}
+    for point in importlib.metadata.entry_points(group=group):
+        known = found.setdefault(point.name, point)
+        # One package found twice (an editable install beside its own checkout) is no conflict.
+        if known.value != point.value:
+            raise InputError(
+                f"{_KINDS.get(group, group)} '{point.name}' is registered twice: "
+                f"by {known.value} and by {point.value}; uninstall one of the two packages"
+            )
+    return found
+
+
+def names(group: str) -> tuple[str, ...]:
+    """Return all names that are registered in a group, in alphabetical order.
+
+    Raises:
+        InputError: two packages registered one name.
+    """
+    return tuple(sorted(_entry_points(group)))
+
+
+def load(group: str, name: str) -> Any:
+    """Import and return what is registered under a name.
+
+    Raises:
+        UnknownNameError: nobody registered the name; the message has a suggestion.
+        InputError: what is registered cannot be imported.
+    """
+    points = _entry_points(group)
+    kind = _KINDS.get(group, group)
+    if name not in points:
+        raise UnknownNameError(kind, name, points)
+    point = points[name]
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as error:
+        raise InputError(
+            f"{kind} '{name}' ({point.value}) cannot be imported: {error}; "
+            "reinstall the package that registers it"
+        ) from error

@@ -1,0 +1,217 @@
+"""Checks every tree of a file, node by node, before anything is built."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Final
+
+from uav_bt.errors import did_you_mean
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree.document import EDITOR_ATTRIBUTES, Document, check_no_text, label
+from uav_bt.tree.findings import Findings
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.nodes import SubTree
+from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.source import Element
+
+__all__ = ["Checker", "node_attributes", "node_id_of"]
+
+_KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
+_VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
+
+
+def node_id_of(element: Element) -> str:
+    """Return the id of the node; `<Explore/>` and `<Action ID="Explore"/>` are the same."""
+    if element.tag in _KIND_TAGS and element.tag != NodeKind.SUBTREE.value:
+        return element.attributes.get("ID", "")
+    return element.tag
+
+
+def node_attributes(element: Element) -> dict[str, str]:
+    """Return the attributes that are ports (or a subtree's entries)."""
+    return {
+        name: text
+        for name, text in element.attributes.items()
+        if name not in {"ID", "name", "_autoremap"} and name not in EDITOR_ATTRIBUTES
+    }
+
+
+class Checker:
+    """Notes all that is wrong with the trees of a document."""
+
+    def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
+        self._document = document
+        self._registry = registry
+        self._findings = findings
+        self._board_keys = registry.board_keys
+
+    def check(self) -> None:
+        """Check all trees, those that nothing refers to included."""
+        for tree in self._document.trees.values():
+            for child in tree.children:
+                self._check_node(child)
+        self._check_recursion()
+
+    def _note(self, element: Element, message: str, attribute: str = "") -> None:
+        self._findings.add(self._document.path, element.at(attribute), message, label(element))
+
+    def _check_node(self, element: Element) -> None:
+        for child in element.children:
+            self._check_node(child)
+        check_no_text(element, self._findings, self._document.path)
+        if element.attributes.get("name") == "":
+            self._note(element, "attribute 'name' is empty", "name")
+        if element.tag == NodeKind.SUBTREE.value:
+            self._check_subtree(element)
+            return
+        node = self._find_node(element)
+        if node is None:
+            return
+        self._check_children(element, node.min_children, node.max_children)
+        self._check_ports(element, node)
+
+    def _find_node(self, element: Element) -> type[Node] | None:
+        node_id = node_id_of(element)
+        if not node_id:
+            self._note(element, f"<{element.tag}> needs an attribute 'ID'")
+            return None
+        if node_id not in self._registry:
+            attribute = "ID" if element.tag in _KIND_TAGS else ""
+            if node_id in self._document.trees:
+                hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
+            else:
+                hint = did_you_mean(node_id, self._registry)
+            self._note(element, f"unknown node '{node_id}'{hint}", attribute)
+            return None
+        node = self._registry[node_id]
+        if element.tag in _KIND_TAGS and element.tag != node.kind.value:
+            self._note(element, f"'{node_id}' is a {node.kind.value}, not a {element.tag}", "ID")
+        elif element.tag not in _KIND_TAGS and "ID" in element.attributes:
+            self._note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
+        return node
+
+    def _check_children(self, element: Element, least: int, most: int | None) -> None:
+        count = len(element.children)
+        if count >= least and (most is None or count <= most):
+            return
+        if most == least:
+            needed = "no children" if least == 0 else "exactly one child"
+        else:
+            needed = f"at least {least}" if most is None else f"{least} to {most} children"
+        self._note(element, f"needs {needed}, has {count}")
+
+    # --- ports ------------------------------------------------------------------------------------
+
+    def _check_ports(self, element: Element, node: type[Node]) -> None:
+        given: dict[str, object] = {}
+        for name, text in node_attributes(element).items():
+            if name.startswith("_"):
+                self._refuse_underscore(element, name)
+            else:
+                given[name] = text
+        bound, wrong = bind_ports(node.ports, given)
+        for name, message in wrong.items():
+            self._note(element, message, name)
+        for port in node.ports:
+            value = bound.get(port.name)
+            if isinstance(value, Reference) and value.on_board:
+                self._check_board_reference(element, port, value)
+
+    def _refuse_underscore(self, element: Element, name: str) -> None:
+        self._note(
+            element, f"attribute '{name}' is not supported: no conditions and scripts yet", name
+        )
+
+    def _check_board_reference(self, element: Element, port: Port[Any], at: Reference) -> None:
+        key = self._board_keys.get(at.key)
+        if key is None:
+            hint = did_you_mean(at.key, self._board_keys)
+            self._note(
+                element,
+                f"attribute '{port.name}': the board has no key '{at.key}'{hint}",
+                port.name,
+            )
+        elif not _fits(port, key):
+            self._note(
+                element,
+                f"attribute '{port.name}' takes {port.type.__name__}, "
+                f"but board key '{at.key}' holds {key.type.__name__}",
+                port.name,
+            )
+
+    # --- subtrees ---------------------------------------------------------------------------------
+
+    def _check_subtree(self, element: Element) -> None:
+        self._check_children(element, 0, 0)
+        trees = self._document.trees
+        tree_id = element.attributes.get("ID", "")
+        if not tree_id:
+            self._note(element, "attribute 'ID' is missing")
+        elif tree_id not in trees:
+            self._note(element, f"there is no tree '{tree_id}'{did_you_mean(tree_id, trees)}", "ID")
+        if "_autoremap" in element.attributes:
+            try:
+                SubTree.AUTOREMAP.convert(element.attributes["_autoremap"])
+            except ValueError as error:
+                self._note(element, f"attribute '_autoremap': {error}", "_autoremap")
+        described = self._document.subtree_ports.get(tree_id)
+        for name, text in node_attributes(element).items():
+            self._check_entry(element, name, text, described)
+
+    def _check_entry(
+        self, element: Element, name: str, text: str, described: frozenset[str] | None
+    ) -> None:
+        if name.startswith("_"):
+            self._refuse_underscore(element, name)
+        elif not _VARIABLE.fullmatch(name):
+            self._note(element, f"'{name}' cannot be a variable's name", name)
+        elif described is not None and name not in described:
+            hint = did_you_mean(name, described)
+            self._note(element, f"the tree has no port '{name}'{hint}", name)
+        try:
+            reference = parse_reference(text, name)
+        except ValueError as error:
+            self._note(element, f"attribute '{name}': {error}", name)
+            return
+        if reference is not None and reference.on_board:
+            self._note(
+                element,
+                f"attribute '{name}': a variable cannot be the board key {reference}; "
+                "use the key inside the subtree",
+                name,
+            )
+
+    def _check_recursion(self) -> None:
+        uses = {
+            tree_id: [node for node in _walk(tree) if node.tag == NodeKind.SUBTREE.value]
+            for tree_id, tree in self._document.trees.items()
+        }
+        done: set[str] = set()
+
+        def visit(tree_id: str, chain: tuple[str, ...]) -> None:
+            for node in uses.get(tree_id, ()):
+                inner = node.attributes.get("ID", "")
+                if inner in chain:
+                    loop = " > ".join([*chain[chain.index(inner) :], inner])
+                    self._note(node, f"the tree contains itself: {loop}", "ID")
+                elif inner not in done:
+                    visit(inner, (*chain, inner))
+            done.add(tree_id)
+
+        for tree_id in self._document.trees:
+            if tree_id not in done:
+                visit(tree_id, (tree_id,))
+
+
+def _walk(element: Element) -> list[Element]:
+    found = list(element.children)
+    for child in element.children:
+        found.extend(_walk(child))
+    return found
+
+
+def _fits(port: Port[Any], key: Key[Any]) -> bool:
+    if port.direction == "input":
+        return issubclass(key.type, port.type) or (port.type is float and key.type is int)
+    return issubclass(port.type, key.type) or (key.type is float and port.type is int)

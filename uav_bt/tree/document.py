@@ -1,0 +1,216 @@
+"""A tree file's outline: its trees, its main tree, its node models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from uav_bt.errors import did_you_mean
+from uav_bt.tree.findings import Findings
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.source import Element
+
+__all__ = ["EDITOR_ATTRIBUTES", "Document", "check_attributes", "label", "outline"]
+
+# What graphical editors write for themselves; it means nothing to the engine.
+EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath", "_uid"})
+
+_ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
+_TREE_ATTRIBUTES: Final = frozenset({"ID"})
+_ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel")
+_KINDS: Final = {kind.value: kind for kind in NodeKind}
+_MODEL_PORTS: Final = ("input_port", "output_port", "inout_port")
+_MODEL_PORT_ATTRIBUTES: Final = frozenset({"name", "type", "default"})
+
+
+@dataclass
+class Document:
+    """What the outline of a tree file says."""
+
+    path: Path
+    main: str = ""
+    trees: dict[str, Element] = field(default_factory=dict)
+    # Port names of the trees that the file describes as SubTree in its TreeNodesModel.
+    subtree_ports: dict[str, frozenset[str]] = field(default_factory=dict)
+
+
+def label(element: Element) -> str:
+    """Return how messages name an element."""
+    name = element.attributes.get("name") or element.attributes.get("ID")
+    return f"{element.tag} '{name}'" if name else element.tag
+
+
+def check_attributes(
+    element: Element, known: frozenset[str], findings: Findings, path: Path, *, hint: str = ""
+) -> None:
+    """Note every attribute that the element cannot have."""
+    for attribute in element.attributes:
+        if attribute in known or attribute in EDITOR_ATTRIBUTES:
+            continue
+        findings.add(
+            path,
+            element.at(attribute),
+            f"unknown attribute '{attribute}'{did_you_mean(attribute, known)}{hint}",
+            label(element),
+        )
+
+
+def check_no_text(element: Element, findings: Findings, path: Path) -> None:
+    """Note text between tags, which a tree file has no place for."""
+    text = element.text.strip()
+    if text:
+        findings.add(path, element.position, f"unexpected text '{text[:40]}'", label(element))
+
+
+def outline(root: Element, path: Path, registry: NodeRegistry, findings: Findings) -> Document:
+    """Read the outline of a file and note what is wrong with it."""
+    document = Document(path)
+    if root.tag != "root":
+        findings.add(path, root.position, f"expected the element <root>, got <{root.tag}>")
+        return document
+    check_attributes(root, _ROOT_ATTRIBUTES, findings, path)
+    check_no_text(root, findings, path)
+    version = root.attributes.get("BTCPP_format")
+    if version != "4":
+        got = "nothing" if version is None else f"'{version}'"
+        findings.add(path, root.at("BTCPP_format"), f'expected BTCPP_format="4", got {got}', "root")
+    readers: dict[str, Callable[[Element], None]] = {
+        "BehaviorTree": lambda element: _read_tree(element, document, findings),
+        "TreeNodesModel": lambda element: _read_models(element, document, registry, findings),
+    }
+    for child in root.children:
+        reader = readers.get(child.tag)
+        if reader is None:
+            findings.add(
+                path,
+                child.position,
+                f"<{child.tag}> cannot stand in <root>{did_you_mean(child.tag, _ROOT_CHILDREN)}",
+            )
+        else:
+            reader(child)
+    document.main = _find_main(root, document, findings)
+    return document
+
+
+def _read_tree(element: Element, document: Document, findings: Findings) -> None:
+    path = document.path
+    check_attributes(element, _TREE_ATTRIBUTES, findings, path)
+    check_no_text(element, findings, path)
+    tree_id = element.attributes.get("ID", "")
+    if not tree_id:
+        findings.add(path, element.position, "attribute 'ID' is missing", "BehaviorTree")
+        return
+    if len(element.children) != 1:
+        count = len(element.children)
+        findings.add(
+            path, element.position, f"needs exactly one child, has {count}", label(element)
+        )
+    if tree_id in document.trees:
+        first = document.trees[tree_id].position
+        findings.add(
+            path,
+            element.at("ID"),
+            f"this ID is taken by the tree at {path}:{first}",
+            label(element),
+        )
+        return
+    document.trees[tree_id] = element
+
+
+def _find_main(root: Element, document: Document, findings: Findings) -> str:
+    main = root.attributes.get("main_tree_to_execute")
+    if main is None:
+        if len(document.trees) == 1:
+            return next(iter(document.trees))
+        reason = "the file has no BehaviorTree"
+        if document.trees:
+            reason = (
+                "the file has several trees, so <root> must say main_tree_to_execute="
+                f"{'|'.join(document.trees)}"
+            )
+        findings.add(document.path, root.position, reason, "root")
+        return ""
+    if main not in document.trees:
+        findings.add(
+            document.path,
+            root.at("main_tree_to_execute"),
+            f"main_tree_to_execute: there is no tree '{main}'{did_you_mean(main, document.trees)}",
+            "root",
+        )
+        return ""
+    return main
+
+
+def _read_models(
+    models: Element, document: Document, registry: NodeRegistry, findings: Findings
+) -> None:
+    path = document.path
+    check_attributes(models, frozenset(), findings, path)
+    seen: set[str] = set()
+    for model in models.children:
+        kind = _KINDS.get(model.tag)
+        if kind is None:
+            findings.add(
+                path,
+                model.position,
+                f"<{model.tag}> cannot stand in <TreeNodesModel>{did_you_mean(model.tag, _KINDS)}",
+            )
+            continue
+        check_attributes(model, frozenset({"ID", "editable"}), findings, path)
+        node_id = model.attributes.get("ID", "")
+        if not node_id:
+            findings.add(path, model.position, "attribute 'ID' is missing", model.tag)
+            continue
+        if node_id in seen:
+            findings.add(path, model.at("ID"), "described twice", label(model))
+        seen.add(node_id)
+        ports = _read_model_ports(model, document, findings)
+        if kind is NodeKind.SUBTREE:
+            document.subtree_ports[node_id] = frozenset(ports)
+        elif node_id in registry:
+            _compare_model(model, ports, registry[node_id], path, findings)
+
+
+def _read_model_ports(model: Element, document: Document, findings: Findings) -> dict[str, Element]:
+    path = document.path
+    ports: dict[str, Element] = {}
+    for port in model.children:
+        if port.tag not in _MODEL_PORTS:
+            findings.add(
+                path,
+                port.position,
+                f"<{port.tag}> cannot stand here{did_you_mean(port.tag, _MODEL_PORTS)}",
+                label(model),
+            )
+            continue
+        check_attributes(port, _MODEL_PORT_ATTRIBUTES, findings, path)
+        name = port.attributes.get("name", "")
+        if not name:
+            findings.add(path, port.position, "attribute 'name' is missing", label(model))
+        elif name in ports:
+            findings.add(path, port.at("name"), f"port '{name}' is described twice", label(model))
+        else:
+            ports[name] = port
+    return ports
+
+
+def _compare_model(
+    model: Element, ports: dict[str, Element], node: type[Node], path: Path, findings: Findings
+) -> None:
+    if node.kind.value != model.tag:
+        findings.add(
+            path,
+            model.position,
+            f"described as {model.tag}, but it is a {node.kind.value}",
+            label(model),
+        )
+    known = [port.name for port in node.ports]
+    for name, element in ports.items():
+        if name not in known:
+            hint = did_you_mean(name, known)
+            findings.add(
+                path, element.at("name"), f"the node has no port '{name}'{hint}", label(model)
+            )

@@ -1,0 +1,66 @@
+"""What is wrong with a tree file: each finding with its place, all in one report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from uav_bt.errors import TreeError
+
+__all__ = ["Finding", "Findings", "Position"]
+
+
+@dataclass(frozen=True, order=True)
+class Position:
+    """A place in a file, both counted from 1."""
+
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        """Return `line:column`."""
+        return f"{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, order=True)
+class Finding:
+    """One thing wrong."""
+
+    path: str
+    position: Position
+    message: str
+    node: str = ""  # the node concerned, as `Tag 'name'`
+
+    def __str__(self) -> str:
+        """Return the finding as compilers write theirs."""
+        where = f"{self.path}:{self.position}"
+        return f"{where}: {self.node}: {self.message}" if self.node else f"{where}: {self.message}"
+
+
+class Findings:
+    """Collects findings; the same one twice counts once."""
+
+    def __init__(self) -> None:
+        self._found: dict[Finding, None] = {}
+
+    def add(self, path: Path | str, position: Position, message: str, node: str = "") -> None:
+        """Note a finding."""
+        self._found[Finding(str(path), position, message, node)] = None
+
+    def __iter__(self) -> Iterator[Finding]:
+        """Iterate in the order of the file."""
+        return iter(sorted(self._found))
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._found)
+
+    def raise_any(self, path: Path | str) -> None:
+        """Raise what was found, all at once.
+
+        Raises:
+            TreeError: something was.
+        """
+        if self._found:
+            raise TreeError(path, [str(finding) for finding in self])

@@ -1,0 +1,159 @@
+"""Leaves: where a tree meets the world. What an author of behaviours subclasses."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, TypeVar
+
+from uav_bt.errors import MissionError
+from uav_bt.mission.blackboard import BoardView, Key, Reading
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.types import GimbalTo, Movement
+
+__all__ = ["Leaf"]
+
+T = TypeVar("T")
+
+
+class Leaf(Node):
+    """An action or a condition.
+
+    When what runs: `on_setup` once, before the first tick; `initialise` when an activation begins;
+    `update` every tick, returning at once; `terminate` exactly once per activation, with SUCCESS or
+    FAILURE when it ended by itself and with INVALID when it was halted. `terminate` commands
+    nothing: a tree starts its new branch before it stops the old one.
+
+    The first line of the class's docstring is its description in `uav-bt nodes`.
+    """
+
+    reads: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf reads
+    writes: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf writes
+    condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
+    kind = NodeKind.ACTION
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.kind = NodeKind.CONDITION if cls.condition else NodeKind.ACTION
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name, **given)
+        self._view: BoardView | None = None
+
+    # --- for authors to override ------------------------------------------------------------------
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Get what the leaf needs for the whole mission; raise when it is not there."""
+
+    def update(self) -> Status:
+        """Do one tick's work, at once, and say how it stands.
+
+        Raises:
+            NotImplementedError: the subclass did not say what it does.
+        """
+        raise NotImplementedError(f"{type(self).__qualname__} must define update()")
+
+    # --- for authors to call ----------------------------------------------------------------------
+
+    def read(self, key: Key[T]) -> Reading[T]:
+        """Read the board; a stale value reads as none, with its age.
+
+        Raises:
+            BoardAccessError: the key is not among `reads`.
+        """
+        return self._board.read(key)
+
+    def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
+        """Write the board; `captured_s` is when what the value describes was captured.
+
+        Raises:
+            BoardAccessError: the key is not among `writes`, or the value has another type.
+        """
+        self._board.write(key, value, captured_s)
+
+    def forget(self, key: Key[Any]) -> None:
+        """Drop a value of the board."""
+        self._board.forget(key)
+
+    def propose(self, movement: Movement) -> None:
+        """Ask for a movement in this tick; ask again every tick for as long as it is wanted.
+
+        Raises:
+            ProposalConflictError: another leaf asked already.
+        """
+        self.mission.proposals.propose(self.path, movement)
+
+    def point(self, gimbal: GimbalTo) -> None:
+        """Ask for a camera direction in this tick."""
+        self.mission.proposals.propose_gimbal(self.path, gimbal)
+
+    # --- the engine's side ------------------------------------------------------------------------
+
+    @property
+    def _board(self) -> BoardView:
+        if self._view is None:
+            raise MissionError(f"leaf '{self.path}' is not set up: call MissionTree.setup first")
+        return self._view
+
+    def _setup(self) -> None:
+        mission = self.mission
+        for key in (*self.reads, *self.writes):
+            mission.board.declare(key)
+        # What the tree file connects to a port is declared there.
+        reads, writes = [*self.reads], [*self.writes]
+        for port in self.ports:
+            reference = self._references.get(port.name)
+            if reference is not None and reference.on_board:
+                key = mission.board.key(reference.key)
+                if port.direction != "output":
+                    reads.append(key)
+                if port.direction != "input":
+                    writes.append(key)
+        self._view = BoardView(mission.board, self.path, reads=reads, writes=writes)
+        self.on_setup(mission)
+
+    def _read_board(self, key: Key[T]) -> Reading[T]:
+        return self._board.read(key)
+
+    def _write_board(self, key: Key[T], value: T) -> None:
+        self._board.write(key, value)
+
+    def _tick(self) -> Status:
+        standing = self.status
+        if standing is RUNNING:
+            status = self.update()
+        elif standing is IDLE or self.condition:
+            try:
+                self.initialise()
+                status = self.update()
+            except BaseException:
+                self.status = RUNNING  # it has begun, so halting the tree must end it
+                raise
+        else:
+            return standing  # done, and nobody reset it: the engine does not tick it again
+        if status is RUNNING and not self.condition:
+            return status
+        if status is SKIPPED:
+            if standing is not RUNNING:
+                self._end(IDLE)
+            return status
+        if status is not SUCCESS and status is not FAILURE:
+            self.status = RUNNING
+            raise MissionError(self._wrong_answer(status))
+        self._end(status)
+        return status
+
+    def _wrong_answer(self, status: object) -> str:
+        allowed = "SUCCESS or FAILURE" if self.condition else "SUCCESS, FAILURE or RUNNING"
+        return f"update() of {type(self).__qualname__} must return {allowed}, got {status!r}"
+
+    def _end(self, new_status: Status) -> None:
+        try:
+            self.terminate(new_status)
+        finally:
+            self.status = new_status
+
+    def _halt(self) -> None:
+        if self.status is RUNNING:
+            self._end(IDLE)
+        self.status = IDLE

@@ -1,0 +1,68 @@
+"""Loading tree files: strict, whole reports, nothing evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from uav_bt.tree.builder import Builder
+from uav_bt.tree.checker import Checker
+from uav_bt.tree.document import outline
+from uav_bt.tree.findings import Findings
+from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.source import parse_source, read_source
+
+__all__ = ["load_tree", "parse_tree"]
+
+
+def load_tree(
+    path: Path | str,
+    registry: NodeRegistry | None = None,
+    *,
+    overrides: Mapping[str, Mapping[str, str]] | None = None,
+) -> MissionTree:
+    """Load a tree file.
+
+    Args:
+        path: the file.
+        registry: the nodes that may occur; default: all installed.
+        overrides: attribute values that replace the file's, by a node's name or path.
+
+    Raises:
+        TreeError: the file was refused; all that is wrong with it, each with its place.
+    """
+    path = Path(path)
+    return parse_tree(read_source(path), registry, path=path, overrides=overrides)
+
+
+def parse_tree(
+    source: str | bytes,
+    registry: NodeRegistry | None = None,
+    *,
+    path: Path | str = "<text>",
+    overrides: Mapping[str, Mapping[str, str]] | None = None,
+) -> MissionTree:
+    """Load a tree from a tree file's text.
+
+    Args:
+        source: the text.
+        registry: the nodes that may occur; default: all installed.
+        path: what messages call the file.
+        overrides: attribute values that replace the file's, by a node's name or path.
+
+    Raises:
+        TreeError: the text was refused; all that is wrong with it, each with its place.
+    """
+    data = source.encode() if isinstance(source, str) else source
+    path = Path(path)
+    registry = NodeRegistry.installed() if registry is None else registry
+    findings = Findings()
+    document = outline(parse_source(data, path), path, registry, findings)
+    Checker(document, registry, findings).check()
+    findings.raise_any(path)
+    root = Builder(document, registry, findings).build(overrides or {})
+    findings.raise_any(path)
+    if root is None:
+        raise AssertionError("a tree without findings has a root")  # unreachable, for the types
+    return MissionTree(root, name=document.main, text=data.decode(errors="replace"))

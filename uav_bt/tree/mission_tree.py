@@ -1,0 +1,147 @@
+"""A tree that can be flown: set up, ticked, halted, and asked where it is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from uav_bt.errors import MissionError, NodeFailedError
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.subtree import SubTree
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
+from uav_bt.tree.variables import Variables
+
+__all__ = ["MissionTree", "child_paths"]
+
+
+def child_paths(parent: str, names: Sequence[str]) -> list[str]:
+    """Return the paths of a node's children; the second of one name gets `#2`."""
+    seen: Counter[str] = Counter()
+    paths: list[str] = []
+    for name in names:
+        seen[name] += 1
+        number = f"#{seen[name]}" if seen[name] > 1 else ""
+        paths.append(f"{parent}/{name}{number}")
+    return paths
+
+
+class MissionTree:
+    """A tree of nodes with its variables.
+
+    Args:
+        root: the root node; it and all below belong to this tree from now on.
+        name: the tree's name, first part of all paths.
+        text: the tree file's text, for records; empty for a tree composed in Python.
+    """
+
+    def __init__(self, root: Node, *, name: str = "Tree", text: str = "") -> None:
+        self.root = root
+        self.name = name
+        self.text = text
+        self.variables = Variables()
+        self._ready = False
+        self._place(root, f"{name}/{root.name}", self.variables)
+
+    def _place(self, node: Node, path: str, scope: Variables) -> None:
+        node.place(path, scope)
+        inner = node.open_scope(scope) if isinstance(node, SubTree) else scope
+        paths = child_paths(path, [child.name for child in node.children])
+        for child, child_path in zip(node.children, paths, strict=True):
+            self._place(child, child_path, inner)
+
+    def nodes(self) -> Iterator[Node]:
+        """Iterate over all nodes in the order of the file, parents first."""
+        stack = [self.root]
+        while stack:
+            node = stack.pop()
+            yield node
+            stack.extend(reversed(node.children))
+
+    def leaves(self) -> Iterator[Leaf]:
+        """Iterate over all leaves in the order of the file."""
+        for node in self.nodes():
+            if isinstance(node, Leaf):
+                yield node
+
+    def find(self, name: str) -> Node:
+        """Return the node of a path, or the only node of a name.
+
+        Raises:
+            KeyError: there is none, or there are several of that name.
+        """
+        hits = [node for node in self.nodes() if name in (node.path, node.name)]
+        if len(hits) != 1:
+            raise KeyError(f"{len(hits)} nodes are called '{name}'")
+        return hits[0]
+
+    def setup(self, context: MissionContext) -> None:
+        """Set all nodes up for a mission, in the order of the file.
+
+        Raises:
+            InputError: a leaf cannot use what it was given (a missing file, an unknown policy).
+            NodeFailedError: another exception in a leaf's `on_setup`.
+        """
+        for leaf in self.leaves():
+            for key in (*leaf.reads, *leaf.writes):
+                context.board.declare(key)
+        for node in self.nodes():
+            node.setup(mission=context)
+        self._ready = True
+
+    def tick(self) -> Status:
+        """Tick exactly once.
+
+        Returns:
+            SUCCESS, FAILURE, RUNNING, or SKIPPED (`Status.INVALID`) when the root was skipped.
+
+        Raises:
+            NodeFailedError: an exception in a node; nothing is running any more.
+            MissionError: the tree was not set up.
+        """
+        if not self._ready:
+            raise MissionError(f"tree '{self.name}' is not set up: call setup(context) first")
+        root = self.root
+        if root.status is SUCCESS or root.status is FAILURE:
+            root.reset()
+        try:
+            return root.execute_tick()
+        except NodeFailedError as error:
+            self._halt_after(error)
+            raise
+
+    def _halt_after(self, failure: NodeFailedError) -> None:
+        try:
+            self.halt()
+        except NodeFailedError as second:
+            failure.add_note(f"while halting the tree, also: {second}")
+
+    def halt(self) -> None:
+        """Stop whatever runs. Every running leaf is told once, even when another one raises.
+
+        Raises:
+            NodeFailedError: a leaf's `terminate` raised; the first of them, when all are halted.
+        """
+        first: NodeFailedError | None = None
+        # The root's own halt is the engine's; the sweep catches what an exception left behind.
+        for node in self.nodes():
+            if node.status is RUNNING:
+                try:
+                    node.halt()
+                except NodeFailedError as error:
+                    first = first or error
+            node.status = IDLE
+        if first is not None:
+            raise first
+
+    def active_path(self) -> tuple[str, ...]:
+        """Return the names along the running branch, from the root down; empty when idle."""
+        names: list[str] = []
+        node: Node | None = self.root if self.root.status is RUNNING else None
+        while node is not None:
+            names.append(node.name)
+            running = [child for child in node.children if child.status is RUNNING]
+            # Of several, the last one: the mission comes after the perception that feeds it.
+            node = running[-1] if running else None
+        return tuple(names)

@@ -1,0 +1,284 @@
+"""What all nodes share: ports, place in the tree, and the tick.
+
+A node is a py_trees behaviour, so py_trees' visitors and renderers work on our trees. It is ticked
+through `execute_tick`, plain calls that follow BehaviorTree.CPP 4.10 step by step; py_trees' `tick`
+generator wraps that.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from typing import Any, ClassVar, TypeVar
+
+from py_trees.behaviour import Behaviour
+
+from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailedError
+from uav_bt.mission.blackboard import Key, Reading
+from uav_bt.mission.context import MissionContext
+from uav_bt.protocols import Clock
+from uav_bt.tree.port import Port, Reference, bind_ports
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.variables import Variables
+
+__all__ = ["Node", "NodeKind"]
+
+T = TypeVar("T")
+
+
+class NodeKind(enum.Enum):
+    """The kinds of nodes, named as the file format names them."""
+
+    ACTION = "Action"
+    CONDITION = "Condition"
+    CONTROL = "Control"
+    DECORATOR = "Decorator"
+    SUBTREE = "SubTree"
+
+
+class Node(Behaviour):
+    """Base of every node.
+
+    Args:
+        name: the instance's name; default: the node's id.
+        given: values of the ports, typed or as texts; a text in braces is a reference.
+
+    Raises:
+        InputError: a port is missing, unknown or has a value of another type.
+    """
+
+    node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
+    kind: ClassVar[NodeKind]
+    ports: ClassVar[tuple[Port[Any], ...]] = ()
+    min_children: ClassVar[int] = 0
+    max_children: ClassVar[int | None] = 0  # None: as many as one likes
+
+    children: list[Node]  # type: ignore[assignment]  # py_trees says Behaviour
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "node_id" not in cls.__dict__:
+            cls.node_id = cls.__name__
+        names = [port.name for port in cls.ports]
+        if len(set(names)) != len(names):
+            raise TypeError(f"{cls.__qualname__} declares a port twice: {', '.join(names)}")
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name or self.node_id)
+        self._bind(given)
+
+    def _bind(self, given: dict[str, object]) -> None:
+        bound, wrong = bind_ports(self.ports, given)
+        if wrong:
+            raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(wrong.values())}")
+        self._references = {key: at for key, at in bound.items() if isinstance(at, Reference)}
+        self._literals = {key: at for key, at in bound.items() if key not in self._references}
+        self._variables = Variables()
+        self._mission: MissionContext | None = None
+        self._visits: list[tuple[Node, Status]] | None = None
+        self.path = self.name  # unique in its tree once the tree is made
+
+    # --- surroundings -----------------------------------------------------------------------------
+
+    @property
+    def mission(self) -> MissionContext:
+        """The mission that the tree was set up for.
+
+        Raises:
+            MissionError: it was not.
+        """
+        if self._mission is None:
+            raise MissionError(f"node '{self.path}' is not set up: call MissionTree.setup first")
+        return self._mission
+
+    @property
+    def clock(self) -> Clock:
+        """The mission's clock."""
+        return self.mission.clock
+
+    @property
+    def variables(self) -> Variables:
+        """The variables of the tree that the node stands in."""
+        return self._variables
+
+    def place(self, path: str, variables: Variables) -> None:
+        """Give the node its place in a tree; `MissionTree` does."""
+        self.path = path
+        self._variables = variables
+
+    def setup(self, mission: MissionContext | None = None, **_kwargs: Any) -> None:
+        """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too.
+
+        Raises:
+            MissionError: no mission was given.
+        """
+        if mission is None:
+            raise MissionError(f"node '{self.path}': setup needs mission=MissionContext(...)")
+        self._mission = mission
+        try:
+            self._setup()
+        except InputError:
+            raise
+        except Exception as error:
+            raise NodeFailedError(self.path, error) from error
+
+    def _setup(self) -> None:
+        """Get ready for the first tick; for subclasses."""
+
+    # --- ports ------------------------------------------------------------------------------------
+
+    def port(self, port: Port[T]) -> T:
+        """Return a port's value: the literal, or what its reference holds now.
+
+        Raises:
+            BoardAccessError: the reference holds nothing, nothing fresh, or another type.
+        """
+        try:
+            return self._literals[port.name]  # type: ignore[no-any-return]
+        except KeyError:
+            return self._resolve(port)
+
+    def port_value(self, name: str) -> Any:
+        """Return a port's value by the port's name."""
+        try:
+            return self._literals[name]
+        except KeyError:
+            return self._resolve(self._declared(name))
+
+    def port_reading(self, port: Port[T]) -> Reading[T]:
+        """Return a port's value with its age; a missing or stale one is no error."""
+        reference = self._references.get(port.name)
+        if reference is None:
+            return Reading(self.port(port), 0.0)
+        if reference.on_board:
+            reading = self._read_board(self._board_key(reference))
+            if reading.value is None:
+                return Reading(None, reading.age_s)
+            return Reading(self._converted(port, reading.value), reading.age_s)
+        entry = self._variables.entry(reference.key)
+        if entry is None:
+            return Reading(None, float("inf"))
+        return Reading(self._converted(port, entry.value), 0.0)
+
+    def set_port(self, port: Port[T], value: T) -> None:
+        """Write an output port's variable or board key."""
+        reference = self._references[port.name]
+        if reference.on_board:
+            self._write_board(self._board_key(reference), value)
+        else:
+            self._variables[reference.key] = value
+
+    def _declared(self, name: str) -> Port[Any]:
+        for port in self.ports:
+            if port.name == name:
+                return port
+        raise BoardAccessError(f"node '{self.path}' declares no port '{name}'")
+
+    def _resolve(self, port: Port[T]) -> T:
+        if port.name not in self._references:
+            raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
+        reading = self.port_reading(port)
+        if reading.value is None:
+            raise BoardAccessError(
+                f"node '{self.path}', port '{port.name}': {self._references[port.name]} "
+                f"holds nothing fresh (age {reading.age_s:.2f} s)"
+            )
+        return reading.value
+
+    def _converted(self, port: Port[T], value: object) -> T:
+        try:
+            return port.convert(value)
+        except ValueError as error:
+            raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
+
+    def _board_key(self, reference: Reference) -> Key[Any]:
+        return self.mission.board.key(reference.key)
+
+    def _read_board(self, key: Key[T]) -> Reading[T]:
+        return self.mission.board.read(key)
+
+    def _write_board(self, key: Key[T], value: T) -> None:
+        self.mission.board.write(key, value)
+
+    # --- the tick ---------------------------------------------------------------------------------
+
+    def execute_tick(self) -> Status:
+        """Tick once and answer SUCCESS, FAILURE, RUNNING or SKIPPED.
+
+        Raises:
+            NodeFailedError: an exception came out of this node or of one below it.
+        """
+        try:
+            status = self._tick()
+        except NodeFailedError:
+            raise
+        except Exception as error:
+            raise NodeFailedError(self.path, error) from error
+        if status is not SKIPPED:
+            self.status = status
+        if self._visits is not None:
+            self._visits.append((self, status))
+        return status
+
+    def halt(self) -> None:
+        """Stop what is going on below and here; leaves that run are told.
+
+        Raises:
+            NodeFailedError: a leaf's `terminate` raised.
+        """
+        try:
+            self._halt()
+        except NodeFailedError:
+            raise
+        except Exception as error:
+            raise NodeFailedError(self.path, error) from error
+
+    def reset(self) -> None:
+        """Halt when running, then stand idle."""
+        if self.status is RUNNING:
+            self.halt()
+        self.status = IDLE
+
+    def _tick(self) -> Status:
+        raise NotImplementedError
+
+    def _halt(self) -> None:
+        for child in self.children:
+            child.reset()
+        self.status = IDLE
+
+    # --- py_trees' side ---------------------------------------------------------------------------
+
+    def update(self) -> Status:
+        """Never called: nodes that are no leaves decide in `_tick`."""
+        return IDLE
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick as py_trees does, yielding every ticked node, children first, for its visitors.
+
+        Each node shows the status that its tick answered while it is being visited.
+        """
+        if self.status is SUCCESS or self.status is FAILURE:
+            self.reset()
+        visits: list[tuple[Node, Status]] = []
+        self._record_visits(visits)
+        try:
+            self.execute_tick()
+        finally:
+            self._record_visits(None)
+        for node, answered in visits:
+            standing, node.status = node.status, answered
+            yield node
+            node.status = standing
+
+    def _record_visits(self, visits: list[tuple[Node, Status]] | None) -> None:
+        self._visits = visits
+        for child in self.children:
+            child._record_visits(visits)  # noqa: SLF001  # of the same class
+
+    def stop(self, new_status: Status = IDLE) -> None:
+        """Stop from outside, as py_trees' composites do."""
+        if new_status is IDLE:
+            self.reset()
+        else:
+            self.status = new_status

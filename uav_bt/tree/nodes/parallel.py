@@ -1,0 +1,71 @@
+"""Nodes that tick all their children at every tick."""
+
+from __future__ import annotations
+
+from uav_bt.errors import MissionError
+from uav_bt.tree.nodes.control import ControlNode
+from uav_bt.tree.port import Port
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
+
+__all__ = ["Parallel"]
+
+
+def _threshold(count: int, children: int) -> int:
+    """Return a threshold; negative counts from the end, so that -1 means all."""
+    return max(children + count + 1, 0) if count < 0 else count
+
+
+class Parallel(ControlNode):
+    """Ticks all its children until enough have succeeded or too many have failed."""
+
+    SUCCESS_COUNT = Port(
+        "success_count", int, default=-1, doc="how many must succeed; -1: all, -2: all but one"
+    )
+    FAILURE_COUNT = Port(
+        "failure_count", int, default=1, doc="how many failures end it; -1: all, -2: all but one"
+    )
+    ports = (SUCCESS_COUNT, FAILURE_COUNT)
+
+    _successes = 0
+    _failures = 0
+
+    def _tick(self) -> Status:
+        children = self.children
+        count = len(children)
+        success_count = self.port(self.SUCCESS_COUNT)
+        needed = _threshold(success_count, count)
+        fatal = _threshold(self.port(self.FAILURE_COUNT), count)
+        if max(needed, fatal) > count:
+            raise MissionError(
+                f"success_count and failure_count must not exceed the {count} children, "
+                f"got {needed} and {fatal}"
+            )
+        self.status = RUNNING
+        skipped = 0
+        for child in children:
+            # A child that finished keeps its status until all are reset, and is passed over.
+            if child.status is not SUCCESS and child.status is not FAILURE:
+                status = child.execute_tick()
+                if status is SKIPPED:
+                    skipped += 1
+                elif status is SUCCESS:
+                    self._successes += 1
+                elif status is FAILURE:
+                    self._failures += 1
+            spared = skipped if success_count < 0 else 0
+            if self._successes + spared >= needed:
+                return self._finish(SUCCESS)
+            if count - self._failures < needed or self._failures == fatal:
+                return self._finish(FAILURE)
+        return SKIPPED if skipped == count else RUNNING
+
+    def _finish(self, status: Status) -> Status:
+        self._successes = 0
+        self._failures = 0
+        self._reset_children()
+        return status
+
+    def _halt(self) -> None:
+        self._successes = 0
+        self._failures = 0
+        super()._halt()

@@ -1,0 +1,98 @@
+"""Sequences: every child has to succeed."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from uav_bt.tree.nodes.control import ControlNode
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+
+__all__ = ["AsyncSequence", "ReactiveSequence", "Sequence", "SequenceWithMemory"]
+
+
+class Sequence(ControlNode):
+    """Ticks its children one after another; fails with the first that fails, then starts over."""
+
+    _yields: ClassVar[bool] = False  # a tick ends after each child that finished at once
+    _restarts: ClassVar[bool] = True  # a failure forgets how far it was
+
+    _index = 0
+    _skipped = 0
+
+    def _tick(self) -> Status:
+        children = self.children
+        count = len(children)
+        if self.status is IDLE:
+            self._skipped = 0
+        self.status = RUNNING
+        while self._index < count:
+            child = children[self._index]
+            was_idle = child.status is IDLE
+            status = child.execute_tick()
+            if status is RUNNING:
+                return RUNNING
+            if status is FAILURE:
+                self._fail()
+                return FAILURE
+            self._index += 1
+            if status is SKIPPED:
+                self._skipped += 1
+            elif self._yields and was_idle and self._index < count:
+                return RUNNING
+        all_skipped = self._skipped == count
+        self._reset_children()
+        self._index = 0
+        self._skipped = 0
+        return SKIPPED if all_skipped else SUCCESS
+
+    def _fail(self) -> None:
+        if self._restarts:
+            self._reset_children()
+            self._index = 0
+        else:
+            for child in self.children[self._index :]:
+                child.reset()
+
+    def _halt(self) -> None:
+        if self._restarts:
+            self._index = 0
+            self._skipped = 0
+        super()._halt()
+
+
+class AsyncSequence(Sequence):
+    """A Sequence that answers RUNNING after each child that succeeded at once."""
+
+    _yields = True
+
+
+class SequenceWithMemory(Sequence):
+    """A Sequence that goes on, after a failure or a halt, with the child it had reached."""
+
+    _yields = True
+    _restarts = False
+
+
+class ReactiveSequence(ControlNode):
+    """Asks all children again at every tick; a running child halts the others."""
+
+    def _tick(self) -> Status:
+        children = self.children
+        all_skipped = True
+        self.status = RUNNING
+        for child in children:
+            status = child.execute_tick()
+            if status is SKIPPED:
+                child.reset()
+                continue
+            all_skipped = False
+            if status is RUNNING:
+                for other in children:
+                    if other is not child:
+                        other.reset()
+                return RUNNING
+            if status is FAILURE:
+                self._reset_children()
+                return FAILURE
+        self._reset_children()
+        return SKIPPED if all_skipped else SUCCESS

@@ -1,0 +1,94 @@
+"""Nodes that wait. They read the mission's clock, at every tick."""
+
+from __future__ import annotations
+
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.port import Port
+from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS, Status
+
+__all__ = ["Delay", "Sleep", "Timeout"]
+
+# Times are sums of ticks, and their last digits are nobody's intention.
+_HAIR_S = 1e-9
+
+
+def _not_negative(value: int) -> None:
+    if value < 0:
+        raise ValueError(f"expected milliseconds, 0 or more; got {value}")
+
+
+class Timeout(DecoratorNode):
+    """Halts its child and fails when the child still runs after so long."""
+
+    MSEC = Port("msec", int, doc="milliseconds; 0: no limit", check=_not_negative)
+    ports = (MSEC,)
+
+    _deadline_s: float | None = None  # None: not started
+    _expired = False
+
+    def _tick(self) -> Status:
+        limit_msec = self.port(self.MSEC)
+        now_s = self.clock.now()
+        if self._deadline_s is None:
+            self._deadline_s = now_s + limit_msec / 1000 if limit_msec > 0 else float("inf")
+            self._expired = False
+            self.status = RUNNING
+        if not self._expired and now_s >= self._deadline_s - _HAIR_S:
+            # The engine's timer strikes once; a child that is not running then is left alone.
+            self._expired = True
+            if self.child.status is RUNNING:
+                self.child.reset()
+                self._deadline_s = None
+                return FAILURE
+        status = self.child.execute_tick()
+        if status is SUCCESS or status is FAILURE:
+            self._deadline_s = None
+        return status
+
+    def _halt(self) -> None:
+        self._deadline_s = None
+        super()._halt()
+
+
+class Delay(DecoratorNode):
+    """Waits so long before it ticks its child."""
+
+    DELAY_MSEC = Port("delay_msec", int, doc="milliseconds", check=_not_negative)
+    ports = (DELAY_MSEC,)
+
+    _start_at_s: float | None = None  # None: not waiting
+
+    def _tick(self) -> Status:
+        delay_msec = self.port(self.DELAY_MSEC)
+        now_s = self.clock.now()
+        if self._start_at_s is None:
+            self._start_at_s = now_s + delay_msec / 1000
+            self.status = RUNNING
+        if now_s < self._start_at_s - _HAIR_S:
+            return RUNNING
+        status = self.child.execute_tick()
+        if status is SUCCESS or status is FAILURE:
+            self._start_at_s = None
+        return status
+
+    def _halt(self) -> None:
+        self._start_at_s = None
+        super()._halt()
+
+
+class Sleep(Leaf):
+    """Runs for so long, then succeeds."""
+
+    MSEC = Port("msec", int, doc="milliseconds", check=_not_negative)
+    ports = (MSEC,)
+
+    _end_s = 0.0
+
+    def initialise(self) -> None:
+        """Note when to wake."""
+        self._end_s = self.clock.now() + self.port(self.MSEC) / 1000
+
+    def update(self) -> Status:
+        """Succeed when the time has come."""
+        return RUNNING if self.clock.now() < self._end_s - _HAIR_S else SUCCESS

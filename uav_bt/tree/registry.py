@@ -1,0 +1,98 @@
+"""Which nodes there are: the format's own and those that installed packages contribute."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from uav_bt import plugins
+from uav_bt.board import MISSION_KEYS
+from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes import BUILTIN_NODES
+
+__all__ = ["NodeRegistry"]
+
+
+class NodeRegistry:
+    """Node classes by their id. Holds the format's own from the start.
+
+    Args:
+        nodes: further classes to register.
+    """
+
+    def __init__(self, nodes: Iterable[type[Node]] = ()) -> None:
+        self._nodes: dict[str, type[Node]] = {}
+        for node in (*BUILTIN_NODES, *nodes):
+            self.register(node)
+
+    @classmethod
+    def installed(cls) -> NodeRegistry:
+        """Return a registry with the nodes of all installed packages.
+
+        An entry point of the group `uav_bt.behaviours` names an iterable of node classes.
+
+        Raises:
+            InputError: a package's entry point is broken, or two packages use one name.
+        """
+        registry = cls()
+        for name in plugins.names(plugins.BEHAVIOURS):
+            loaded = plugins.load(plugins.BEHAVIOURS, name)
+            if not isinstance(loaded, Iterable):
+                raise InputError(
+                    f"entry point '{name}' of group '{plugins.BEHAVIOURS}' must name an iterable "
+                    f"of node classes, got {type(loaded).__name__}"
+                )
+            for node in loaded:
+                registry.register(node)
+        return registry
+
+    def register(self, node: type[Node]) -> type[Node]:
+        """Add a node class; usable as a decorator.
+
+        Raises:
+            InputError: it is no node class, or its id is taken.
+        """
+        if not (isinstance(node, type) and issubclass(node, Node)):
+            raise InputError(f"expected a node class to register, got {node!r}")
+        known = self._nodes.setdefault(node.node_id, node)
+        if known is not node:
+            raise InputError(
+                f"node '{node.node_id}' is registered twice: by {_origin(known)} and by "
+                f"{_origin(node)}; set another node_id on one of them"
+            )
+        return node
+
+    def __getitem__(self, node_id: str) -> type[Node]:
+        """Return a node class.
+
+        Raises:
+            UnknownNameError: nobody registered one of that name.
+        """
+        try:
+            return self._nodes[node_id]
+        except KeyError:
+            raise UnknownNameError("node", node_id, self._nodes) from None
+
+    def __contains__(self, node_id: object) -> bool:
+        """Return whether a node of that id is known."""
+        return node_id in self._nodes
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over all ids, in alphabetical order."""
+        return iter(sorted(self._nodes))
+
+    @property
+    def board_keys(self) -> dict[str, Key[object]]:
+        """The mission keys and those that registered leaves declare, by name."""
+        keys: dict[str, Key[object]] = {key.name: key for key in MISSION_KEYS}
+        for node in self._nodes.values():
+            if issubclass(node, Leaf):
+                for key in (*node.reads, *node.writes):
+                    keys.setdefault(key.name, key)
+        return keys
+
+
+def _origin(node: type[Node]) -> str:
+    return f"{node.__module__}.{node.__qualname__}"

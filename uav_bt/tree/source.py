@@ -1,0 +1,141 @@
+"""Reading XML as data and nothing else: bounded, without entities, with every position kept.
+
+Expat is used instead of a whole XML library because it tells line *and* column of every element,
+and because a document type declaration, which all entity attacks need, can be refused the moment
+it begins.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+from xml.parsers import expat
+
+from uav_bt.errors import TreeError
+from uav_bt.tree.findings import Position
+
+__all__ = ["MAX_BYTES", "MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_source", "read_source"]
+
+MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
+MAX_DEPTH: Final = 100  # deeper trees would meet Python's own recursion limit when ticked
+MAX_ELEMENTS: Final = 20_000
+
+_ATTRIBUTE: Final = re.compile(rb"([^\s=<>/\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')", re.DOTALL)
+
+
+@dataclass
+class Element:
+    """An XML element with its positions in the file."""
+
+    tag: str
+    attributes: dict[str, str]
+    position: Position
+    attribute_positions: dict[str, Position]
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+
+    def at(self, attribute: str) -> Position:
+        """Return where an attribute stands, or where the element does when it has none such."""
+        return self.attribute_positions.get(attribute, self.position)
+
+
+class _RefusedError(Exception):
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message
+
+
+class _Builder:
+    def __init__(self, data: bytes) -> None:
+        self.root: Element | None = None
+        self._data = data
+        self._open: list[Element] = []
+        self._count = 0
+        self.parser = expat.ParserCreate()
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._text
+        self.parser.StartDoctypeDeclHandler = self._doctype
+
+    def here(self) -> Position:
+        return Position(self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
+
+    def _doctype(self, *_arguments: object) -> None:
+        raise _RefusedError("document type declarations and entities are not allowed")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._count += 1
+        if self._count > MAX_ELEMENTS:
+            raise _RefusedError(f"more than {MAX_ELEMENTS} elements")
+        if len(self._open) >= MAX_DEPTH:
+            raise _RefusedError(f"elements are nested deeper than {MAX_DEPTH}")
+        element = Element(tag, attributes, self.here(), self._locate(attributes))
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self.root = element
+        self._open.append(element)
+
+    def _locate(self, attributes: dict[str, str]) -> dict[str, Position]:
+        if not attributes:
+            return {}
+        start = self.parser.CurrentByteIndex
+        here = self.here()
+        found: dict[str, Position] = {}
+        at = self._data.index(b"<", start) + 1
+        for match in _ATTRIBUTE.finditer(self._data, at):
+            before = self._data[start : match.start()]
+            newlines = before.count(b"\n")
+            tail = before.rpartition(b"\n")[2].decode(errors="replace")
+            column = len(tail) + (here.column if newlines == 0 else 1)
+            found[match[1].decode(errors="replace")] = Position(here.line + newlines, column)
+            if len(found) >= len(attributes):
+                break
+        return found
+
+    def _end(self, _tag: str) -> None:
+        self._open.pop()
+
+    def _text(self, text: str) -> None:
+        self._open[-1].text += text
+
+
+def read_source(path: Path) -> bytes:
+    """Return a tree file's bytes.
+
+    Raises:
+        TreeError: there is no such file, it cannot be read or it is too large.
+    """
+    try:
+        if not path.is_file():
+            raise TreeError(path, [f"{path}: no such file"])
+        if path.stat().st_size > MAX_BYTES:
+            raise TreeError(path, [f"{path}: larger than {MAX_BYTES} bytes"])
+        return path.read_bytes()
+    except OSError as error:
+        raise TreeError(path, [f"{path}: cannot be read: {error.strerror}"]) from error
+
+
+def parse_source(data: bytes, path: Path | str) -> Element:
+    """Return the root element of a document.
+
+    Raises:
+        TreeError: it is no well-formed XML, or has what a tree file must not have.
+    """
+    if len(data) > MAX_BYTES:
+        raise TreeError(path, [f"{path}: larger than {MAX_BYTES} bytes"])
+    builder = _Builder(data)
+    try:
+        builder.parser.Parse(data, True)
+    except expat.ExpatError as error:
+        where = Position(error.lineno, error.offset + 1)
+        reason = expat.errors.messages[error.code]
+        raise TreeError(path, [f"{path}:{where}: not well-formed XML: {reason}"]) from error
+    except (_RefusedError, LookupError, ValueError) as error:
+        raise TreeError(path, [f"{path}:{builder.here()}: {error}"]) from error
+    if builder.root is None:
+        raise TreeError(path, [f"{path}:1:1: no root element"])
+    return builder.root
