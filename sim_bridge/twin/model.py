@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin import textures
-from sim_bridge.twin.scene import CARPET_SIZE_M, ROOM_SIZE_M, BoxSpec, Helipad, Scene
+from sim_bridge.twin.scene import CARPET_SIZE_M, ROOM_SIZE_M, BoxSpec, Helipad, Lighting, Scene
 
 __all__ = ["HULL_HALF_M", "HULL_MASS_KG", "PHYSICS_STEP_S", "LabModel", "build_model"]
 
@@ -102,9 +102,9 @@ class _Builder:
 
     def room(self, scene: Scene) -> None:
         half = [size / 2 for size in ROOM_SIZE_M]
-        self._plain("floor", 0.47, 310)
-        self._plain("wall", 0.74, 311)
-        self._plain("ceiling", 0.85, 312)
+        self._plain("floor", 0.50, 310)
+        self._plain("wall", 0.84, 311)
+        self._plain("ceiling", 0.92, 312)
         hx, hy, hz = half
         middle = hz + _FLOOR_M
         slabs = {
@@ -117,22 +117,42 @@ class _Builder:
         }
         for name, (size, position) in slabs.items():
             material = name.split("-")[0]
-            self._mesh(f"{name}/seen", size, position, 0.0, material, 0, tile_m=(5.0, 5.0))
+            self._mesh(
+                f"{name}/seen",
+                size,
+                position,
+                0.0,
+                material=material,
+                class_id=0,
+                tile_m=(5.0, 5.0),
+            )
             self._hit(name, size, position, 0.0)
         self._texture("carpet", textures.carpet())
         size = (CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2, -_FLOOR_M / 2)
         place = (0.0, 0.0, _FLOOR_M / 2)
-        self._mesh("carpet/seen", size, place, 0.0, "carpet", 1, tile_m=CARPET_SIZE_M)
+        self._mesh(
+            "carpet/seen", size, place, 0.0, material="carpet", class_id=1, tile_m=CARPET_SIZE_M
+        )
         self._hit("carpet", size, place, 0.0)
-        light = self.spec.worldbody.add_light(name="lamp")
-        light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        light.dir = scene.lighting.direction
-        light.pos = [-4.0 * d for d in scene.lighting.direction]
-        light.castshadow = scene.lighting.shadows
-        ambient = scene.lighting.ambient
-        light.ambient = (ambient, ambient, ambient)
-        light.diffuse = (1.0 - ambient,) * 3
-        light.specular = (0.0, 0.0, 0.0)
+        self._lights(scene.lighting)
+
+    def _lights(self, lighting: Lighting) -> None:
+        """Hang the lamp, and a weak one opposite that keeps the sides turned away from flatness."""
+        x, y, z = lighting.direction
+        share = 1.0 - lighting.ambient
+        lamps = {
+            "lamp": ((x, y, z), lighting.ambient, 0.85 * share, lighting.shadows),
+            "fill": ((-1.5 * x, -1.5 * y, 0.5 * z), 0.0, 0.50 * share, False),
+        }
+        for name, (direction, ambient, diffuse, shadows) in lamps.items():
+            light = self.spec.worldbody.add_light(name=name)
+            light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+            light.dir = direction
+            light.pos = [-4.0 * value for value in direction]
+            light.castshadow = shadows
+            light.ambient = (ambient,) * 3
+            light.diffuse = (diffuse,) * 3
+            light.specular = (0.0, 0.0, 0.0)
 
     def helipad(self, pad: Helipad) -> None:
         self._texture("stripes", textures.stripes())
@@ -142,11 +162,25 @@ class _Builder:
         at = pad.position_m
         body = (*at, z - _PAPER_M / 2)
         self._mesh(
-            "helipad/sides", (x, y, z - _PAPER_M / 2), body, yaw, "stripes", 3, tile_m=(0.2, 0.2)
+            "helipad/sides",
+            (x, y, z - _PAPER_M / 2),
+            body,
+            yaw,
+            material="stripes",
+            class_id=3,
+            tile_m=(0.2, 0.2),
         )
         sheet = (_H_SHARE * x, _H_SHARE * y, _PAPER_M / 2)
         top = (*at, 2 * z - _PAPER_M / 2)
-        self._mesh("helipad/h", sheet, top, yaw, "h", 2, tile_m=(2 * sheet[0], 2 * sheet[1]))
+        self._mesh(
+            "helipad/h",
+            sheet,
+            top,
+            yaw,
+            material="h",
+            class_id=2,
+            tile_m=(2 * sheet[0], 2 * sheet[1]),
+        )
         self._hit("helipad", (x, y, z), (*at, z), yaw)
 
     def box(self, box: BoxSpec) -> None:
@@ -159,11 +193,23 @@ class _Builder:
         tile = (textures.TILE_M, textures.TILE_M)
         body = (*at, z - _PAPER_M / 2)
         self._mesh(
-            f"{name}/side", (x, y, z - _PAPER_M / 2), body, yaw, name, 3 + box.pattern, tile_m=tile
+            f"{name}/side",
+            (x, y, z - _PAPER_M / 2),
+            body,
+            yaw,
+            material=name,
+            class_id=3 + box.pattern,
+            tile_m=tile,
         )
         sheet = (*at, 2 * z - _PAPER_M / 2)
         self._mesh(
-            f"{name}/roof", (x, y, _PAPER_M / 2), sheet, yaw, roof, 11 + box.roof, tile_m=tile
+            f"{name}/roof",
+            (x, y, _PAPER_M / 2),
+            sheet,
+            yaw,
+            material=roof,
+            class_id=11 + box.roof,
+            tile_m=tile,
         )
         self._hit(name, (x, y, z), (*at, z), yaw)
 
@@ -191,9 +237,9 @@ class _Builder:
         half_m: tuple[float, float, float],
         centre_m: tuple[float, float, float],
         yaw_rad: float,
+        *,
         material: str,
         class_id: int,
-        *,
         tile_m: tuple[float, float],
     ) -> None:
         vertices, faces, coordinates = _box_mesh(half_m, tile_m)

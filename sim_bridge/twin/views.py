@@ -1,0 +1,170 @@
+"""Pictures of a lab without flying: for training networks and for measuring them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin.camera import CAMERA_FORWARD_M, CameraPose, anafi_camera
+from sim_bridge.twin.gl import choose_gl
+from sim_bridge.twin.noise import child_seed
+from sim_bridge.twin.optics import Optics
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from uav_bt.errors import ValueRangeError
+
+choose_gl()  # the modules below import MuJoCo, which settles how it draws at that moment
+
+from sim_bridge.twin.model import HULL_HALF_M, build_model  # noqa: E402  (after choose_gl)
+from sim_bridge.twin.render import Renderer  # noqa: E402  (after choose_gl)
+
+__all__ = ["CameraPose", "View", "render_views", "sample_flight_poses"]
+
+_HULL_RADIUS_M = math.hypot(HULL_HALF_M[0], HULL_HALF_M[1])
+_MARGIN_M = 0.15  # of the hull to boxes, and of the body's centre to the carpet's edge
+_TRIES = 10_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """One picture with its truth."""
+
+    image: NDArray[np.uint8]  # (H, W, 3) RGB
+    ids: NDArray[np.uint8]  # (h, w) exact class ids of the same view
+    depth: NDArray[np.float32]  # (h, w) metres along the optical axis
+    pose: CameraPose
+
+
+def render_views(
+    scene: Scene,
+    poses: Iterable[CameraPose],
+    *,
+    size_px: tuple[int, int] = (640, 360),
+    truth_size_px: tuple[int, int] | None = None,
+    profile: Profile | None = None,
+    vary_light: bool = False,
+    seed: int = 0,
+) -> Iterator[View]:
+    """Draw a lab from given places.
+
+    Args:
+        scene: the lab.
+        poses: where the camera is and looks.
+        size_px: width and height of the pictures, 16:9.
+        truth_size_px: width and height of ids and depth (the same view resized); as the pictures
+            when None.
+        profile: spoil the pictures with this profile's blur, exposure error and noise; clean when
+            None.
+        vary_light: change the lamp's direction, strength and tint from picture to picture.
+        seed: of noise, exposure and light; the same seed gives the same pictures.
+
+    Yields:
+        One view per pose, in order.
+
+    Raises:
+        MissingDependencyError: OpenGL does not work here.
+        ValueRangeError: a size cannot be drawn.
+    """
+    anafi_camera(*size_px)  # refuses other aspects
+    truth_size = truth_size_px or size_px
+    lab = build_model(scene)
+    optics = Optics(profile, *size_px, seed) if profile is not None else None
+    with Renderer(lab) as renderer:
+        light = _Light(renderer, seed) if vary_light else None
+        for index, pose in enumerate(poses):
+            if light is not None:
+                light.change(index)
+            image = renderer.rgb(pose, *size_px)
+            if optics is not None and profile is not None:
+                error = np.random.default_rng(child_seed(seed, 7, index)).standard_normal()
+                image = optics.spoil(image, index, 1.0 + profile.exposure_std * float(error))
+            ids, depth = renderer.ids_and_depth(pose, *truth_size)
+            yield View(image=image, ids=ids, depth=depth, pose=pose)
+
+
+class _Light:
+    """Redraws the lamps of a renderer around how they were."""
+
+    def __init__(self, renderer: Renderer, seed: int) -> None:
+        self._lights = list(renderer.scene.lights[: renderer.scene.nlight])
+        self._kept = [
+            (np.array(light.dir), np.array(light.ambient), np.array(light.diffuse))
+            for light in self._lights
+        ]
+        self._seed = seed
+
+    def change(self, index: int) -> None:
+        generator = np.random.default_rng(child_seed(self._seed, 8, index))
+        strength = generator.uniform(0.75, 1.15)
+        balance = generator.uniform(0.6, 1.4)  # between ambient and lamps
+        tint = 1.0 + generator.uniform(-0.03, 0.03, 3)
+        for light, (direction, ambient, diffuse) in zip(self._lights, self._kept, strict=True):
+            turned = direction + generator.normal(0.0, 0.25, 3)
+            turned[2] = min(turned[2], -0.3)
+            light.dir[:] = turned / np.linalg.norm(turned)
+            light.ambient[:] = np.clip(ambient * strength * tint / balance**0.3, 0.0, 1.0)
+            light.diffuse[:] = np.clip(diffuse * strength * tint * balance, 0.0, 1.0)
+
+
+def sample_flight_poses(
+    scene: Scene, generator: np.random.Generator, count: int
+) -> list[CameraPose]:
+    """Draw camera poses like those of a flight.
+
+    Six of seven look ahead and down 25 to 30 degrees from anywhere over the carpet, mostly at
+    1.5 m; the seventh hangs about the helipad and looks steeply down, as before a landing.
+
+    Args:
+        scene: the lab; the drone's hull stays clear of its boxes.
+        generator: where the randomness comes from.
+        count: how many.
+
+    Raises:
+        ValueRangeError: the boxes leave no room to fly.
+    """
+    return [_sample_pose(scene, generator, landing=index % 7 == 6) for index in range(count)]
+
+
+def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool) -> CameraPose:
+    half_x, half_y = CARPET_SIZE_M[0] / 2 - _MARGIN_M, CARPET_SIZE_M[1] / 2 - _MARGIN_M
+    pad_x, pad_y = scene.helipad.position_m
+    for _ in range(_TRIES):
+        if landing:
+            x, y = generator.normal((pad_x, pad_y), 0.3)
+            z = generator.uniform(0.9, 2.0)
+            pitch = math.radians(
+                generator.uniform(-90.0, -55.0) if generator.random() < 0.5 else -90
+            )
+        else:
+            x, y = generator.uniform((-half_x, -half_y), (half_x, half_y))
+            usual = generator.random() < 0.75
+            z = generator.normal(1.5, 0.05) if usual else generator.uniform(0.9, 1.7)
+            pitch = math.radians(generator.uniform(-31.0, -24.0))
+        yaw = generator.uniform(-math.pi, math.pi)
+        lens = x + CAMERA_FORWARD_M * math.cos(yaw), y + CAMERA_FORWARD_M * math.sin(yaw)
+        inside = abs(x) <= half_x and abs(y) <= half_y
+        if inside and _is_free(scene, ((x, y), lens), z):
+            return CameraPose(
+                x_m=float(lens[0]),
+                y_m=float(lens[1]),
+                z_m=float(z),
+                yaw_rad=float(yaw),
+                pitch_rad=float(pitch),
+            )
+    raise ValueRangeError(f"scene '{scene.name}': the boxes leave no room to fly; remove some")
+
+
+def _is_free(scene: Scene, points: Sequence[tuple[float, float]], z_m: float) -> bool:
+    reach = _HULL_RADIUS_M + _MARGIN_M
+    things = [(box.footprint, box.size_m[2]) for box in scene.boxes]
+    things.append((scene.helipad.footprint, scene.helipad.size_m[2]))
+    (centre, lens) = points
+    return all(
+        z_m > top + reach
+        or (footprint.distance_m(*centre) > reach and footprint.distance_m(*lens) > 0.05)
+        for footprint, top in things
+    )
