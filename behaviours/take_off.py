@@ -8,19 +8,19 @@ from behaviours.movement import Mover, Progress
 from uav_bt.board import FRAME, PHASE, STATE
 from uav_bt.mission.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import DroneState, FlyingState, GimbalTo, TakeOff
+from uav_bt.types import DroneState, FlyingState, GimbalTo
+from uav_bt.types import TakeOff as TakeOffCommand
 
-__all__ = ["TakeOffAndClimb"]
+__all__ = ["TakeOff"]
 
 _AIRBORNE = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 _HEIGHT_SLACK_M = 0.1
 _PITCH_SLACK_RAD = math.radians(2)
 
 
-class TakeOffAndClimb(Leaf):
+class TakeOff(Leaf):
     """Take off, climb to the flight height and point the camera; FAILURE when it takes too long."""
 
-    node_id = "TakeOff"
     ports = (
         Port("height_m", float, default=1.5, doc="flight height above the carpet, m"),
         Port("gimbal_deg", float, default=-28.0, doc="camera pitch in flight, degrees"),
@@ -54,7 +54,7 @@ class TakeOffAndClimb(Leaf):
             self.feedback_message = f"still {state.flying.value}"
             return Status.FAILURE
         if state.flying not in _AIRBORNE:
-            self.propose(TakeOff())
+            self.propose(TakeOffCommand())
             return Status.RUNNING
         return self._climb(state, now_s, pitch_rad)
 

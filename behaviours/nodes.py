@@ -1,0 +1,33 @@
+"""The leaves that this package contributes to tree files."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from behaviours.avoid import Avoid
+from behaviours.explore import Explore
+from behaviours.helipad_center import HelipadCenter
+from behaviours.land import EmergencyLand, Land
+from behaviours.look import HelipadKnown, HoverFor, PointCamera, Turn
+from behaviours.perceive import FindHelipad, Segment
+from behaviours.return_to_base import ReturnToBase
+from behaviours.take_off import TakeOff
+from uav_bt.tree import Leaf
+
+__all__ = ["NODES"]
+
+NODES: Final[tuple[type[Leaf], ...]] = (
+    Avoid,
+    EmergencyLand,
+    Explore,
+    FindHelipad,
+    HelipadCenter,
+    HelipadKnown,
+    HoverFor,
+    Land,
+    PointCamera,
+    ReturnToBase,
+    Segment,
+    TakeOff,
+    Turn,
+)

@@ -1,0 +1,262 @@
+"""Everything put together: the Python API behind the command line.
+
+    from uav_bt import app
+    report = app.fly("trees/explore_and_land_segmentation.xml", scene="test-a", seed=7)
+    print(report.outcome)
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+
+from uav_bt import plugins
+from uav_bt.board import MISSION_KEYS
+from uav_bt.errors import FileError, InputError, NodeFailedError
+from uav_bt.mission.arbiter import Limits, Proposals
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
+from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
+from uav_bt.protocols import Drone, DroneOptions, LeafPolicy, Referee, Segmenter
+from uav_bt.report.flight_report import FlightLog, FlightReport, write_report
+from uav_bt.tree import MissionTree, NodeRegistry, load_tree
+from uav_bt.types import ClassMap, Frame
+
+__all__ = [
+    "ExactSegmenter",
+    "FlightOptions",
+    "check",
+    "fly",
+    "make_drone",
+    "make_policy",
+    "resolve_tree",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightOptions:
+    """How a mission is flown."""
+
+    scene: str | None = None  # a scene's name or file; the twin's default when None
+    seed: int = 0  # of everything random
+    drone: str = "twin"  # a registered drone, NAME or NAME:ADDRESS
+    profile: str = "lab"  # how imperfect the twin is
+    policies: Mapping[str, str] = field(default_factory=dict)  # node's name or path -> policy
+    image_size_px: tuple[int, int] = (640, 360)  # width, height
+    realtime: bool = False
+    inference_threads: int = 1  # one, so that a flight does not depend on the load
+    exact_masks: bool = False  # simulated drones: fly on the referee's masks instead of a network
+    limits: Limits = field(default_factory=Limits)
+    runner: RunnerConfig = field(default_factory=RunnerConfig)
+    judge: JudgeConfig = field(default_factory=JudgeConfig)
+
+
+class ExactSegmenter:
+    """The twin's exact class ids as a segmenter: for evaluations, never for a mission's result."""
+
+    def __init__(self, referee: Referee, size_px: tuple[int, int] = (224, 112)) -> None:
+        self._referee = referee
+        self._size_px = size_px
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the exact class map of a delivered frame."""
+        ids = self._referee.class_ids(frame, *self._size_px)
+        return ClassMap(ids=np.ascontiguousarray(ids), captured_s=frame.captured_s)
+
+
+def make_policy(name: str) -> LeafPolicy:
+    """Return a leaf policy by its registered name.
+
+    Raises:
+        UnknownNameError: nobody registered it.
+    """
+    policy = plugins.load(plugins.POLICIES, name)()
+    if not isinstance(policy, LeafPolicy):
+        raise InputError(f"policy '{name}' has no `decide`: {policy!r}")
+    return policy
+
+
+def make_drone(options: FlightOptions) -> Drone:
+    """Return an unconnected drone.
+
+    Raises:
+        UnknownNameError: nobody registered the drone.
+        InputError: the drone refuses the options.
+    """
+    name, _, address = options.drone.partition(":")
+    factory = plugins.load(plugins.DRONES, name)
+    drone: Drone = factory(
+        DroneOptions(
+            address=address or None,
+            scene=options.scene,
+            seed=options.seed,
+            profile=options.profile,
+            image_size_px=options.image_size_px,
+            realtime=options.realtime,
+        )
+    )
+    return drone
+
+
+def resolve_tree(tree: str | Path) -> Path:
+    """Return a tree file: a path, or the name of a shipped mission.
+
+    Raises:
+        FileError: there is neither.
+    """
+    path = Path(tree)
+    if path.is_file():
+        return path
+    from importlib import resources  # noqa: PLC0415 - only needed outside a checkout
+
+    folder = Path(str(resources.files("trees")))
+    shipped = folder / f"{path.stem}.xml"
+    # A name with a folder in it means that very file, which does not exist.
+    if path.parent in (Path(), Path("trees")) and shipped.is_file():
+        return shipped
+    known = ", ".join(sorted(file.stem for file in folder.glob("*.xml")))
+    raise FileError(path, f"no such tree file, nor a shipped mission of that name ({known})")
+
+
+def check(tree: str | Path, registry: NodeRegistry | None = None) -> MissionTree:
+    """Load a tree file and return it.
+
+    Raises:
+        TreeError: the file was refused; the error holds all findings.
+    """
+    return load_tree(resolve_tree(tree), registry)
+
+
+@contextmanager
+def _landing_on_interrupt(runner: MissionRunner) -> Iterator[None]:
+    """Turn Ctrl-C and SIGTERM into a landing; a second one gets through."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def restore() -> None:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+    def land(number: int, frame: FrameType | None) -> None:
+        del frame
+        restore()
+        runner.request_abort(f"stopped by {signal.Signals(number).name}")
+
+    for number in previous:
+        signal.signal(number, land)
+    try:
+        yield
+    finally:
+        restore()
+
+
+def fly(
+    tree: str | Path,
+    options: FlightOptions | None = None,
+    *,
+    report: Path | None = None,
+    listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None = None,
+) -> FlightReport:
+    """Fly a mission and return its report.
+
+    Args:
+        tree: a tree file, or the name of a shipped mission.
+        options: how to fly it.
+        report: where to write the report as JSON; it is also written when the mission fails.
+        listeners: makes what follows the flight tick by tick (displays, videos, records); called
+            with the connected drone.
+
+    Raises:
+        InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
+        NodeFailedError: a leaf raised; the drone was landed and the report written.
+    """
+    options = options or FlightOptions()
+    path = resolve_tree(tree)
+    overrides = {node: {"policy": policy} for node, policy in options.policies.items()}
+    mission = load_tree(path, overrides=overrides)
+    if report is not None and not report.parent.is_dir():
+        raise FileError(report, f"folder {report.parent} does not exist; create it first")
+    drone = make_drone(options)
+    drone.connect()
+    try:
+        return _fly_connected(mission, path, drone, options, report, listeners)
+    finally:
+        drone.disconnect()
+
+
+def _fly_connected(
+    mission: MissionTree,
+    path: Path,
+    drone: Drone,
+    options: FlightOptions,
+    report_path: Path | None,
+    listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None,
+) -> FlightReport:
+    context = MissionContext(
+        board=Blackboard(drone.clock, MISSION_KEYS),
+        clock=drone.clock,
+        proposals=Proposals(),
+        policy=make_policy,
+        seed=options.seed,
+        inference_threads=options.inference_threads,
+        segmenter=_exact_segmenter(drone) if options.exact_masks else None,
+    )
+    mission.setup(context)
+    log = FlightLog()
+    followers = [log, *(listeners(drone, context) if listeners else ())]
+    runner = MissionRunner(
+        drone,
+        mission,
+        context,
+        Judge(options.judge),
+        limits=options.limits,
+        config=options.runner,
+        listeners=followers,
+    )
+
+    def finish(verdict: Verdict) -> FlightReport:
+        result = log.report(
+            verdict,
+            scene=options.scene,
+            seed=options.seed,
+            tree=path.name,
+            policies=_policies(mission),
+            drone=options.drone,
+            profile=options.profile if drone.referee is not None else None,
+            stage_times_s=context.stage_times_s,
+        )
+        if report_path is not None:
+            write_report(result, report_path)
+        return result
+
+    try:
+        with _landing_on_interrupt(runner):
+            verdict = runner.run()
+    except NodeFailedError as error:
+        finish(Verdict(outcome=Outcome.ERROR, reason=str(error)))
+        raise
+    return finish(verdict)
+
+
+def _exact_segmenter(drone: Drone) -> Segmenter:
+    if drone.referee is None:
+        raise InputError("exact masks need a simulated drone: a real one has no referee")
+    return ExactSegmenter(drone.referee)
+
+
+def _policies(mission: MissionTree) -> dict[str, str]:
+    return {
+        leaf.path: str(leaf.port_value("policy"))
+        for leaf in mission.leaves()
+        if any(port.name == "policy" for port in leaf.ports)
+    }

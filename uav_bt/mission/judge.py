@@ -1,0 +1,142 @@
+"""When a flight has ended, and how. The first violation ends it."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.tree import Status
+from uav_bt.types import DroneState, FlyingState, Truth
+
+__all__ = ["Judge", "JudgeConfig", "Outcome", "Verdict"]
+
+
+class Outcome(enum.Enum):
+    """What a flight ends as."""
+
+    SUCCESS = "success"
+    COLLISION = "collision"
+    LEFT_AREA = "left_area"
+    TIMEOUT = "timeout"
+    ABORTED = "aborted"  # an emergency landing or an operator's stop
+    ERROR = "error"  # a fault of ours
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The outcome with its reason, one line for people."""
+
+    outcome: Outcome
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgeConfig:
+    """The rules of a flight."""
+
+    time_limit_s: float = 300.0  # from the take-off command
+    # Without a take-off command a mission ends as well: a tree that never flies.
+    patience_s: float = 60.0
+    landing_surfaces: tuple[str, ...] = ("helipad", "carpet")  # geoms' names begin with these
+    must_land_on_pad: bool = True  # False for missions that end elsewhere
+
+    def __post_init__(self) -> None:
+        if self.time_limit_s <= 0.0:
+            raise ValueRangeError(f"the time limit must be positive, got {self.time_limit_s}")
+
+
+_MAY_TOUCH_GROUND = frozenset({FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING})
+
+
+class Judge:
+    """Watches a flight; knows the truth where there is a referee, and the telemetry otherwise."""
+
+    def __init__(self, config: JudgeConfig | None = None) -> None:
+        self._config = config or JudgeConfig()
+        self._took_off_s: float | None = None
+        self._started_s: float | None = None
+        self._flew = False
+
+    def took_off(self, time_s: float) -> None:
+        """Note the take-off command; only the first counts."""
+        if self._took_off_s is None:
+            self._took_off_s = time_s
+
+    @property
+    def took_off_s(self) -> float | None:
+        """When the take-off was commanded."""
+        return self._took_off_s
+
+    def elapsed(self, now_s: float) -> float:
+        """Return seconds since the take-off command, 0 before it."""
+        return 0.0 if self._took_off_s is None else now_s - self._took_off_s
+
+    def verdict(
+        self,
+        now_s: float,
+        state: DroneState,
+        truth: Truth | None,
+        tree_status: Status,
+        *,
+        abort_reason: str | None,
+    ) -> Verdict | None:
+        """Return how the flight ended, None while it goes on."""
+        if self._started_s is None:
+            self._started_s = now_s
+        landed = state.flying is FlyingState.LANDED
+        self._flew = self._flew or not landed
+        violation = self._violation(now_s, state, truth)
+        if violation is not None:
+            return violation
+        if abort_reason is not None:
+            if landed:
+                return Verdict(outcome=Outcome.ABORTED, reason=abort_reason)
+            return None
+        if tree_status in (Status.SUCCESS, Status.FAILURE):
+            return self._mission_ended(tree_status, truth, landed=landed)
+        return None
+
+    def _violation(self, now_s: float, state: DroneState, truth: Truth | None) -> Verdict | None:
+        if truth is not None:
+            hit = self._hit(state, truth)
+            if hit is not None:
+                return Verdict(outcome=Outcome.COLLISION, reason=f"touched {hit}")
+            if self._took_off_s is not None and not truth.inside_carpet:
+                return Verdict(
+                    outcome=Outcome.LEFT_AREA,
+                    reason=f"left the carpet at ({truth.pose.x_m:.2f}, {truth.pose.y_m:.2f}) m",
+                )
+        if self.elapsed(now_s) > self._config.time_limit_s:
+            return Verdict(
+                outcome=Outcome.TIMEOUT, reason=f"not over after {self._config.time_limit_s:.0f} s"
+            )
+        waited_s = now_s - (self._started_s if self._started_s is not None else now_s)
+        if self._took_off_s is None and waited_s > self._config.patience_s:
+            return Verdict(
+                outcome=Outcome.TIMEOUT, reason=f"no take-off within {waited_s:.0f} s"
+            )
+        return None
+
+    def _hit(self, state: DroneState, truth: Truth) -> str | None:
+        for geom in truth.contacts:
+            landing_surface = geom.startswith(self._config.landing_surfaces)
+            if not (landing_surface and state.flying in _MAY_TOUCH_GROUND):
+                return geom
+        return None
+
+    def _mission_ended(
+        self, status: Status, truth: Truth | None, *, landed: bool
+    ) -> Verdict | None:
+        if not landed:
+            return None  # the runner brings it down, which aborts the flight
+        if not self._flew:
+            return Verdict(outcome=Outcome.ABORTED, reason="the tree ended without a take-off")
+        if status is Status.FAILURE:
+            return Verdict(outcome=Outcome.ABORTED, reason="the tree failed; landed")
+        if truth is not None and self._config.must_land_on_pad and not truth.on_helipad:
+            return Verdict(
+                outcome=Outcome.ABORTED,
+                reason=f"landed {truth.landing_error_m:.2f} m from the helipad's centre",
+            )
+        return Verdict(outcome=Outcome.SUCCESS, reason="landed")

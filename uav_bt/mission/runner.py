@@ -1,0 +1,189 @@
+"""The runner: observe, tick, arbitrate, send, again, until the flight has ended."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, PHASE, STATE
+from uav_bt.errors import ValueRangeError
+from uav_bt.mission.arbiter import Arbiter, Limits, Override
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.judge import Judge, Verdict
+from uav_bt.protocols import Drone
+from uav_bt.tree import MissionTree, Status
+from uav_bt.types import Command, FlyingState, Observation, TakeOff, Truth
+
+__all__ = ["MissionRunner", "RunnerConfig", "TickListener", "TickRecord"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunnerConfig:
+    """How a mission is run."""
+
+    tick_s: float = 0.1  # the plan's tick in simulation
+    # After a fault or an abort the drone is landed; this long, then it is left to its own rules.
+    landing_grace_s: float = 20.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tick_s <= 1.0:
+            raise ValueRangeError(f"a tick must last more than 0 and at most 1 s: {self.tick_s}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickRecord:
+    """Everything that happened in one tick; what records, reports, displays and videos are fed."""
+
+    index: int
+    time_s: float
+    observation: Observation
+    tree_status: Status
+    phase: str  # what the mission leaves say they are doing; empty before they said so
+    active: tuple[str, ...]  # names from the root to the deepest running node
+    command: Command  # what was really sent
+    proposed_by: str | None
+    override: Override | None
+    compute_s: float  # wall time of tree, networks included
+    truth: Truth | None
+
+
+_OVER = frozenset({Status.SUCCESS, Status.FAILURE})
+
+
+class TickListener(Protocol):
+    """Anything that follows a flight tick by tick."""
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Take note of a tick; must not block."""
+        ...
+
+
+class MissionRunner:
+    """Flies one tree with one drone, once."""
+
+    def __init__(
+        self,
+        drone: Drone,
+        tree: MissionTree,
+        context: MissionContext,
+        judge: Judge,
+        *,
+        limits: Limits | None = None,
+        config: RunnerConfig | None = None,
+        listeners: Sequence[TickListener] = (),
+    ) -> None:
+        self._drone = drone
+        self._tree = tree
+        self._context = context
+        self._judge = judge
+        self._arbiter = Arbiter(limits or Limits())
+        self._config = config or RunnerConfig()
+        self._listeners = tuple(listeners)
+        self._index = 0
+        self._abort_reason: str | None = None
+
+    def request_abort(self, reason: str) -> None:
+        """Ask for a landing with the next tick; safe to call from a signal handler."""
+        self._abort_reason = reason
+
+    def run(self) -> Verdict:
+        """Fly until the mission has ended and return how.
+
+        Raises:
+            NodeFailedError: a leaf raised; the tree was stopped and the drone landed first.
+        """
+        verdict: Verdict | None = None
+        try:
+            while verdict is None:
+                verdict = self._tick()
+        except BaseException:
+            self._stop_and_land()
+            raise
+        self._stop_and_land()
+        return verdict
+
+    def _tick(self) -> Verdict | None:
+        clock = self._drone.clock
+        start_s = clock.now()
+        observation = self._drone.observe()
+        self._write_board(observation, start_s)
+        self._context.proposals.clear()
+
+        began = time.perf_counter()
+        status = self._tree.tick() if self._abort_reason is None else Status.INVALID
+        compute_s = time.perf_counter() - began
+        if self._abort_reason is not None:
+            self._tree.halt()
+
+        command = self._command(observation, start_s)
+        if isinstance(command.movement, TakeOff):
+            self._judge.took_off(start_s)
+        truth = self._drone.referee.truth() if self._drone.referee else None
+        record = TickRecord(
+            index=self._index,
+            time_s=start_s,
+            observation=observation,
+            tree_status=status,
+            phase=self._context.board.read(PHASE).value or "",
+            active=self._tree.active_path(),
+            command=command,
+            proposed_by=self._context.proposals.movement_owner,
+            override=self._arbiter.override,
+            compute_s=compute_s,
+            truth=truth,
+        )
+        for listener in self._listeners:
+            listener.on_tick(record)
+        self._index += 1
+        verdict = self._judge.verdict(
+            start_s, observation.state, truth, status, abort_reason=self._abort_reason
+        )
+        if status in _OVER and observation.state.flying is not FlyingState.LANDED:
+            self.request_abort(f"the tree ended with {status.name} in the air")
+        if verdict is None:
+            clock.sleep_until(start_s + self._config.tick_s)
+        return verdict
+
+    def _command(self, observation: Observation, now_s: float) -> Command:
+        frame = observation.frame
+        return self._drone.send(
+            self._arbiter.decide(
+                self._context.proposals,
+                observation.state,
+                frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
+                abort=self._abort_reason is not None,
+            )
+        )
+
+    def _write_board(self, observation: Observation, now_s: float) -> None:
+        board = self._context.board
+        state = observation.state
+        board.write(STATE, state, captured_s=state.captured_s)
+        board.write(HEIGHT, state.height_above_carpet_m, captured_s=state.captured_s)
+        board.write(ELAPSED, self._judge.elapsed(now_s))
+        board.write(CAMERA, self._drone.camera)
+        if observation.frame is not None:
+            board.write(FRAME, observation.frame, captured_s=observation.frame.captured_s)
+
+    def _stop_and_land(self) -> None:
+        """Leave nothing running, and bring the drone down if it is still up."""
+        with contextlib.suppress(Exception):  # the fault being handled is the one to report
+            self._tree.halt()
+        self._context.proposals.clear()
+        clock = self._drone.clock
+        deadline_s = clock.now() + self._config.landing_grace_s
+        while clock.now() < deadline_s:
+            now_s = clock.now()
+            state = self._drone.observe().state
+            if state.flying is FlyingState.LANDED:
+                return
+            self._drone.send(
+                self._arbiter.decide(self._context.proposals, state, frame_age_s=0.0, abort=True)
+            )
+            clock.sleep_until(now_s + self._config.tick_s)
+
+

@@ -1,0 +1,1 @@
+"""What a flight is judged by: the report of one flight."""

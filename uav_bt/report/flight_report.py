@@ -1,0 +1,201 @@
+"""The report of a flight: collected tick by tick, one JSON object at the end."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uav_bt.mission.judge import Verdict
+from uav_bt.mission.runner import TickRecord
+from uav_bt.types import TakeOff, Truth
+
+__all__ = ["FlightLog", "FlightReport", "Percentiles", "write_report"]
+
+_EXPLORE_S = 90.0  # the span of `explore_distance_m`, from the take-off command
+
+
+@dataclass(frozen=True, kw_only=True)
+class Percentiles:
+    """Milliseconds."""
+
+    p50: float
+    p99: float
+    max: float
+
+    @classmethod
+    def of_seconds(cls, values_s: Sequence[float]) -> Percentiles | None:
+        """Summarise durations, None without any."""
+        if not values_s:
+            return None
+        ms = 1000.0 * np.asarray(values_s, dtype=np.float64)
+        p50, p99 = np.percentile(ms, [50, 99])
+        return cls(p50=round(float(p50), 3), p99=round(float(p99), 3), max=round(float(ms.max()), 3))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightReport:
+    """One flight. What was not reached is None."""
+
+    scene: str | None
+    seed: int
+    tree: str
+    policies: dict[str, str]  # by node
+    drone: str
+    profile: str | None
+    outcome: str
+    reason: str
+    duration_s: float | None  # from the take-off command
+    explore_distance_m: float | None  # the first 90 s after the take-off command
+    total_distance_m: float | None
+    search_distance_m: float | None  # from the end of exploration until the helipad is found
+    time_to_find_helipad_s: float | None  # likewise
+    time_to_land_s: float | None  # from there until motors off
+    landing_error_m: float | None  # horizontal, body centre to pad centre
+    min_clearance_m: float | None  # from the hull to the nearest box
+    ticks: int
+    tick_ms: Percentiles | None
+    perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as plain JSON values."""
+        return asdict(self)
+
+
+@dataclass
+class _Marks:
+    """When the flight reached what; mission seconds."""
+
+    take_off_s: float | None = None
+    explored_s: float | None = None
+    found_s: float | None = None
+    landed_s: float | None = None
+
+
+class FlightLog:
+    """Listens to the runner and keeps what the report needs."""
+
+    def __init__(self) -> None:
+        self._marks = _Marks()
+        self._path: list[tuple[float, float]] = []  # time, metres travelled since the take-off
+        self._last_xy: tuple[float, float] | None = None
+        self._last_s: float | None = None
+        self._travelled_m = 0.0
+        self._min_clearance_m = math.inf
+        self._tick_s: list[float] = []
+        self._last_truth: Truth | None = None
+        self._end_s: float | None = None
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Take note of a tick."""
+        self._tick_s.append(record.compute_s)
+        self._end_s = record.time_s
+        marks = self._marks
+        if marks.take_off_s is None and isinstance(record.command.movement, TakeOff):
+            marks.take_off_s = record.time_s
+        if marks.take_off_s is None:
+            return
+        self._travel(record)
+        if marks.explored_s is None and record.phase in {"search", "approach"}:
+            marks.explored_s = record.time_s
+        if marks.found_s is None and record.phase == "approach":
+            marks.found_s = record.time_s
+        truth = record.truth
+        if truth is not None:
+            self._last_truth = truth
+            self._min_clearance_m = min(self._min_clearance_m, truth.clearance_m)
+            if not truth.motors_on and marks.found_s is not None:
+                marks.landed_s = record.time_s
+        elif record.phase == "land":
+            marks.landed_s = record.time_s
+
+    def _travel(self, record: TickRecord) -> None:
+        truth, state = record.truth, record.observation.state
+        if truth is not None:
+            here = (truth.pose.x_m, truth.pose.y_m)
+            if self._last_xy is not None:
+                self._travelled_m += math.dist(here, self._last_xy)
+            self._last_xy = here
+        elif self._last_s is not None:
+            speed = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
+            self._travelled_m += speed * (record.time_s - self._last_s)
+        self._last_s = record.time_s
+        self._path.append((record.time_s, self._travelled_m))
+
+    def _travelled_at(self, time_s: float | None) -> float | None:
+        if time_s is None or not self._path:
+            return None
+        before = [metres for at, metres in self._path if at <= time_s + 1e-9]
+        return before[-1] if before else 0.0
+
+    def report(
+        self,
+        verdict: Verdict,
+        *,
+        scene: str | None,
+        seed: int,
+        tree: str,
+        policies: Mapping[str, str],
+        drone: str,
+        profile: str | None,
+        stage_times_s: Mapping[str, Sequence[float]],
+    ) -> FlightReport:
+        """Return the report of the flight that was listened to."""
+        marks, truth = self._marks, self._last_truth
+        start = marks.take_off_s
+        explored, found = (self._travelled_at(t) for t in (marks.explored_s, marks.found_s))
+        return FlightReport(
+            scene=scene,
+            seed=seed,
+            tree=tree,
+            policies=dict(policies),
+            drone=drone,
+            profile=profile,
+            outcome=verdict.outcome.value,
+            reason=verdict.reason,
+            duration_s=_span(start, self._end_s),
+            explore_distance_m=_rounded(
+                self._travelled_at(None if start is None else start + _EXPLORE_S)
+            ),
+            total_distance_m=_rounded(self._travelled_m if start is not None else None),
+            search_distance_m=_rounded(
+                None if explored is None or found is None else found - explored
+            ),
+            time_to_find_helipad_s=_span(marks.explored_s, marks.found_s),
+            time_to_land_s=_span(marks.found_s, marks.landed_s),
+            landing_error_m=_rounded(
+                truth.landing_error_m if truth is not None and not truth.motors_on else None
+            ),
+            min_clearance_m=_rounded(
+                self._min_clearance_m if math.isfinite(self._min_clearance_m) else None
+            ),
+            ticks=len(self._tick_s),
+            tick_ms=Percentiles.of_seconds(self._tick_s),
+            perception_ms={
+                stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
+            },
+        )
+
+
+def _span(start_s: float | None, end_s: float | None) -> float | None:
+    return None if start_s is None or end_s is None else round(end_s - start_s, 3)
+
+
+def _rounded(value_m: float | None) -> float | None:
+    return None if value_m is None else round(value_m, 4)
+
+
+def write_report(report: FlightReport, path: Path) -> None:
+    """Write a report as JSON; a reader never sees half of it.
+
+    Raises:
+        OSError: the folder cannot be written.
+    """
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(json.dumps(report.to_json(), indent=2) + "\n", encoding="utf-8")
+    partial.replace(path)
