@@ -13,8 +13,9 @@ class Explore(SteeringLeaf):
     """Advance under a leaf policy; FAILURE when the way is blocked (Avoid's turn)."""
 
     def initialise(self) -> None:
-        """Say what the mission is doing."""
+        """Say what the mission is doing; only what is seen from now on counts."""
         self.write(PHASE, "explore")
+        self.look_afresh()
 
     def update(self) -> Status:
         """Go on with a step in progress, or look and begin the next."""
@@ -26,5 +27,5 @@ class Explore(SteeringLeaf):
             return Status.RUNNING
         if decision.blocked:
             return Status.FAILURE
-        self.move(forward_m=decision.forward_m, yaw_rad=decision.yaw_rad)
+        self.move(state, decision)
         return Status.RUNNING

@@ -50,7 +50,13 @@ class HelipadCenter(Leaf):
 
     def update(self) -> Status:
         """Go on with a movement in progress, or look and correct."""
-        self.point(_STRAIGHT_DOWN)
+        status = self._work()
+        # A leaf that is done proposes nothing: the next one has the word in this very tick.
+        if status is Status.RUNNING:
+            self.point(_STRAIGHT_DOWN)
+        return status
+
+    def _work(self) -> Status:
         state, now_s = self.read(STATE).value, self.clock.now()
         if state is None:
             return Status.RUNNING

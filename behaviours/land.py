@@ -25,9 +25,7 @@ _LOOKS_DOWN_RAD = math.radians(-85)
 class Land(Leaf):
     """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground."""
 
-    ports = (
-        Port("forward_m", float, default=0.15, doc="camera ahead of the body's centre, m"),
-    )
+    ports = (Port("forward_m", float, default=0.15, doc="camera ahead of the body's centre, m"),)
     reads = (STATE,)
     writes = (PHASE,)
 
@@ -129,7 +127,13 @@ class EmergencyLand(Leaf):
 
     def update(self) -> Status:
         """Find a spot, move above it, descend."""
-        self.point(_STRAIGHT_DOWN)
+        status = self._work()
+        # A leaf that is done proposes nothing: the next one has the word in this very tick.
+        if status is Status.RUNNING:
+            self.point(_STRAIGHT_DOWN)
+        return status
+
+    def _work(self) -> Status:
         state, now_s = self.read(STATE).value, self.clock.now()
         if state is None:
             return Status.RUNNING

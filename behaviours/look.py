@@ -43,10 +43,11 @@ class PointCamera(Leaf):
     def update(self) -> Status:
         """Ask for the pitch until a frame has it."""
         pitch_rad = math.radians(self.port_value("pitch_deg"))
-        self.point(GimbalTo(pitch_rad=pitch_rad))
         frame = self.read(FRAME).value
-        arrived = frame and abs(frame.gimbal_pitch_rad - pitch_rad) < _PITCH_SLACK_RAD
-        return Status.SUCCESS if arrived else Status.RUNNING
+        if frame is not None and abs(frame.gimbal_pitch_rad - pitch_rad) < _PITCH_SLACK_RAD:
+            return Status.SUCCESS
+        self.point(GimbalTo(pitch_rad=pitch_rad))
+        return Status.RUNNING
 
 
 class Turn(Leaf):

@@ -124,6 +124,4 @@ class FindHelipad(Leaf):
         )
         if place is None:
             return False
-        return self._tracker.update(
-            *place, captured_s=frame.captured_s, confidence=detection.score
-        )
+        return self._tracker.update(*place, captured_s=frame.captured_s, confidence=detection.score)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import enum
 import math
 
-from behaviours.avoid import TurnAway
 from behaviours.heading import HeadingController
 from behaviours.path_check import free_path
 from behaviours.steering import FLIGHT_HEIGHT, POLICY, SteeringLeaf
@@ -56,33 +55,31 @@ class ReturnToBase(SteeringLeaf):
     def initialise(self) -> None:
         """Begin with the search; a helipad in view ends it at once."""
         self._enter(_Phase.SEARCH)
-        self._turn = TurnAway()
         self._detour_steps = 0
 
     def update(self) -> Status:
         """Do what the phase asks."""
-        self.point(GimbalTo(pitch_rad=math.radians(self.port_value("gimbal_deg"))))
         state = self.state()
-        if state is None:
-            return Status.RUNNING
-        match self._phase:
-            case _Phase.SEARCH:
-                self._search(state)
-            case _Phase.APPROACH:
-                self._approach(state)
-            case _Phase.DETOUR:
-                self._detour(state)
-            case _Phase.OVERFLY:
-                return self._overfly(state)
-        return Status.RUNNING
+        status = Status.RUNNING
+        if state is not None:
+            match self._phase:
+                case _Phase.SEARCH:
+                    self._search(state)
+                case _Phase.APPROACH:
+                    self._approach()
+                case _Phase.DETOUR:
+                    self._detour(state)
+                case _Phase.OVERFLY:
+                    status = self._overfly()
+        # A leaf that is done proposes nothing: the next one has the word in this very tick.
+        if status is Status.RUNNING:
+            self.point(GimbalTo(pitch_rad=math.radians(self.port_value("gimbal_deg"))))
+        return status
 
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
         self._heading.reset()
-        self._mover.drop(self.clock.now())
-        self.turning = 0
-        if phase is not _Phase.DETOUR:
-            self._turn = TurnAway()
+        self.look_afresh()
         self.write(PHASE, "search" if phase is _Phase.SEARCH else "approach")
 
     # --- search -----------------------------------------------------------------------------------
@@ -91,7 +88,7 @@ class ReturnToBase(SteeringLeaf):
         fix = self.read(HELIPAD)
         if fix.value is not None and fix.value.detected:
             self._enter(_Phase.APPROACH)
-            self._approach(state)
+            self._approach()
             return
         self._wander(state)
 
@@ -100,22 +97,23 @@ class ReturnToBase(SteeringLeaf):
         if self.moving(state):
             return False
         decision = self.decide()
+        if self._direction != 0:
+            if decision is None or decision.blocked or not self.turn_is_complete:
+                self.keep_turning(state, decision)
+            else:
+                self.look_afresh()  # the turn has worked: settle, look once more, advance
+            return False
         if decision is None:
             return False
         if decision.blocked:
-            yaw_rad = self._turn.take(decision)
-            self.turning = self._turn.direction
-            self.move(yaw_rad=yaw_rad)
+            self.keep_turning(state, decision)
             return False
-        self.turning = 0
-        if self._phase is _Phase.SEARCH:
-            self._turn = TurnAway()
-        self.move(forward_m=decision.forward_m, yaw_rad=decision.yaw_rad)
+        self.move(state, decision)
         return True
 
     # --- approach ---------------------------------------------------------------------------------
 
-    def _approach(self, state: DroneState) -> None:
+    def _approach(self) -> None:
         fix = self.read(HELIPAD).value
         if fix is None:
             self._enter(_Phase.SEARCH)
@@ -164,9 +162,8 @@ class ReturnToBase(SteeringLeaf):
 
     # --- the last metre ---------------------------------------------------------------------------
 
-    def _overfly(self, state: DroneState) -> Status:
+    def _overfly(self) -> Status:
         """Fly the rest by the track; the pad's own roof lies below, so nothing is in the way."""
-        del state
         fix = self.read(HELIPAD).value
         if fix is None:
             self._enter(_Phase.SEARCH)

@@ -1,10 +1,13 @@
 """What exploring, avoiding and returning share: look, ask the policy, move, wait until it has moved.
 
-A decision is only taken on a class map captured after the last movement ended, as in the paper, and
-the direction of a turn is held until the way is free, so that two boxes never make the drone dither.
+An advance is only decided on a class map captured after the last movement ended, as in the paper. A
+turn is held in one direction until it has worked, so that two boxes never make the drone dither, and
+it does not stop at every look: the drone turns steadily while the policy judges each new view.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -13,7 +16,7 @@ from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import ClassMap, DroneState, Frame
+from uav_bt.types import ClassMap, DroneState, Frame, Velocity
 
 __all__ = ["FLIGHT_HEIGHT", "POLICY", "SteeringLeaf"]
 
@@ -22,6 +25,10 @@ FLIGHT_HEIGHT = Port("height_m", float, default=1.5, doc="flight height above th
 
 # Less than this is the altimeter's noise; more is corrected with the next advance.
 _ALTITUDE_SLACK_M = 0.08
+# A steady turn: in the 0.25 s between a frame's capture and its effect it goes on by 10 degrees.
+_YAW_RATE_RADPS = 0.7
+# After a turn the airframe swings on for this long; a step begun earlier would go astray.
+_SETTLE_S = 0.2
 
 
 class SteeringLeaf(Leaf):
@@ -36,7 +43,8 @@ class SteeringLeaf(Leaf):
         self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
         self._rng: np.random.Generator = mission.rng(self.path)
         self._mover = Mover()
-        self.turning = 0  # the turn under way: +1 clockwise, -1 counter-clockwise, 0 none
+        self._view_from_s = -math.inf  # frames captured earlier show another view
+        self._forget_turn()
 
     def terminate(self, new_status: Status) -> None:
         """Let go of the movement; the arbiter cancels what is no longer proposed."""
@@ -46,27 +54,65 @@ class SteeringLeaf(Leaf):
         """Return the drone's state, None when telemetry is stale."""
         return self.read(STATE).value
 
+    # --- advancing --------------------------------------------------------------------------------
+
     def moving(self, state: DroneState) -> bool:
         """Propose the movement in progress again; False when there is none (any more)."""
         if self._mover.update(state, self.clock.now()) is not Progress.RUNNING:
+            self._view_from_s = max(self._view_from_s, self._mover.ended_s)
             return False
         if self._mover.proposal is not None:
             self.propose(self._mover.proposal)
         return True
 
-    def move(self, *, forward_m: float = 0.0, yaw_rad: float = 0.0) -> None:
-        """Start a movement, correcting the altitude on the way."""
-        state = self.state()
-        error_m = (state.height_above_carpet_m - self.port_value("height_m")) if state else 0.0
+    def move(self, state: DroneState, decision: Decision) -> None:
+        """Start an advance, correcting the altitude on the way."""
+        error_m = state.height_above_carpet_m - self.port_value("height_m")
         self.propose(
             self._mover.start(
                 self.mission.proposals,
                 self.clock.now(),
-                forward_m=forward_m,
-                yaw_rad=yaw_rad,
+                forward_m=decision.forward_m,
+                yaw_rad=decision.yaw_rad,
                 down_m=error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0,
             )
         )
+
+    # --- turning ----------------------------------------------------------------------------------
+
+    def look_afresh(self) -> None:
+        """Only count what is seen from now on, once the airframe has settled; no turn is under way."""
+        self._mover.drop(self.clock.now())
+        self._view_from_s = self.clock.now() + _SETTLE_S
+        self._forget_turn()
+
+    def _forget_turn(self) -> None:
+        self._direction = 0  # of the turn under way: +1 clockwise, -1 counter-clockwise, 0 none
+        self._to_turn_rad = 0.0  # the least it must turn before a free way counts
+        self._last_yaw_rad = math.nan
+
+    @property
+    def turn_is_complete(self) -> bool:
+        """True when the drone has turned as far as the policy asked, or no turn is under way."""
+        return self._to_turn_rad <= 0.0
+
+    def keep_turning(self, state: DroneState, decision: Decision | None) -> None:
+        """Begin a turn as the policy decided, or go on with the one under way."""
+        yaw_rad = state.attitude.yaw_rad
+        if self._direction == 0:
+            if decision is None or not decision.blocked:
+                return
+            self._direction = 1 if decision.yaw_rad > 0.0 else -1
+            self._to_turn_rad = abs(decision.yaw_rad)
+            self._last_yaw_rad = yaw_rad
+        turned_rad = math.remainder(yaw_rad - self._last_yaw_rad, 2.0 * math.pi)
+        self._to_turn_rad -= self._direction * turned_rad
+        self._last_yaw_rad = yaw_rad
+        # What is seen while turning counts at once: the turn goes the same way for any of it.
+        self._view_from_s = -math.inf
+        self.propose(Velocity(yaw_rate_radps=self._direction * _YAW_RATE_RADPS))
+
+    # --- looking ----------------------------------------------------------------------------------
 
     def current_view(self) -> tuple[Frame, ClassMap] | None:
         """Return the frame and its class map when they show what lies ahead *now*."""
@@ -74,7 +120,7 @@ class SteeringLeaf(Leaf):
         if frame is None or class_map is None:
             return None
         # Pitch and height belong to the frame that the class map was made from.
-        if class_map.captured_s != frame.captured_s or frame.captured_s < self._mover.ended_s:
+        if class_map.captured_s != frame.captured_s or frame.captured_s < self._view_from_s:
             return None
         return frame, class_map
 
@@ -92,7 +138,7 @@ class SteeringLeaf(Leaf):
                 camera=camera.resized(width_px, height_px),
                 gimbal_pitch_rad=frame.gimbal_pitch_rad,
                 height_above_carpet_m=frame.height_above_carpet_m,
-                turning=self.turning,
+                turning=self._direction,
                 coin=float(self._rng.random()),
             )
         )

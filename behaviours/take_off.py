@@ -46,7 +46,13 @@ class TakeOff(Leaf):
     def update(self) -> Status:
         """Ask for the take-off, then for the climb, then wait until the camera points ahead."""
         pitch_rad = math.radians(self.port_value("gimbal_deg"))
-        self.point(GimbalTo(pitch_rad=pitch_rad))
+        status = self._work(pitch_rad)
+        # A leaf that is done proposes nothing: the next one has the word in this very tick.
+        if status is Status.RUNNING:
+            self.point(GimbalTo(pitch_rad=pitch_rad))
+        return status
+
+    def _work(self, pitch_rad: float) -> Status:
         state, now_s = self.read(STATE).value, self.clock.now()
         if state is None:
             return Status.RUNNING

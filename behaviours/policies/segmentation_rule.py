@@ -110,9 +110,7 @@ class SegmentationRule:
         if view.turning:
             return Decision(yaw_rad=math.copysign(cfg.turn_rad, view.turning), reason=reason)
         if carpet_goes_on:
-            left, right = (
-                np.count_nonzero(half == GROUP_OBSTACLE) for half in high.halves(groups)
-            )
+            left, right = (np.count_nonzero(half == GROUP_OBSTACLE) for half in high.halves(groups))
             return Decision(yaw_rad=self._turn(right, left, view.coin), reason=reason)
         if way_is_free:
             left, right = (np.count_nonzero(half == GROUP_CARPET) for half in high.halves(groups))
