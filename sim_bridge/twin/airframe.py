@@ -71,7 +71,7 @@ class Airframe:
     def motion(self) -> Motion:
         """Return the present motion."""
         x, y, z, qw, qx, qy, qz = self._position.tolist()
-        vx, vy, vz, wx, wy, wz = self._velocity.tolist()
+        vx, vy, vz, _, wy, wz = self._velocity.tolist()
         sine = max(-1.0, min(1.0, 2.0 * (qw * qy - qz * qx)))
         roll = math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy))
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
@@ -115,7 +115,7 @@ class Airframe:
         # The rotors push along the body's up axis, so an acceleration needs a tilt towards it.
         want_pitch = -math.atan2(forward, lift)
         want_roll = -math.atan2(left, math.hypot(forward, lift))
-        wx, wy, wz = self._velocity[3:6].tolist()
+        wx, wy = self._velocity[3:5].tolist()
         stiff, damp = _TILT_RADPS**2, 2.0 * _TILT_RADPS
         torque_x = self._inertia[0] * (stiff * (want_roll - motion.roll_rad) - damp * wx)
         torque_y = self._inertia[1] * (stiff * (motion.pitch_rad - want_pitch) - damp * wy)

@@ -19,7 +19,6 @@ from uav_bt.types import (
     Movement,
     MovementState,
     MovementStatus,
-    Release,
     TakeOff,
     Velocity,
 )
@@ -63,9 +62,9 @@ _FLYING = (Mode.HOLD, Mode.MOVE, Mode.VELOCITY)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """Accelerations asked of the airframe: world axes, gravity not counted, yaw counter-clockwise."""
+    """Accelerations asked of the airframe; world axes, yaw counter-clockwise."""
 
-    acceleration_mps2: tuple[float, float, float]
+    acceleration_mps2: tuple[float, float, float]  # gravity not counted
     yaw_acceleration_radps2: float
 
 
@@ -122,31 +121,39 @@ class Autopilot:
         """
         if isinstance(movement, MoveBy):
             self._start_move(movement, estimate)
+        elif isinstance(movement, Velocity):
+            self._steer(movement)
         elif isinstance(movement, TakeOff):
-            if self._mode is Mode.OFF:
-                self._reference.reset(estimate.x_m, estimate.y_m, estimate.z_m, estimate.yaw_rad)
-                self._enter(Mode.SPIN_UP)
-            elif self._mode is Mode.DESCEND:
-                self._enter(Mode.HOLD)
+            self._take_off(estimate)
         elif isinstance(movement, Land):
-            if self.lifting and self._mode is not Mode.DESCEND:
-                self._enter(Mode.DESCEND)
-            elif self._mode is Mode.SPIN_UP:
-                self._enter(Mode.OFF)
-        elif isinstance(movement, Hover):
-            if self._mode in (Mode.MOVE, Mode.VELOCITY):
-                self._enter(Mode.HOLD)
+            self._land()
         elif isinstance(movement, CutMotors):
             if self._mode is not Mode.OFF:
                 self._enter(Mode.FALL)
-        elif isinstance(movement, Velocity):
-            if self._mode in _FLYING:
-                self._velocity = movement
-                if self._mode is not Mode.VELOCITY:
-                    self._enter(Mode.VELOCITY)
-        elif isinstance(movement, Release) and self._mode is Mode.VELOCITY:
-            # Nobody sends stick positions any more: to the drone the sticks are centred.
+        elif self._mode is Mode.VELOCITY or (
+            self._mode is Mode.MOVE and isinstance(movement, Hover)
+        ):
+            # Released, nobody sends stick positions any more: to the drone the sticks are centred.
             self._enter(Mode.HOLD)
+
+    def _take_off(self, estimate: Estimate) -> None:
+        if self._mode is Mode.OFF:
+            self._reference.reset(estimate.x_m, estimate.y_m, estimate.z_m, estimate.yaw_rad)
+            self._enter(Mode.SPIN_UP)
+        elif self._mode is Mode.DESCEND:
+            self._enter(Mode.HOLD)
+
+    def _land(self) -> None:
+        if self._mode is Mode.SPIN_UP:
+            self._enter(Mode.OFF)
+        elif self.lifting and self._mode is not Mode.DESCEND:
+            self._enter(Mode.DESCEND)
+
+    def _steer(self, order: Velocity) -> None:
+        if self._mode in _FLYING:
+            self._velocity = order
+            if self._mode is not Mode.VELOCITY:
+                self._enter(Mode.VELOCITY)
 
     def take_over(self) -> None:
         """Let a pilot's centred sticks replace whatever was commanded."""

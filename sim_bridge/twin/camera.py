@@ -43,7 +43,8 @@ def anafi_camera(width_px: int, height_px: int) -> CameraModel:
     """
     if width_px < 16 or abs(height_px - width_px * 9 / 16) > 1.0:
         raise ValueRangeError(
-            f"the twin's video is 16:9 (640x360, 320x180, 1152x648, ...), got {width_px}x{height_px}"
+            "the twin's video is 16:9 (640x360, 320x180, 1152x648, ...), "
+            f"got {width_px}x{height_px}"
         )
     focal = FOCAL_SHARE * width_px
     return CameraModel(

@@ -6,20 +6,20 @@ import time
 from dataclasses import dataclass, replace
 
 from sim_bridge.twin.camera import anafi_camera
-from sim_bridge.twin.gl import choose_gl
+from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.types import CameraModel, Command, Frame, Observation, Velocity
 
-choose_gl()  # the modules below import MuJoCo, which settles how it draws at that moment
+load_mujoco()  # before the modules below do: how it draws is settled at its import
 
-from sim_bridge.twin.model import build_model  # noqa: E402  (after choose_gl)
-from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after choose_gl)
-from sim_bridge.twin.render import Renderer  # noqa: E402  (after choose_gl)
-from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after choose_gl)
-from sim_bridge.twin.start import start_pose  # noqa: E402  (after choose_gl)
+from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.start import start_pose  # noqa: E402  (after load_mujoco)
 
 __all__ = ["TwinDrone"]
 

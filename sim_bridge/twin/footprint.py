@@ -65,6 +65,6 @@ class Footprint:
         if self.overlaps(other):
             return 0.0
         return min(
-            min(self.distance_m(*corner) for corner in other.corners()),
-            min(other.distance_m(*corner) for corner in self.corners()),
+            *(self.distance_m(*corner) for corner in other.corners()),
+            *(other.distance_m(*corner) for corner in self.corners()),
         )

@@ -16,9 +16,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from uav_bt.errors import MissingDependencyError
+from uav_bt.errors import MissingDependencyError, UnknownNameError
 
-__all__ = ["choose_gl", "context_class"]
+__all__ = ["choose_gl", "context_class", "load_mujoco", "no_gl"]
 
 _ADVICE = (
     "the twin needs OpenGL to draw what the drone sees, and this machine has none that works. "
@@ -30,6 +30,7 @@ _WHEEL_LIBRARIES = (
     *("libtinfo", "libzstd", "libffi", "libpcre2-8", "libselinux", "libdrm"),
     *("libglapi", "libLLVM", "libOSMesa"),
 )
+_KINDS = ("egl", "osmesa", "glfw", "glx")
 _OFF = ("disable", "disabled", "off", "false", "0")
 _EGL_PLATFORM_DEVICE = 0x313F
 _EGL_OPENGL_API = 0x30A2
@@ -48,6 +49,7 @@ def choose_gl() -> str:
 
     Raises:
         MissingDependencyError: nothing works, with what to install.
+        UnknownNameError: ``MUJOCO_GL`` names no way to draw.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower().strip()
     if asked in _OFF:
@@ -56,7 +58,9 @@ def choose_gl() -> str:
         )
     if not sys.platform.startswith("linux"):
         return asked or ("cgl" if sys.platform == "darwin" else "glfw")
-    kind = asked if asked in ("egl", "osmesa", "glfw", "glx") else _what_works()
+    if asked and asked not in _KINDS:
+        raise UnknownNameError("MUJOCO_GL", asked, _KINDS)
+    kind = asked or _what_works()
     if kind == "osmesa" and not (_preload_wheel() or _loads("libOSMesa.so", "libOSMesa.so.8")):
         raise MissingDependencyError(f"MUJOCO_GL=osmesa, but no OSMesa was found: {_ADVICE}")
     os.environ["MUJOCO_GL"] = kind
@@ -65,16 +69,36 @@ def choose_gl() -> str:
     return kind
 
 
+def load_mujoco() -> None:
+    """Import MuJoCo, drawing as `choose_gl` says; call before any ``import mujoco``.
+
+    Raises:
+        MissingDependencyError: MuJoCo is not installed or there is no working OpenGL.
+    """
+    _import_for(choose_gl(), "mujoco")
+
+
 def context_class() -> Any:
-    """Return MuJoCo's GL context class for the chosen way; imports MuJoCo.
+    """Return MuJoCo's GL context class for the chosen way.
 
     Raises:
         MissingDependencyError: there is no working OpenGL.
     """
     kind = choose_gl()
     module = {"egl": "egl", "osmesa": "osmesa", "cgl": "cgl"}.get(kind, "glfw")
+    return _import_for(kind, f"mujoco.{module}").GLContext
+
+
+def no_gl(error: Exception) -> MissingDependencyError:
+    """Return the error that says what to install, for a failure inside OpenGL."""
+    return MissingDependencyError(f"OpenGL by {choose_gl()} failed ({error}): {_ADVICE}")
+
+
+def _import_for(kind: str, module: str) -> Any:
+    if importlib.util.find_spec("mujoco") is None:
+        raise MissingDependencyError("the twin needs MuJoCo; install it with `pip install mujoco`")
     try:
-        return importlib.import_module(f"mujoco.{module}").GLContext
+        return importlib.import_module(module)
     except (ImportError, AttributeError, OSError, RuntimeError) as error:
         # AttributeError is what PyOpenGL raises when a library it wants is not there.
         raise MissingDependencyError(f"OpenGL by {kind} failed ({error}): {_ADVICE}") from error
@@ -170,19 +194,37 @@ def _preload_wheel() -> bool:
                     f"{path.name} of lavavu-osmesa cannot be loaded ({error}): {_ADVICE}"
                 ) from error
             osmesa = path
-    os.environ["PYOPENGL_PLATFORM"] = "osmesa"
-    try:
-        loader: Any = importlib.import_module("OpenGL.platform.ctypesloader")
-    except ImportError as error:
+    _show_pyopengl(osmesa)
+    return True
+
+
+def _show_pyopengl(osmesa: Path | None) -> None:
+    """Make PyOpenGL's loader answer with the wheel's library when it asks for OSMesa.
+
+    PyOpenGL loads its libraries while `OpenGL.platform` is being imported, so the loader module is
+    put in place before that.
+    """
+    package = importlib.util.find_spec("OpenGL")
+    if package is None or not package.submodule_search_locations:
         raise MissingDependencyError(
             "the twin needs PyOpenGL; install it with `pip install PyOpenGL`"
-        ) from error
+        )
+    name = "OpenGL.platform.ctypesloader"
+    file = Path(package.submodule_search_locations[0]) / "platform" / "ctypesloader.py"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if name in sys.modules or spec is None or spec.loader is None:
+        raise MissingDependencyError(
+            "PyOpenGL was imported before the twin, or is one that the twin does not know; make "
+            f"the drone first, or set MUJOCO_GL. {_ADVICE}"
+        )
+    loader: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loader)
     find_as_usual = loader.loadLibrary
 
-    def load_library(kind: Any, name: str, mode: int = ctypes.RTLD_GLOBAL) -> Any:
-        if name == "OSMesa":
+    def load_library(kind: Any, library: str, mode: int = ctypes.RTLD_GLOBAL) -> Any:
+        if library == "OSMesa":
             return ctypes.CDLL(str(osmesa), mode)
-        return find_as_usual(kind, name, mode)
+        return find_as_usual(kind, library, mode)
 
     loader.loadLibrary = load_library
-    return True
+    sys.modules[name] = loader

@@ -7,7 +7,7 @@ eye, plain boxes for contacts. The drone's own geoms lie in a group that its cam
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin import textures
-from sim_bridge.twin.scene import CARPET_SIZE_M, ROOM_SIZE_M, BoxSpec, Helipad, Lighting, Scene
+from sim_bridge.twin.scene import (
+    CARPET_SIZE_M,
+    ROOM_SIZE_M,
+    BoxSpec,
+    Helipad,
+    Lighting,
+    Scene,
+    Vector3,
+)
 
 __all__ = ["HULL_HALF_M", "HULL_MASS_KG", "PHYSICS_STEP_S", "LabModel", "build_model"]
 
@@ -30,6 +38,15 @@ DRONE_GROUP = 4  # not drawn by default: the drone never sees itself
 _PAPER_M = 0.001  # roofs and the H are sheets of this thickness on top
 _FLOOR_M = -0.004  # the carpet's thickness; its surface is z = 0
 _H_SHARE = 0.8  # share of the pad's top that the H panel covers, each way
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Solid:
+    """An upright box: half sizes, centre, and yaw counter-clockwise."""
+
+    half_m: Vector3
+    centre_m: Vector3
+    yaw_rad: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,9 +119,6 @@ class _Builder:
 
     def room(self, scene: Scene) -> None:
         half = [size / 2 for size in ROOM_SIZE_M]
-        self._plain("floor", 0.50, 310)
-        self._plain("wall", 0.84, 311)
-        self._plain("ceiling", 0.92, 312)
         hx, hy, hz = half
         middle = hz + _FLOOR_M
         slabs = {
@@ -115,25 +129,21 @@ class _Builder:
             "wall-north": ((hx, 0.05, hz), (0.0, hy + 0.05, middle)),
             "wall-south": ((hx, 0.05, hz), (0.0, -hy - 0.05, middle)),
         }
+        greys = {"floor": (0.50, 310), "wall": (0.84, 311), "ceiling": (0.92, 312)}
+        for kind, (value, seed) in greys.items():
+            self._texture(kind, textures.plain(value, seed))
         for name, (size, position) in slabs.items():
-            material = name.split("-")[0]
-            self._mesh(
-                f"{name}/seen",
-                size,
-                position,
-                0.0,
-                material=material,
-                class_id=0,
-                tile_m=(5.0, 5.0),
-            )
-            self._hit(name, size, position, 0.0)
+            slab = _Solid(half_m=size, centre_m=position)
+            kind = name.split("-")[0]
+            self._show(f"{name}/seen", slab, material=kind, class_id=0, tile_m=(5.0, 5.0))
+            self._hit(name, slab)
         self._texture("carpet", textures.carpet())
-        size = (CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2, -_FLOOR_M / 2)
-        place = (0.0, 0.0, _FLOOR_M / 2)
-        self._mesh(
-            "carpet/seen", size, place, 0.0, material="carpet", class_id=1, tile_m=CARPET_SIZE_M
+        carpet = _Solid(
+            half_m=(CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2, -_FLOOR_M / 2),
+            centre_m=(0.0, 0.0, _FLOOR_M / 2),
         )
-        self._hit("carpet", size, place, 0.0)
+        self._show("carpet/seen", carpet, material="carpet", class_id=1, tile_m=CARPET_SIZE_M)
+        self._hit("carpet", carpet)
         self._lights(scene.lighting)
 
     def _lights(self, lighting: Lighting) -> None:
@@ -157,64 +167,27 @@ class _Builder:
     def helipad(self, pad: Helipad) -> None:
         self._texture("stripes", textures.stripes())
         self._texture("h", textures.helipad_top())
-        x, y, z = (size / 2 for size in pad.size_m)
-        yaw = math.radians(pad.yaw_deg)
-        at = pad.position_m
-        body = (*at, z - _PAPER_M / 2)
-        self._mesh(
-            "helipad/sides",
-            (x, y, z - _PAPER_M / 2),
-            body,
-            yaw,
-            material="stripes",
-            class_id=3,
-            tile_m=(0.2, 0.2),
+        whole, body, _ = _stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
+        width, depth, height = pad.size_m
+        panel_m = (_H_SHARE * width, _H_SHARE * depth)
+        panel = replace(
+            whole,
+            half_m=(panel_m[0] / 2, panel_m[1] / 2, _PAPER_M / 2),
+            centre_m=(*pad.position_m, height - _PAPER_M / 2),
         )
-        sheet = (_H_SHARE * x, _H_SHARE * y, _PAPER_M / 2)
-        top = (*at, 2 * z - _PAPER_M / 2)
-        self._mesh(
-            "helipad/h",
-            sheet,
-            top,
-            yaw,
-            material="h",
-            class_id=2,
-            tile_m=(2 * sheet[0], 2 * sheet[1]),
-        )
-        self._hit("helipad", (x, y, z), (*at, z), yaw)
+        self._show("helipad/sides", body, material="stripes", class_id=3, tile_m=(0.2, 0.2))
+        self._show("helipad/h", panel, material="h", class_id=2, tile_m=panel_m)
+        self._hit("helipad", whole)
 
     def box(self, box: BoxSpec) -> None:
         name, roof = f"box-{box.pattern}", f"roof-{box.roof}"
         self._texture(name, textures.side(box.pattern))
         self._texture(roof, textures.roof(box.roof))
-        x, y, z = (size / 2 for size in box.size_m)
-        yaw = math.radians(box.yaw_deg)
-        at = box.position_m
+        whole, body, sheet = _stacked(box.position_m, box.size_m, math.radians(box.yaw_deg))
         tile = (textures.TILE_M, textures.TILE_M)
-        body = (*at, z - _PAPER_M / 2)
-        self._mesh(
-            f"{name}/side",
-            (x, y, z - _PAPER_M / 2),
-            body,
-            yaw,
-            material=name,
-            class_id=3 + box.pattern,
-            tile_m=tile,
-        )
-        sheet = (*at, 2 * z - _PAPER_M / 2)
-        self._mesh(
-            f"{name}/roof",
-            (x, y, _PAPER_M / 2),
-            sheet,
-            yaw,
-            material=roof,
-            class_id=11 + box.roof,
-            tile_m=tile,
-        )
-        self._hit(name, (x, y, z), (*at, z), yaw)
-
-    def _plain(self, name: str, value: float, seed: int) -> None:
-        self._texture(name, textures.plain(value, seed))
+        self._show(f"{name}/side", body, material=name, class_id=3 + box.pattern, tile_m=tile)
+        self._show(f"{name}/roof", sheet, material=roof, class_id=11 + box.roof, tile_m=tile)
+        self._hit(name, whole)
 
     def _texture(self, name: str, image: NDArray[np.uint8]) -> None:
         if self.spec.material(name) is not None:
@@ -231,18 +204,17 @@ class _Builder:
         material = self.spec.add_material(name=name, specular=0.0, shininess=0.0)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
-    def _mesh(
+    def _show(
         self,
         name: str,
-        half_m: tuple[float, float, float],
-        centre_m: tuple[float, float, float],
-        yaw_rad: float,
+        solid: _Solid,
         *,
         material: str,
         class_id: int,
         tile_m: tuple[float, float],
     ) -> None:
-        vertices, faces, coordinates = _box_mesh(half_m, tile_m)
+        """Add something that is seen but not hit."""
+        vertices, faces, coordinates = _box_mesh(solid.half_m, tile_m)
         mesh = self.spec.add_mesh(name=name)
         mesh.uservert = vertices.ravel()
         mesh.userface = faces.ravel()
@@ -252,8 +224,8 @@ class _Builder:
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=name,
-            pos=centre_m,
-            quat=_yaw_quaternion(yaw_rad),
+            pos=solid.centre_m,
+            quat=_yaw_quaternion(solid.yaw_rad),
             material=material,
             group=SEEN_GROUP,
             contype=0,
@@ -261,21 +233,34 @@ class _Builder:
         )
         self._classes[name] = class_id
 
-    def _hit(
-        self,
-        name: str,
-        half_m: tuple[float, float, float],
-        centre_m: tuple[float, float, float],
-        yaw_rad: float,
-    ) -> None:
+    def _hit(self, name: str, solid: _Solid) -> None:
+        """Add something that is hit but not seen."""
         self.spec.worldbody.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=half_m,
-            pos=centre_m,
-            quat=_yaw_quaternion(yaw_rad),
+            size=solid.half_m,
+            pos=solid.centre_m,
+            quat=_yaw_quaternion(solid.yaw_rad),
             group=HIT_GROUP,
         )
+
+
+def _stacked(
+    position_m: tuple[float, float], size_m: Vector3, yaw_rad: float
+) -> tuple[_Solid, _Solid, _Solid]:
+    """Return a standing box whole, without its paper-thin top, and that top."""
+    half_x, half_y, half_z = (size / 2 for size in size_m)
+    sheet = _PAPER_M / 2
+
+    def part(half_height_m: float, middle_m: float) -> _Solid:
+        return _Solid(
+            half_m=(half_x, half_y, half_height_m),
+            centre_m=(*position_m, middle_m),
+            yaw_rad=yaw_rad,
+        )
+
+    body = part(half_z - sheet, half_z - sheet)
+    return part(half_z, half_z), body, part(sheet, size_m[2] - sheet)
 
 
 def _yaw_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
@@ -283,7 +268,7 @@ def _yaw_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
 
 
 def _box_mesh(
-    half_m: tuple[float, float, float], tile_m: tuple[float, float]
+    half_m: Vector3, tile_m: tuple[float, float]
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
     """Make a box with four vertices a face, so that each face has its own texture coordinates.
 

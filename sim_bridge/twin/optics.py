@@ -42,7 +42,7 @@ class Optics:
             index: the frame's number, which decides its noise.
             exposure: relative brightness, 1 is right.
         """
-        result: NDArray[np.uint8] = np.ascontiguousarray(image)
+        result: NDArray[np.uint8] = np.array(image, order="C")  # the caller keeps the clean one
         if self._sigma > 0.2:
             width = 3 if self._sigma < 0.8 else 2 * round(2.0 * self._sigma) + 1
             result = cv2.GaussianBlur(result, (width, width), self._sigma).astype(
@@ -53,6 +53,6 @@ class Optics:
         if self._brighter is not None:
             start = (index * _SCATTER) % _SLACK
             piece = slice(start, start + result.size)
-            result = cv2.add(result, self._brighter[piece].reshape(result.shape), dst=None)
-            result = cv2.subtract(result, self._darker[piece].reshape(result.shape), dst=None)
+            cv2.add(result, self._brighter[piece].reshape(result.shape), dst=result)
+            cv2.subtract(result, self._darker[piece].reshape(result.shape), dst=result)
         return result

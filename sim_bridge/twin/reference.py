@@ -26,7 +26,7 @@ def _towards(value: float, target: float, step: float) -> float:
 
 
 class Reference:
-    """Position, velocity and acceleration to follow; world axes, yaw counter-clockwise, unwrapped."""
+    """What to follow: world axes; yaw counter-clockwise and unwrapped."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile

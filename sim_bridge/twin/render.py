@@ -8,16 +8,16 @@ than the camera's is the same view resized, never cropped.
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin.camera import FOCAL_SHARE, CameraPose
-from sim_bridge.twin.gl import context_class
+from sim_bridge.twin.gl import context_class, no_gl
 from sim_bridge.twin.model import LabModel
-from uav_bt.errors import MissingDependencyError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 
 __all__ = ["Renderer"]
 
@@ -49,9 +49,7 @@ class Renderer:
             self._gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
-            raise MissingDependencyError(
-                f"OpenGL does not work on this machine: {error}"
-            ) from error
+            raise no_gl(error) from error
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
         self._scene = self._static_scene(model)
@@ -158,7 +156,7 @@ class Renderer:
             self._gl.free()
             self._context = None
 
-    def __enter__(self) -> Renderer:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

@@ -189,7 +189,7 @@ class _Reader:
 
     def _number(self, node: yaml.Node, name: str) -> float:
         if isinstance(node, yaml.ScalarNode) and node.tag in _KINDS:
-            value = yaml.SafeLoader("").construct_object(node)  # type: ignore[no-untyped-call]
+            value = yaml.SafeLoader("").construct_object(node)
             return float(value)
         raise self._error(node, f"{name} must be a number, got {_shown(node)}")
 

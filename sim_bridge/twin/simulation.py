@@ -35,7 +35,10 @@ class Capture:
 
 
 class Simulation:
-    """One flight. Time moves only in `run_until`; the same seed and commands give the same flight."""
+    """One flight; the same seed and the same commands give the same flight.
+
+    Time moves only in `run_until`.
+    """
 
     def __init__(
         self, scene: Scene, lab: LabModel, profile: Profile, seed: int, start: Pose

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import colorsys
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 __all__ = ["TILE_M", "carpet", "helipad_top", "plain", "roof", "side", "stripes"]
 
 Image = NDArray[np.uint8]  # (H, W, 3), RGB
+Place = tuple[float, float, float]  # x and y in tile units, and a turn in radians
 
 TILE_M = 0.32  # edge of a side's or roof's tile
 _TILE_PX = 256
@@ -26,6 +28,11 @@ _SMOOTH = 4  # tiles are drawn this much larger and shrunk, which smooths the ed
 def _rgb(hue_deg: float, saturation: float, value: float) -> tuple[int, int, int]:
     r, g, b = colorsys.hsv_to_rgb(hue_deg / 360.0, saturation, value)
     return round(255 * r), round(255 * g), round(255 * b)
+
+
+def _to_bytes(image: NDArray[Any]) -> Image:
+    result: Image = np.clip(image, 0, 255).astype(np.uint8)
+    return result
 
 
 class _Tile:
@@ -40,7 +47,7 @@ class _Tile:
         """Fill a polygon given in tile units (0 to 1), drawn again beyond every edge."""
         for dx in (-1, 0, 1):
             for dy in (-1, 0, 1):
-                shifted = ((points + (dx, dy)) * self.size).round().astype(np.int32)
+                shifted = ((points + np.array((dx, dy))) * self.size).round().astype(np.int32)
                 cv2.fillPoly(self.image, [shifted], colour)
 
     def disc(self, x: float, y: float, radius: float, colour: tuple[int, int, int]) -> None:
@@ -51,16 +58,10 @@ class _Tile:
         )
 
     def star(
-        self,
-        x: float,
-        y: float,
-        outer: float,
-        inner: float,
-        points: int,
-        turn: float,
-        colour: tuple[int, int, int],
+        self, place: Place, shape: tuple[float, float, int], colour: tuple[int, int, int]
     ) -> None:
-        """Fill a star (or, with few points, a diamond) given in tile units."""
+        """Fill a star (with two points a leaf or a diamond): outer radius, inner radius, points."""
+        (x, y, turn), (outer, inner, points) = place, shape
         angle = turn + np.arange(2 * points) * np.pi / points
         radius = np.where(np.arange(2 * points) % 2 == 0, outer, inner)
         self.polygon(
@@ -73,10 +74,10 @@ class _Tile:
             self.image, (self._out_px, self._out_px), interpolation=cv2.INTER_AREA
         ).astype(np.float32)
         noise = np.random.default_rng(seed).normal(0.0, grain, small.shape[:2])
-        return np.clip(small + noise[..., None], 0, 255).astype(np.uint8)
+        return _to_bytes(small + noise[..., None])
 
 
-def _grid(count: int, seed: int, jitter: float) -> list[tuple[float, float, float]]:
+def _grid(count: int, seed: int, jitter: float) -> list[Place]:
     """Return brick-laid places in a tile, jittered, each with a random turn."""
     rng = np.random.default_rng(seed)
     places = []
@@ -124,10 +125,10 @@ def _magenta_dots(seed: int) -> Image:
 
 def _green_leaves(seed: int) -> Image:
     tile = _Tile(_rgb(128, 0.72, 0.62))
-    for index, (x, y, turn) in enumerate(_grid(7, seed, 0.15)):
+    for index, place in enumerate(_grid(7, seed, 0.15)):
         light = index % 2 == 0
         colour = _rgb(75, 0.55, 0.92) if light else _rgb(140, 0.85, 0.30)
-        tile.star(x, y, 0.075, 0.022, 2, turn, colour)
+        tile.star(place, (0.075, 0.022, 2), colour)
     return tile.done(seed)
 
 
@@ -147,9 +148,9 @@ def _brown_zigzag(seed: int) -> Image:
 
 def _purple_stars(seed: int) -> Image:
     tile = _Tile(_rgb(275, 0.62, 0.48))
-    for index, (x, y, turn) in enumerate(_grid(6, seed, 0.1)):
+    for index, place in enumerate(_grid(6, seed, 0.1)):
         colour = _rgb(55, 0.60, 0.95) if index % 3 else _rgb(285, 0.30, 0.90)
-        tile.star(x, y, 0.068, 0.030, 5, turn, colour)
+        tile.star(place, (0.068, 0.030, 5), colour)
     return tile.done(seed)
 
 
@@ -171,7 +172,7 @@ def _black_checks(seed: int) -> Image:
             if (row + column) % 2 == 0:
                 lime = (row // 2 + column // 2) % 2 == 0
                 colour = _rgb(92, 0.85, 0.85) if lime else _rgb(0, 0.0, 0.93)
-                tile.polygon(corner + (column * step, row * step), colour)
+                tile.polygon(corner + np.array((column, row)) * step, colour)
     return tile.done(seed)
 
 
@@ -203,7 +204,7 @@ def _olive_bars(seed: int) -> Image:
     tile = _Tile(_rgb(62, 0.55, 0.55))
     bar = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.05], [0.0, 0.05]])
     for index in range(8):
-        tile.polygon(bar + (0.0, index / 8), _rgb(70, 0.80, 0.24))
+        tile.polygon(bar + np.array((0.0, index / 8)), _rgb(70, 0.80, 0.24))
     return tile.done(seed)
 
 
@@ -211,7 +212,7 @@ def _lavender_crosses(seed: int) -> Image:
     tile = _Tile(_rgb(258, 0.30, 0.90))
     for index, (x, y, _) in enumerate(_grid(6, seed, 0.0)):
         colour = _rgb(155, 0.65, 0.60) if index % 2 else _rgb(250, 0.55, 0.60)
-        tile.star(x, y, 0.075, 0.022, 4, 0.0, colour)
+        tile.star((x, y, 0.0), (0.075, 0.022, 4), colour)
     return tile.done(seed)
 
 
@@ -225,7 +226,7 @@ def _cocoa_dots(seed: int) -> Image:
 def _silver_diamonds(seed: int) -> Image:
     tile = _Tile(_rgb(210, 0.05, 0.72))
     for x, y, _ in _grid(6, seed, 0.0):
-        tile.star(x, y, 0.062, 0.044, 2, 0.0, _rgb(20, 0.90, 0.94))
+        tile.star((x, y, 0.0), (0.062, 0.044, 2), _rgb(20, 0.90, 0.94))
     return tile.done(seed)
 
 
@@ -253,7 +254,7 @@ def carpet() -> Image:
         points = np.column_stack([x + size * np.cos(corners), y + size * np.sin(corners)])
         cv2.fillPoly(image, [points.round().astype(np.int32)], colour, cv2.LINE_AA)
     grain = rng.normal(0.0, 5.0, (height, width, 1))
-    return np.clip(image.astype(np.float32) + grain, 0, 255).astype(np.uint8)
+    return _to_bytes(image.astype(np.float32) + grain)
 
 
 @cache
@@ -272,7 +273,7 @@ def helipad_top() -> Image:
         image[round(y0 * size) : round(y1 * size), round(x0 * size) : round(x1 * size)] = white
     small = cv2.resize(image, (512, 512), interpolation=cv2.INTER_AREA).astype(np.float32)
     grain = np.random.default_rng(301).normal(0.0, 3.0, (512, 512, 1))
-    return np.clip(small + grain, 0, 255).astype(np.uint8)
+    return _to_bytes(small + grain)
 
 
 @cache
@@ -281,7 +282,7 @@ def stripes() -> Image:
     tile = _Tile(_rgb(50, 0.92, 0.96))
     band = np.array([[0.0, 0.0], [0.25, 0.0], [1.25, 1.0], [1.0, 1.0]])
     for shift in (0.0, 0.5):
-        tile.polygon(band + (shift, 0.0), _rgb(2, 0.90, 0.80))
+        tile.polygon(band + np.array((shift, 0.0)), _rgb(2, 0.90, 0.80))
     return tile.done(302)
 
 
@@ -297,4 +298,4 @@ def plain(value: float, seed: int) -> Image:
     shade = cv2.resize(rng.normal(0.0, 1.0, (4, 4)), (256, 256), interpolation=cv2.INTER_CUBIC)
     grain = rng.normal(0.0, 0.6, (256, 256))
     grey = 255.0 * value * (1.0 + 0.025 * shade) + grain
-    return np.clip(np.stack([grey * 1.004, grey, grey * 0.985], axis=-1), 0, 255).astype(np.uint8)
+    return _to_bytes(np.stack([grey * 1.004, grey, grey * 0.985], axis=-1))

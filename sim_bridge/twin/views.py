@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin.camera import CAMERA_FORWARD_M, CameraPose, anafi_camera
-from sim_bridge.twin.gl import choose_gl
+from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from uav_bt.errors import ValueRangeError
 
-choose_gl()  # the modules below import MuJoCo, which settles how it draws at that moment
+load_mujoco()  # before the modules below do: how it draws is settled at its import
 
-from sim_bridge.twin.model import HULL_HALF_M, build_model  # noqa: E402  (after choose_gl)
-from sim_bridge.twin.render import Renderer  # noqa: E402  (after choose_gl)
+from sim_bridge.twin.model import HULL_HALF_M, build_model  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 
 __all__ = ["CameraPose", "View", "render_views", "sample_flight_poses"]
 
