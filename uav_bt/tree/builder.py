@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from uav_bt.errors import did_you_mean
+from uav_bt.errors import TreeError, did_you_mean
 from uav_bt.tree.checker import node_attributes, node_id_of
 from uav_bt.tree.document import Document, label
 from uav_bt.tree.findings import Findings, Position
@@ -53,11 +53,14 @@ class Builder:
         self._findings = findings
         self._count = 0
 
-    def build(self, overrides: Mapping[str, Mapping[str, str]]) -> Node | None:
-        """Return the root node, or None when something was wrong, which is noted.
+    def build(self, overrides: Mapping[str, Mapping[str, str]]) -> Node:
+        """Return the root node.
 
         Args:
             overrides: attribute values by node, which is named by its name or its path.
+
+        Raises:
+            TreeError: the tree grows too large, or an override does not fit.
         """
         main = self._document.trees[self._document.main]
         root = main.children[0]
@@ -65,10 +68,11 @@ class Builder:
         try:
             plan = self._plan(root, name, f"{self._document.main}/{name}", depth=1)
         except _TooLargeError as error:
-            self._findings.add(self._document.path, main.position, str(error), label(main))
-            return None
+            where = f"{self._document.path}:{main.position}"
+            raise TreeError(self._document.path, [f"{where}: {label(main)}: {error}"]) from error
         self._apply(overrides, plan)
-        return None if self._findings else self._make(plan)
+        self._findings.raise_any(self._document.path)
+        return self._make(plan)
 
     def _plan(self, element: Element, name: str, path: str, *, depth: int) -> _Plan:
         self._count += 1

@@ -86,7 +86,9 @@ class Checker:
             return None
         node = self._registry[node_id]
         if element.tag in _KIND_TAGS and element.tag != node.kind.value:
-            self._note(element, f"'{node_id}' is a {node.kind.value}, not a {element.tag}", "ID")
+            self._note(
+                element, f"'{node_id}' is of kind {node.kind.value}, not {element.tag}", "ID"
+            )
         elif element.tag not in _KIND_TAGS and "ID" in element.attributes:
             self._note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
         return node

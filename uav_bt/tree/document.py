@@ -204,7 +204,7 @@ def _compare_model(
         findings.add(
             path,
             model.position,
-            f"described as {model.tag}, but it is a {node.kind.value}",
+            f"described as {model.tag}, but the node is of kind {node.kind.value}",
             label(model),
         )
     known = [port.name for port in node.ports]

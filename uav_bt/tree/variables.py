@@ -66,6 +66,11 @@ class Variables:
             raise KeyError(f"variable '{key}' has no value{did_you_mean(key, self)}")
         return entry.value
 
+    def get(self, key: str, default: Any = None) -> Any:
+        """Return a variable's value, or the default when it was never written."""
+        entry = self.entry(key)
+        return default if entry is None else entry.value
+
     def __setitem__(self, key: str, value: Any) -> None:
         """Write a variable."""
         entries, name = self._place(key)

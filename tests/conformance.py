@@ -1,0 +1,133 @@
+"""Run recorded traces of the BehaviorTree.CPP engine through ours and report, per feature set.
+
+`python tests/conformance.py FILE` prints how many trees of each feature set agree tick by tick in
+root status, leaf events in order, and blackboard; exit code 1 when any does not.
+
+A trace file has one JSON object a line: the tree (`xml`), the variables before the first tick
+(`blackboard`), variables written before tick k (`set`), ticks before which the tree is halted
+(`halt`), and what the engine did (`ticks`).
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from uav_bt.clock import ManualClock
+from uav_bt.errors import UavBtError, UnknownNameError
+from uav_bt.mission.arbiter import Proposals
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.mission.context import MissionContext
+from uav_bt.protocols import LeafPolicy
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+
+_LETTERS = {"S": SUCCESS, "F": FAILURE, "R": RUNNING, "K": SKIPPED}
+_NAMES = {SUCCESS: "SUCCESS", FAILURE: "FAILURE", RUNNING: "RUNNING", SKIPPED: "SKIPPED"}
+
+
+class Scripted(Leaf):
+    """Answers one letter of its script per tick; the last one for ever."""
+
+    ports = (Port("script", str, doc="S success, F failure, R running, K skipped"),)
+    events: list[list[str]] = []  # noqa: RUF012  # shared on purpose: the order over all leaves
+
+    _ticks = 0
+
+    def update(self) -> Status:
+        """Note the call and answer."""
+        self.events.append(["running" if self.status is RUNNING else "start", self.name])
+        script = self.port_value("script")
+        letter = script[min(self._ticks, len(script) - 1)]
+        self._ticks += 1
+        return _LETTERS[letter]
+
+    def terminate(self, new_status: Status) -> None:
+        """Note a halt; an activation that skipped itself was none."""
+        if new_status is IDLE and self.status is RUNNING:
+            self.events.append(["halt", self.name])
+
+
+REGISTRY = NodeRegistry([Scripted])
+
+
+def _no_policy(name: str) -> LeafPolicy:
+    raise UnknownNameError("policy", name, ())
+
+
+def _make_tree(trace: dict[str, Any]) -> MissionTree:
+    tree = parse_tree(trace["xml"], REGISTRY, path=f"trace {trace['id']}")
+    clock = ManualClock()
+    tree.setup(
+        MissionContext(
+            board=Blackboard(clock, ()), clock=clock, proposals=Proposals(), policy=_no_policy
+        )
+    )
+    for key, value in trace["blackboard"].items():
+        tree.variables[key] = value
+    return tree
+
+
+def mismatch(trace: dict[str, Any]) -> str | None:
+    """Return how our engine differs from a trace, or None when it agrees in everything."""
+    try:
+        tree = _make_tree(trace)
+        for index, expected in enumerate(trace["ticks"]):
+            for key, value in trace["set"].get(str(index), {}).items():
+                tree.variables[key] = value
+            Scripted.events.clear()
+            if index in trace["halt"]:
+                tree.halt()
+            actual = {
+                "root": _NAMES[tree.tick()],
+                "events": list(Scripted.events),
+                "blackboard": {
+                    key: tree.variables.get(key)
+                    for key in expected["blackboard"]
+                },
+            }
+            if actual != expected:
+                return f"tick {index}: expected {expected}, got {actual}"
+    except UavBtError as error:
+        return str(error)
+    return None
+
+
+def read_traces(path: Path) -> Iterator[dict[str, Any]]:
+    """Iterate over the traces of a file."""
+    with path.open(encoding="utf-8") as lines:
+        for line in lines:
+            if line.strip():
+                yield json.loads(line)
+
+
+def main(arguments: list[str]) -> int:
+    """Run a trace file and print the report."""
+    if len(arguments) != 1:
+        sys.stderr.write("usage: python tests/conformance.py FILE\n")
+        return 2
+    total: Counter[str] = Counter()
+    agreeing: Counter[str] = Counter()
+    differing: list[str] = []
+    for trace in read_traces(Path(arguments[0])):
+        features = "+".join(trace["features"])
+        total[features] += 1
+        reason = mismatch(trace)
+        if reason is None:
+            agreeing[features] += 1
+        else:
+            differing.append(f"{trace['id']}: {reason}")
+    for features in sorted(total):
+        sys.stdout.write(f"{agreeing[features]:5d} of {total[features]:5d}  {features}\n")
+    sys.stdout.write(f"{agreeing.total():5d} of {total.total():5d}  all\n")
+    for line in differing[:20]:
+        sys.stdout.write(f"  {line[:500]}\n")
+    return 1 if differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,155 @@
+"""The leaf bench: a leaf in a few lines, and everything a leaf must not do fails the test."""
+
+from __future__ import annotations
+
+import pytest
+
+from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, HEIGHT, STATE
+from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailedError
+from uav_bt.mission.context import MissionContext
+from uav_bt.protocols import Decision, LeafPolicy, PolicyView
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import GimbalTo, MoveBy, MovementState
+
+
+class Advance:
+    """A policy that always advances."""
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Advance by a step."""
+        del view
+        return Decision(forward_m=0.3)
+
+
+class Step(Leaf):
+    """Steps ahead once, looking down a little."""
+
+    ports = (
+        Port("policy", str, default="always"),
+        Port("step_m", float, default=0.3),
+        Port("reads_too", str, default=""),
+    )
+    reads = (STATE, FRAME)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        self.policy: LeafPolicy = mission.policy(self.port_value("policy"))
+        self.halts = 0
+        self._id = 0
+
+    def update(self) -> Status:
+        if self.port_value("reads_too") == "undeclared":
+            self.read(ELAPSED)
+        state = self.read(STATE).value
+        if state is None:
+            self.feedback_message = "no telemetry"
+            return Status.RUNNING
+        if self._id == 0:
+            self._id = self.mission.proposals.next_id()
+        told = state.movement
+        if told is not None and told.id == self._id:
+            return Status.SUCCESS if told.state is MovementState.DONE else Status.FAILURE
+        self.point(GimbalTo(pitch_rad=-0.5))
+        self.propose(MoveBy(id=self._id, forward_m=self.port_value("step_m")))
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        self.halts += new_status is Status.INVALID
+
+
+def bench_of(**attributes: object) -> LeafBench:
+    bench = LeafBench(Step, **attributes)
+    bench.policies["always"] = Advance()
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("word", "answer"),
+    [(MovementState.DONE, Status.SUCCESS), (MovementState.INTERRUPTED, Status.FAILURE)],
+)
+def test_a_movement_from_proposal_to_end(word: MovementState, answer: Status) -> None:
+    """Attributes as in XML, telemetry, a proposal, the drone's word on it."""
+    bench = bench_of(step_m="0.25")
+    bench.hover(height_m=1.5)
+    assert bench.tick() is Status.RUNNING
+    assert bench.proposed == MoveBy(id=1, forward_m=0.25)
+    assert bench.pointed == GimbalTo(pitch_rad=-0.5)
+    bench.clock.advance(1.0)
+    bench.finish_movement(word)
+    assert bench.tick(advance_s=0.1) is answer
+    assert bench.proposed is None
+
+
+def test_hover_writes_what_the_runner_writes() -> None:
+    """State, height, camera and a frame with the same telemetry."""
+    bench = bench_of()
+    bench.hover(height_m=1.2, gimbal_pitch_rad=-0.3)
+    assert bench.board[HEIGHT] == 1.2
+    frame = bench.board[FRAME]
+    assert (frame.height_above_carpet_m, frame.gimbal_pitch_rad) == (1.2, -0.3)
+    bench.hover()
+    assert bench.board[FRAME].index == frame.index + 1
+
+
+def test_missing_is_not_stale() -> None:
+    """A leaf that starts without telemetry copes, as in flight."""
+    bench = bench_of()
+    assert bench.tick() is Status.RUNNING
+    assert bench.feedback == "no telemetry"
+
+
+def test_stale_access_fails_the_test() -> None:
+    """A board that the test forgot to refresh is an error, unless staleness is the subject."""
+    bench = bench_of()
+    bench.hover()
+    bench.tick()
+    with pytest.raises(NodeFailedError, match=r"'state' is stale in this test: 5\.00 s") as error:
+        bench.tick(advance_s=5.0)
+    assert isinstance(error.value.__cause__, BoardAccessError)
+    bench.allow_stale()
+    assert bench.tick() is Status.RUNNING
+    assert bench.feedback == "no telemetry"
+
+
+def test_undeclared_access_fails_the_test() -> None:
+    """A key that the leaf did not declare cannot be read by accident."""
+    bench = bench_of(reads_too="undeclared")
+    with pytest.raises(NodeFailedError, match="'Bench/Step' reads board key 'elapsed_s'"):
+        bench.tick()
+
+
+def test_mistyped_writing_fails_the_test() -> None:
+    """The test itself cannot put a value of another type on the board."""
+    with pytest.raises(BoardAccessError, match="holds ClassMap, got int"):
+        bench_of().board[CLASS_MAP] = 3  # type: ignore[misc]
+
+
+def test_halting() -> None:
+    """A halted leaf is told, once."""
+    bench = bench_of()
+    bench.hover()
+    bench.tick()
+    bench.halt()
+    bench.halt()
+    assert isinstance(bench.leaf, Step)
+    assert bench.leaf.halts == 1
+
+
+def test_wrong_use_is_explained() -> None:
+    """Unknown attributes, unknown policies and endings of nothing are refused."""
+    with pytest.raises(InputError, match="did you mean 'step_m'"):
+        LeafBench(Step, step="1")
+    with pytest.raises(InputError, match="unknown policy 'none-of-these'"):
+        LeafBench(Step, policy="none-of-these").tick()
+    with pytest.raises(MissionError, match="no MoveBy was proposed"):
+        bench_of().finish_movement()
+
+
+def test_benches_do_not_meet() -> None:
+    """Two benches share nothing."""
+    one, other = bench_of(), bench_of()
+    one.hover()
+    assert STATE in one.board
+    assert STATE not in other.board
+    del one.board[STATE]
+    assert STATE not in one.board

@@ -1,0 +1,136 @@
+"""The scripted drone: a `Drone` without a world that answers exactly."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.protocols import Drone
+from uav_bt.testing import ScriptedDrone, ScriptedDroneConfig
+from uav_bt.types import (
+    Command,
+    CutMotors,
+    DroneState,
+    FlyingState,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    MovementState,
+    Observation,
+    TakeOff,
+    Velocity,
+)
+
+
+def flying() -> ScriptedDrone:
+    drone = ScriptedDrone()
+    while drone.observe().state.flying is not FlyingState.HOVERING:
+        drone.send(Command(movement=TakeOff()))
+    drone.commands.clear()
+    return drone
+
+
+def word(drone: ScriptedDrone) -> tuple[int, MovementState] | None:
+    status = drone.observe().state.movement
+    return (status.id, status.state) if status else None
+
+
+def test_it_is_a_drone() -> None:
+    """It offers what the protocol asks for, and connects to nothing."""
+    drone = ScriptedDrone()
+    assert isinstance(drone, Drone)
+    drone.connect()
+    assert drone.connected
+    drone.disconnect()
+    drone.disconnect()
+    assert not drone.connected
+
+
+def test_it_takes_off_and_lands() -> None:
+    """Each takes its number of commands."""
+    drone = ScriptedDrone(config=ScriptedDroneConfig(take_off_ticks=2, landing_ticks=2))
+    states = []
+    for movement in (TakeOff(), TakeOff(), Hover(), Land(), Land(), Hover()):
+        drone.send(Command(movement=movement))
+        states.append(drone.observe().state.flying.value)
+    assert states == ["taking_off", "hovering", "hovering", "landing", "landed", "landed"]
+    assert drone.state.height_m == 0.0
+
+
+def test_a_movement_ends_after_its_ticks() -> None:
+    """The same id goes on, is done exactly, and is not flown a second time."""
+    drone = flying()
+    move = MoveBy(id=4, forward_m=1.0, down_m=-0.5, yaw_rad=math.pi / 2)
+    words = []
+    for _ in range(5):
+        drone.send(Command(movement=move))
+        words.append(word(drone))
+    running, done = (4, MovementState.RUNNING), (4, MovementState.DONE)
+    assert words == [running, running, done, done, done]
+    assert (drone.x_m, drone.y_m) == pytest.approx((1.0, 0.0))
+    assert drone.state.height_above_carpet_m == pytest.approx(1.5)
+    drone.send(Command(movement=MoveBy(id=5, forward_m=1.0)))
+    for _ in range(2):
+        drone.send(Command(movement=MoveBy(id=5, forward_m=1.0)))
+    # Turned clockwise from +x, ahead is -y.
+    assert (drone.x_m, drone.y_m) == pytest.approx((1.0, -1.0))
+
+
+def test_a_new_movement_supersedes_and_anything_else_cancels() -> None:
+    """What is no longer proposed is interrupted."""
+    drone = flying()
+    drone.send(Command(movement=MoveBy(id=1, forward_m=1.0)))
+    drone.send(Command(movement=MoveBy(id=2, forward_m=1.0)))
+    assert word(drone) == (2, MovementState.RUNNING)
+    drone.send(Command(movement=Hover()))
+    assert word(drone) == (2, MovementState.INTERRUPTED)
+    assert drone.x_m == 0.0
+
+
+def test_on_the_ground_movements_are_rejected() -> None:
+    """A drone that stands moves nowhere."""
+    drone = ScriptedDrone()
+    drone.send(Command(movement=MoveBy(id=1, forward_m=1.0)))
+    assert word(drone) == (1, MovementState.REJECTED)
+
+
+def test_velocity_and_gimbal_and_the_last_resort() -> None:
+    """Velocity moves by a tick, the gimbal is on its own channel, cut motors are cut."""
+    drone = flying()
+    sent = drone.send(Command(movement=Velocity(right_mps=1.0), gimbal=GimbalTo(pitch_rad=-1.0)))
+    assert drone.commands == [sent]
+    assert drone.y_m == pytest.approx(-0.1)
+    assert drone.observe().frame.gimbal_pitch_rad == -1.0  # type: ignore[union-attr]
+    drone.send(Command(movement=CutMotors()))
+    assert drone.state.flying is FlyingState.LANDED
+
+
+def test_frames_count_up_and_carry_the_time() -> None:
+    """Each observation has a new frame, captured now."""
+    drone = ScriptedDrone()
+    first = drone.observe().frame
+    drone.clock.advance(0.1)
+    second = drone.observe().frame
+    assert first is not None
+    assert second is not None
+    assert (first.index, second.index) == (0, 1)
+    assert second.captured_s == pytest.approx(0.1)
+
+
+def test_a_script_is_shown_in_order() -> None:
+    """Given observations come one by one, and the last one stays."""
+    shown = [
+        Observation(frame=None, state=DroneState(captured_s=s, flying=FlyingState.LANDED))
+        for s in (0.0, 1.0)
+    ]
+    drone = ScriptedDrone(shown)
+    assert [drone.observe() for _ in range(3)] == [shown[0], shown[1], shown[1]]
+
+
+def test_settings_are_checked() -> None:
+    """Nothing takes no time at all."""
+    with pytest.raises(ValueRangeError, match="1 or more"):
+        ScriptedDroneConfig(movement_ticks=0)

@@ -1,0 +1,281 @@
+"""Leaves: when their methods run, what they may touch, and what an exception does."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import pytest
+from tree_world import World
+
+from uav_bt.board import ELAPSED, HEIGHT
+from uav_bt.errors import BoardAccessError, MissionError, NodeFailedError, ProposalConflictError
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree import SKIPPED, Leaf, MissionTree, NodeKind, Port, Status
+from uav_bt.tree.nodes import Parallel, ReactiveFallback, Sequence
+from uav_bt.types import Hover, Land
+
+SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", max_age_s=1.0)
+
+
+class Probe(Leaf):
+    """Writes down its life.
+
+    A second paragraph that no list shows.
+    """
+
+    ports = (Port("answers", str, default="R", doc="one letter a tick"),)
+    letters: ClassVar = {
+        "S": Status.SUCCESS,
+        "F": Status.FAILURE,
+        "R": Status.RUNNING,
+        "K": SKIPPED,
+        "?": None,
+    }
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name, **given)
+        self.life: list[str] = []
+
+    def on_setup(self, mission: object) -> None:
+        del mission
+        self.life.append("setup")
+
+    def initialise(self) -> None:
+        self.life.append("initialise")
+
+    def update(self) -> Status:
+        self.life.append("update")
+        letter = self.port_value("answers")[min(self.life.count("update"), 9) - 1 :][:1]
+        if letter == "!":
+            raise ZeroDivisionError("on purpose")
+        return self.letters[letter or "R"]  # type: ignore[no-any-return]
+
+    def terminate(self, new_status: Status) -> None:
+        self.life.append(f"terminate {new_status.name}")
+        if "T" in self.port_value("answers"):
+            raise RuntimeError("in terminate")
+
+
+class BoolProbe(Probe):
+    condition = True
+
+
+def ready(world: World, root: Leaf | Sequence | Parallel | ReactiveFallback) -> MissionTree:
+    tree = MissionTree(root, name="Mission")
+    tree.setup(world.context)
+    return tree
+
+
+def test_methods_run_when_py_trees_says(world: World) -> None:
+    """Setup once; initialise per activation; terminate once, when it ends."""
+    probe = Probe("p", answers="RSS")
+    tree = ready(world, probe)
+    for _ in range(3):
+        tree.tick()
+    first = ["setup", "initialise", "update", "update", "terminate SUCCESS"]
+    assert probe.life == [*first, "initialise", "update", "terminate SUCCESS"]
+
+
+def test_a_halted_leaf_is_told_once(world: World) -> None:
+    """Halting twice tells a running leaf once, and an idle one never."""
+    probe = Probe("p")
+    tree = ready(world, probe)
+    tree.halt()
+    tree.tick()
+    tree.halt()
+    tree.halt()
+    assert probe.life == ["setup", "initialise", "update", "terminate INVALID"]
+    assert probe.status is Status.INVALID
+
+
+def test_a_finished_leaf_is_not_told_again(world: World) -> None:
+    """A leaf that succeeded hears nothing when its parent halts."""
+    done, going = Probe("done", answers="S"), Probe("going")
+    tree = ready(world, Sequence("s", [done, going]))
+    tree.tick()
+    tree.halt()
+    assert done.life[-1] == "terminate SUCCESS"
+    assert going.life[-1] == "terminate INVALID"
+
+
+def test_a_leaf_that_skips_itself_ends(world: World) -> None:
+    """SKIPPED from the first update ends the activation; the parent goes on."""
+    skips, acts = Probe("skips", answers="K"), Probe("acts", answers="S")
+    tree = ready(world, Sequence("s", [skips, acts]))
+    assert tree.tick() is Status.SUCCESS
+    assert skips.life == ["setup", "initialise", "update", "terminate INVALID"]
+
+
+@pytest.mark.parametrize("answers", ["!", "R!"])
+def test_an_exception_names_the_node_and_leaves_nothing_running(world: World, answers: str) -> None:
+    """Whether it began now or earlier, the failing leaf is told once, as are the others."""
+    fails, other = Probe("fails", answers=answers), Probe("other")
+    tree = ready(world, Parallel("both", [other, fails]))
+    for _ in answers[1:]:
+        tree.tick()
+    with pytest.raises(NodeFailedError, match="'Mission/both/fails' failed: ZeroDiv") as error:
+        tree.tick()
+    assert isinstance(error.value.__cause__, ZeroDivisionError)
+    assert [node.status for node in tree.nodes()] == [Status.INVALID] * 3
+    assert fails.life.count("terminate INVALID") == 1
+    assert other.life.count("terminate INVALID") == 1
+    tree.halt()
+    assert fails.life.count("terminate INVALID") == 1
+
+
+def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> None:
+    """The first is reported, with its path, when all others have been halted too."""
+    bad, good = Probe("bad", answers="RRT"), Probe("good")
+    tree = ready(world, Parallel("both", [bad, good]))
+    tree.tick()
+    with pytest.raises(NodeFailedError, match="'Mission/both/bad' failed: RuntimeError"):
+        tree.halt()
+    assert good.life[-1] == "terminate INVALID"
+    assert [node.status for node in tree.nodes()] == [Status.INVALID] * 3
+    tree.halt()
+    assert bad.life.count("terminate INVALID") == 1
+
+
+def test_an_exception_after_an_exception_is_noted(world: World) -> None:
+    """The cause is what is raised; what went wrong while halting is a note on it."""
+    tree = ready(
+        world, Parallel("both", [Probe("late", answers="RT"), Probe("fails", answers="!")])
+    )
+    with pytest.raises(NodeFailedError, match="'Mission/both/fails'") as error:
+        tree.tick()
+    assert "Mission/both/late" in error.value.__notes__[0]
+
+
+@pytest.mark.parametrize(("kind", "answers"), [(Probe, "?"), (BoolProbe, "R")])
+def test_wrong_answers_are_refused(world: World, kind: type[Probe], answers: str) -> None:
+    """A leaf must answer with a status, and a condition at once."""
+    with pytest.raises(NodeFailedError, match="must return SUCCESS"):
+        ready(world, kind("p", answers=answers)).tick()
+
+
+def test_conditions_and_actions_have_their_kind() -> None:
+    """`condition = True` makes a Condition node; a subclass takes its own name."""
+    assert Probe.kind is NodeKind.ACTION
+    assert BoolProbe.kind is NodeKind.CONDITION
+    assert BoolProbe.node_id == "BoolProbe"
+
+
+def test_a_port_twice_is_refused() -> None:
+    """A class that declares a port twice does not come into being."""
+    with pytest.raises(TypeError, match="declares a port twice"):
+        type("Twice", (Leaf,), {"ports": (Port("a", int), Port("a", str))})
+
+
+def test_using_a_leaf_before_setup_says_so() -> None:
+    """A tree that was not set up is refused with the cure."""
+    with pytest.raises(MissionError, match="call setup"):
+        MissionTree(Probe("p")).tick()
+    with pytest.raises(MissionError, match=r"MissionTree\.setup"):
+        _ = Probe("p").clock
+
+
+class Sensor(Leaf):
+    """Reads and writes the board in the way its `mode` says."""
+
+    ports = (
+        Port("mode", str),
+        Port("speed", float, default="{@speed_mps}"),
+        Port("out", float, default="{copy}", direction="output"),
+    )
+    reads = (HEIGHT,)
+    writes = (SPEED,)
+
+    def update(self) -> Status:
+        mode = self.port_value("mode")
+        if mode == "ok":
+            height_m = self.read(HEIGHT).value or 0.0
+            self.write(SPEED, height_m * 2)
+            self.set_port(self.ports[2], self.port(self.ports[1]))
+        elif mode == "read":
+            self.read(ELAPSED)
+        elif mode == "write":
+            self.write(HEIGHT, 1.0)
+        elif mode == "type":
+            self.write(SPEED, "fast")  # type: ignore[arg-type]
+        elif mode == "port":
+            self.port_value("sped")
+        elif mode == "stale":
+            self.port_value("speed")
+        return Status.SUCCESS
+
+
+def test_declared_access_works(world: World) -> None:
+    """A leaf reads and writes what it declared, its own key and a port's reference included."""
+    tree = ready(world, Sensor("s", mode="ok"))
+    world.board.declare(HEIGHT)
+    world.board.write(HEIGHT, 1.5)
+    assert tree.tick() is Status.SUCCESS
+    assert world.board.read(SPEED).value == 3.0
+    assert tree.variables["copy"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "message"),
+    [
+        ("read", "'Mission/s' reads board key 'elapsed_s' without declaring it"),
+        ("write", "'Mission/s' writes board key 'height_above_carpet_m' without declaring"),
+        ("type", "'Mission/s': board key 'speed_mps' holds float, got str"),
+        ("port", "declares no port 'sped'"),
+        ("stale", "port 'speed': {@speed_mps} holds nothing fresh"),
+    ],
+)
+def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
+    """The message names leaf and key."""
+    with pytest.raises(NodeFailedError) as error:
+        ready(world, Sensor("s", mode=mode)).tick()
+    assert isinstance(error.value.__cause__, BoardAccessError)
+    assert message in str(error.value)
+
+
+def test_a_port_reading_tells_the_age(world: World) -> None:
+    """A leaf that can cope with a stale value asks for the reading."""
+    sensor = Sensor("s", mode="")
+    ready(world, sensor)
+    assert not sensor.port_reading(Sensor.ports[1]).known
+    world.board.write(SPEED, 2.0)
+    assert sensor.port_reading(Sensor.ports[1]).value == 2.0
+    world.clock.advance(3.0)
+    reading = sensor.port_reading(Sensor.ports[1])
+    assert reading.value is None
+    assert reading.age_s == pytest.approx(3.0)
+
+
+class Asks(Leaf):
+    """Proposes."""
+
+    def update(self) -> Status:
+        self.propose(Land() if self.name == "land" else Hover())
+        return Status.RUNNING
+
+
+def test_two_proposals_are_an_error_that_names_both(world: World) -> None:
+    """The owner of a proposal is the leaf's unique path."""
+    tree = ready(world, Parallel("p", [Asks("land"), Asks("hover")]))
+    with pytest.raises(NodeFailedError, match="'Mission/p/land' and 'Mission/p/hover'") as error:
+        tree.tick()
+    assert isinstance(error.value.__cause__, ProposalConflictError)
+
+
+def test_siblings_of_one_name_get_numbers() -> None:
+    """Paths are unique even where names are not."""
+    tree = MissionTree(Sequence("s", [Probe("a"), Probe("a"), Probe("b")]), name="M")
+    assert [leaf.path for leaf in tree.leaves()] == ["M/s/a", "M/s/a#2", "M/s/b"]
+    assert tree.find("M/s/a#2") is tree.root.children[1]
+    with pytest.raises(KeyError, match="2 nodes"):
+        tree.find("a")
+
+
+def test_active_path_follows_the_running_branch(world: World) -> None:
+    """The status line shows the names from the root down to the leaf that runs."""
+    inner = Sequence("explore", [Probe("Explore")])
+    tree = ready(world, ReactiveFallback("root", [Probe("check", answers="FFFF"), inner]))
+    assert tree.active_path() == ()
+    tree.tick()
+    assert tree.active_path() == ("root", "explore", "Explore")
+    tree.halt()
+    assert tree.active_path() == ()

@@ -1,0 +1,314 @@
+"""The loader: what it accepts, and what it says about what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conformance import Scripted
+from tree_world import World, document, leaf
+
+from uav_bt.board import HELIPAD
+from uav_bt.errors import TreeError
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status, load_tree, parse_tree
+from uav_bt.types import HelipadFix
+
+
+class Steer(Leaf):
+    """Steers."""
+
+    ports = (
+        Port("policy", str, default="segmentation", doc="leaf policy"),
+        Port("height_m", float, default=1.5, doc="height, m"),
+        Port("pad", HelipadFix, default="{@helipad}", doc="the pad"),
+    )
+    reads = (HELIPAD,)
+
+    def update(self) -> Status:
+        return Status.RUNNING
+
+
+class Safe(Leaf):
+    """Is it?"""
+
+    condition = True
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+REGISTRY = NodeRegistry([Scripted, Steer, Safe])
+
+
+def findings(text: str, **overrides: dict[str, str]) -> list[str]:
+    """Return what is wrong, without the path."""
+    with pytest.raises(TreeError) as error:
+        parse_tree(text, REGISTRY, path="m.xml", overrides=overrides)
+    assert error.value.exit_code == 2
+    return [finding.removeprefix("m.xml:") for finding in error.value.findings]
+
+
+def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
+    """Everything an editor writes is accepted: models, explicit tags, its own attributes."""
+    text = """<?xml version="1.0" encoding="UTF-8"?>
+    <root BTCPP_format="4" main_tree_to_execute="Mission" project_name="lab">
+      <!-- a comment -->
+      <BehaviorTree ID="Mission" _fullpath="">
+        <ReactiveSequence name="fly" _uid="1">
+          <Condition ID="Safe"/>
+          <Steer name="explore" height_m="1.25"/>
+          <SubTree ID="Home" _collapsed="true" speed="{v}"/>
+        </ReactiveSequence>
+      </BehaviorTree>
+      <BehaviorTree ID="Home"><Action ID="Steer" policy="rule"/></BehaviorTree>
+      <TreeNodesModel>
+        <Action ID="Steer" editable="true">
+          <input_port name="policy" type="std::string" default="segmentation">Which one</input_port>
+        </Action>
+        <SubTree ID="Home"><input_port name="speed"/></SubTree>
+        <Control ID="SomebodyElses"/>
+      </TreeNodesModel>
+    </root>"""
+    path = tmp_path / "mission.xml"
+    path.write_text(text, encoding="utf-8")
+    tree = load_tree(path, REGISTRY)
+    assert tree.name == "Mission"
+    assert tree.text == text
+    assert [leaf.path for leaf in tree.leaves()] == [
+        "Mission/fly/Safe",
+        "Mission/fly/explore",
+        "Mission/fly/Home/Steer",
+    ]
+    steer = tree.find("explore")
+    assert steer.port_value("height_m") == 1.25
+    assert steer.port_value("policy") == "segmentation"
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("<Stear/>", "unknown node 'Stear'; did you mean 'Steer'?"),
+        ('<Action ID="Stear"/>', "unknown node 'Stear'; did you mean 'Steer'?"),
+        ("<Action/>", "<Action> needs an attribute 'ID'"),
+        ('<Condition ID="Steer"/>', "'Steer' is of kind Action, not Condition"),
+        ('<Steer ID="x"/>', "unknown attribute 'ID'"),
+        ("<Other/>", "unknown node 'Other'; it is a tree of this file: write <SubTree ID"),
+        ('<Steer heigth_m="1"/>', "unknown attribute 'heigth_m'; did you mean 'height_m'?"),
+        ('<Steer height_m="high"/>', "attribute 'height_m': expected a number, got 'high'"),
+        ('<Steer height_m="{@hight}"/>', "the board has no key 'hight'"),
+        ('<Steer height_m="{@helipad}"/>', "takes float, but board key 'helipad' holds HelipadFix"),
+        ('<Steer name=""/>', "attribute 'name' is empty"),
+        ('<Steer _skipIf="true"/>', "attribute '_skipIf' is not supported"),
+        ("<Scripted/>", "attribute 'script' is missing (S success"),
+        ("<Steer>text</Steer>", "unexpected text 'text'"),
+        ("<Steer><Safe/></Steer>", "needs no children, has 1"),
+        ("<Sequence/>", "needs at least 1, has 0"),
+        ("<Inverter/>", "needs exactly one child, has 0"),
+        ("<Inverter><Safe/><Safe/></Inverter>", "needs exactly one child, has 2"),
+        ('<Repeat num_cycles="two"><Safe/></Repeat>', "expected an integer, got 'two'"),
+        ('<Timeout msec="-1"><Safe/></Timeout>', "expected milliseconds, 0 or more; got -1"),
+        ("<SubTree/>", "attribute 'ID' is missing"),
+        ('<SubTree ID="Othr"/>', "there is no tree 'Othr'; did you mean 'Other'?"),
+        ('<SubTree ID="Main"/>', "the tree contains itself: Main > Main"),
+        ('<SubTree ID="Other"><Safe/></SubTree>', "needs no children, has 1"),
+        ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
+        ('<SubTree ID="Other" x="{@helipad}"/>', "use the key inside the subtree"),
+        ('<SubTree ID="Other" x="{a b}"/>', "is no reference"),
+        ('<SubTree ID="Other" _onHalted="x"/>', "attribute '_onHalted' is not supported"),
+    ],
+)
+def test_refused_nodes(body: str, message: str) -> None:
+    """One thing is wrong, and the report says what, with the way out."""
+    found = findings(document(body, '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'))
+    assert len(found) == 1
+    assert message in found[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "1:1: not well-formed XML: no element found"),
+        ("<root>", "1:7: not well-formed XML: no element found"),
+        ('<root a="1" a="2"/>', "duplicate attribute"),
+        ("<tree/>", "expected the element <root>, got <tree>"),
+        ('<root BTCPP_format="4"/>', "the file has no BehaviorTree"),
+        (document("<Safe/>").replace('"4"', '"3"'), "expected BTCPP_format=\"4\", got '3'"),
+        (document("<Safe/>").replace('BTCPP_format="4"', ""), "got nothing"),
+        (document("<Safe/>").replace('execute="Main"', 'execute="Mian"'), "did you mean 'Main'"),
+        (document("<Safe/>").replace("main_tree", "man_tree"), "unknown attribute 'man_tree_to"),
+        (document("<Safe/><Safe/>"), "needs exactly one child, has 2"),
+        (document("<Safe/>", "<BehaviorTree><Safe/></BehaviorTree>"), "'ID' is missing"),
+        (document("<Safe/>", '<BehaviorTree ID="Main"><Safe/></BehaviorTree>'), "is taken by"),
+        (document("<Safe/>", '<BehaviorTre ID="B"><Safe/></BehaviorTre>'), "did you mean 'Beh"),
+        (document("<Safe/>", "words"), "unexpected text 'words'"),
+        (
+            document("<Safe/>", '<BehaviorTree ID="B"><Safe/></BehaviorTree>').replace(
+                ' main_tree_to_execute="Main"', ""
+            ),
+            "main_tree_to_execute=Main|B",
+        ),
+    ],
+)
+def test_refused_documents(text: str, message: str) -> None:
+    """What is wrong around the nodes is said as well."""
+    assert any(message in found for found in findings(text))
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        ('<Actoin ID="Steer"/>', "<Actoin> cannot stand in <TreeNodesModel>"),
+        ("<Action/>", "attribute 'ID' is missing"),
+        ('<Condition ID="Steer"/>', "described as Condition, but the node is of kind Action"),
+        ('<Action ID="Steer"><input_port name="polcy"/></Action>', "has no port 'polcy'; did you"),
+        ('<Action ID="Steer"><input_port/></Action>', "attribute 'name' is missing"),
+        ('<Action ID="Steer"><port name="policy"/></Action>', "<port> cannot stand here"),
+        ('<Action ID="X"/><Action ID="X"/>', "described twice"),
+    ],
+)
+def test_refused_models(model: str, message: str) -> None:
+    """A description of the nodes that does not fit ours is refused."""
+    found = findings(document("<Safe/>", f"<TreeNodesModel>{model}</TreeNodesModel>"))
+    assert len(found) == 1
+    assert message in found[0]
+
+
+def test_a_described_subtree_knows_its_ports() -> None:
+    """When the file describes a tree's ports, a misspelt one is found."""
+    text = document(
+        '<SubTree ID="Home" sped="1"/>',
+        '<BehaviorTree ID="Home"><Safe/></BehaviorTree>',
+        '<TreeNodesModel><SubTree ID="Home"><input_port name="speed"/></SubTree></TreeNodesModel>',
+    )
+    assert "no port 'sped'; did you mean 'speed'" in findings(text)[0]
+
+
+def test_all_errors_come_together_with_their_places() -> None:
+    """Line and column lead to the attribute itself; the order is the file's."""
+    text = """<root BTCPP_format="4">
+  <BehaviorTree ID="Main">
+    <Sequence name="s" nme="t">
+      <Steer
+          height_m="high"
+          polcy="x"/>
+      <Sttter/>
+    </Sequence>
+  </BehaviorTree>
+</root>"""
+    assert findings(text) == [
+        "3:24: Sequence 's': unknown attribute 'nme'",
+        "5:11: Steer: attribute 'height_m': expected a number, got 'high'",
+        "6:11: Steer: unknown attribute 'polcy'; did you mean 'policy'?",
+        "7:7: Sttter: unknown node 'Sttter'; did you mean 'Steer'?",
+    ]
+
+
+def test_trees_that_nobody_uses_are_checked_too() -> None:
+    """An error in a spare tree is no surprise later."""
+    text = document("<Safe/>", '<BehaviorTree ID="Spare"><Safr/></BehaviorTree>')
+    assert "unknown node 'Safr'; did you mean 'Safe'" in findings(text)[0]
+
+
+def test_recursion_is_found_across_trees() -> None:
+    """The loop is spelt out."""
+    text = document(
+        '<SubTree ID="A"/>',
+        '<BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree>',
+        '<BehaviorTree ID="B"><Inverter><SubTree ID="A"/></Inverter></BehaviorTree>',
+    )
+    assert len(findings(text)) == 1
+    assert "contains itself: A > B > A" in findings(text)[0]
+
+
+def test_subtrees_cannot_explode() -> None:
+    """Trees that double at each level stay bounded."""
+    levels = [
+        f'<BehaviorTree ID="T{n}"><Sequence><SubTree ID="T{n + 1}"/><SubTree ID="T{n + 1}"/>'
+        "</Sequence></BehaviorTree>"
+        for n in range(30)
+    ]
+    levels.append('<BehaviorTree ID="T30"><Safe/></BehaviorTree>')
+    assert "more than 20000 nodes" in findings(document('<SubTree ID="T0"/>', *levels))[0]
+
+
+def test_subtrees_cannot_nest_too_deeply() -> None:
+    """A chain of trees, each fine by itself, is bounded in depth."""
+    chain = [
+        f'<BehaviorTree ID="T{n}"><Inverter><SubTree ID="T{n + 1}"/></Inverter></BehaviorTree>'
+        for n in range(80)
+    ]
+    chain.append('<BehaviorTree ID="T80"><Safe/></BehaviorTree>')
+    assert "deeper than 100" in findings(document('<SubTree ID="T0"/>', *chain))[0]
+
+
+def test_the_deepest_allowed_tree_ticks(world: World) -> None:
+    """The bound on depth is one that the engine can tick."""
+    body = "<Inverter>" * 97 + leaf("a", "S") + "</Inverter>" * 97
+    assert world.run(body, 1) == "F"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('<!DOCTYPE root [<!ENTITY a "b">]><root>&a;</root>', "document type declarations"),
+        ('<!DOCTYPE root SYSTEM "file:///etc/passwd"><root/>', "document type declarations"),
+        ("<root>&nbsp;</root>", "undefined entity"),
+        ("<a>" * 200 + "</a>" * 200, "nested deeper than 100"),
+        ("<root>" + "<a/>" * 20_001 + "</root>", "more than 20000 elements"),
+        (f"<root>{' ' * 2_000_000}</root>", "larger than 2000000 bytes"),
+        ('<?xml version="1.0" encoding="klingon"?><root/>', "unknown encoding"),
+    ],
+)
+def test_hostile_documents_are_refused(text: str, message: str) -> None:
+    """Entities, external references, depth and size: one clear message each, at once."""
+    found = findings(text)
+    assert len(found) == 1
+    assert message in found[0]
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    """A missing file, a folder, a binary: one message, exit code 2."""
+    with pytest.raises(TreeError, match="no such file"):
+        load_tree(tmp_path / "none.xml", REGISTRY)
+    with pytest.raises(TreeError, match="no such file"):
+        load_tree(tmp_path, REGISTRY)
+    binary = tmp_path / "binary.xml"
+    binary.write_bytes(b"\xff\xfe\x00<root/>")
+    with pytest.raises(TreeError, match="not well-formed"):
+        load_tree(binary, REGISTRY)
+
+
+def test_columns_survive_accents_and_tabs() -> None:
+    """Columns are characters, not bytes."""
+    text = document('<Steer name="é" heigth_m="1"/>')
+    column = text.index("heigth_m") + 1
+    assert findings(text)[0].startswith(f"1:{column}: Steer 'é'")
+
+
+BODY = "<Sequence><Steer name='explore'/><Steer name='back'/><Steer name='back'/></Sequence>"
+
+
+def test_overrides_replace_attributes() -> None:
+    """By name, of all nodes of that name; by path, of one; nothing else changes."""
+    tree = parse_tree(
+        document(BODY),
+        REGISTRY,
+        overrides={"back": {"policy": "student"}, "Main/Sequence/back#2": {"height_m": "2"}},
+    )
+    values = [(n.port_value("policy"), n.port_value("height_m")) for n in tree.leaves()]
+    assert values == [("segmentation", 1.5), ("student", 1.5), ("student", 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("target", "attributes", "message"),
+    [
+        ("explor", {"policy": "x"}, "no node of that name or path; did you mean 'explore'?"),
+        ("explore", {"polcy": "x"}, "unknown attribute 'polcy'; did you mean 'policy'?"),
+        ("explore", {"height_m": "x"}, "expected a number"),
+    ],
+)
+def test_overrides_are_checked(target: str, attributes: dict[str, str], message: str) -> None:
+    """An override that hits nothing or does not fit is refused like the file's own."""
+    found = findings(document(BODY), **{target: attributes})
+    assert message in found[0]
+    assert f"override of '{target}'" in found[0]

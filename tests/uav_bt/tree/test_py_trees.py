@@ -1,0 +1,81 @@
+"""py_trees' side: its managers, visitors, renderers and composites work with our nodes."""
+
+from __future__ import annotations
+
+import py_trees
+import pytest
+from conformance import Scripted
+from tree_world import World, leaf
+
+from uav_bt.errors import MissionError
+from uav_bt.tree import MissionTree, Status
+
+BODY = (
+    f"<ReactiveSequence>{leaf('a', 'S')}<Inverter>{leaf('b', 'F')}</Inverter>"
+    f"{leaf('c', 'RS')}</ReactiveSequence>"
+)
+
+
+def test_visitors_see_each_tick(world: World) -> None:
+    """A snapshot shows what every node answered in this tick, also those reset since."""
+    tree = world.tree(BODY)
+    manager = py_trees.trees.BehaviourTree(tree.root)
+    snapshot = py_trees.visitors.SnapshotVisitor()
+    manager.visitors.append(snapshot)
+    manager.tick()
+    by_name = {node.name: snapshot.visited.get(node.id) for node in tree.nodes()}
+    assert by_name == {
+        "ReactiveSequence": Status.RUNNING,
+        "a": Status.SUCCESS,
+        "Inverter": Status.SUCCESS,
+        "b": Status.FAILURE,
+        "c": Status.RUNNING,
+    }
+    manager.tick()
+    assert tree.root.status is Status.SUCCESS
+    manager.tick()
+    assert tree.root.status is Status.SUCCESS
+
+
+def test_manager_sets_up_and_interrupts(world: World) -> None:
+    """`BehaviourTree.setup(mission=...)` is ours, stopping the root halts."""
+    tree = MissionTree(Scripted("a", script="R"))
+    manager = py_trees.trees.BehaviourTree(tree.root)
+    manager.setup(mission=world.context)
+    manager.tick()
+    manager.root.stop(Status.INVALID)
+    assert world.events() == ["start a", "halt a"]
+    with pytest.raises(MissionError, match="needs mission="):
+        manager.setup()
+
+
+def test_renderers_draw(world: World) -> None:
+    """py_trees' own text rendering knows our nodes."""
+    text = py_trees.display.unicode_tree(world.tree(BODY).root)
+    assert [line.split()[-1] for line in text.strip().splitlines()] == [
+        "ReactiveSequence",
+        "a",
+        "Inverter",
+        "b",
+        "c",
+    ]
+
+
+def test_our_leaves_work_under_py_trees_composites(world: World) -> None:
+    """A leaf is an ordinary behaviour: ticked, restarted and stopped by py_trees' own nodes."""
+    first, second = Scripted("a", script="S"), Scripted("b", script="RSR")
+    for node in (first, second):
+        node.setup(mission=world.context)
+    root = py_trees.composites.Sequence("s", memory=True, children=[first, second])
+    for expected in (Status.RUNNING, Status.SUCCESS, Status.RUNNING):
+        root.tick_once()
+        assert root.status is expected
+    root.stop(Status.INVALID)
+    assert world.events() == [
+        "start a",
+        "start b",
+        "running b",
+        "start a",
+        "start b",
+        "halt b",
+    ]

@@ -1,0 +1,114 @@
+"""Registry and plug-ins: names are unique, suggestions are given, broken packages are named."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from typing import Any
+
+import pytest
+from conformance import Scripted
+
+from uav_bt import plugins
+from uav_bt.board import HEIGHT
+from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree import Leaf, NodeRegistry, Status
+
+OWN = Key("own_key", int, "a plug-in's")
+
+
+class Plugged(Leaf):
+    """Comes from elsewhere."""
+
+    reads = (OWN,)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+LEAVES = (Plugged,)
+NOT_LEAVES = 3
+
+
+def _install(monkeypatch: pytest.MonkeyPatch, *points: tuple[str, str, str]) -> None:
+    found = [importlib.metadata.EntryPoint(name, value, group) for group, name, value in points]
+
+    def entry_points(*, group: str) -> list[Any]:
+        return [point for point in found if point.group == group]
+
+    monkeypatch.setattr(importlib.metadata, "entry_points", entry_points)
+
+
+def test_the_formats_own_nodes_are_there() -> None:
+    """An empty registry loads plain trees already."""
+    registry = NodeRegistry()
+    assert "ReactiveSequence" in registry
+    assert "SubTree" in registry
+    assert list(registry) == sorted(registry)
+
+
+def test_duplicates_name_both() -> None:
+    """Two classes of one id are refused; the same class twice is fine."""
+    registry = NodeRegistry([Scripted])
+    registry.register(Scripted)
+    other = type("Scripted", (Leaf,), {"__module__": "elsewhere"})
+    with pytest.raises(InputError, match=r"by conformance\.Scripted and by elsewhere\.Scripted"):
+        registry.register(other)
+    with pytest.raises(InputError, match="expected a node class"):
+        registry.register(object)  # type: ignore[arg-type]
+
+
+def test_unknown_nodes_get_a_suggestion() -> None:
+    """Asking for what is not there says what might be meant."""
+    with pytest.raises(UnknownNameError, match="did you mean 'Sequence'"):
+        _ = NodeRegistry()["Sequense"]
+
+
+def test_board_keys_of_plugins_are_known() -> None:
+    """A leaf's own keys join the mission's."""
+    keys = NodeRegistry([Plugged]).board_keys
+    assert keys["own_key"] is OWN
+    assert keys[HEIGHT.name] is HEIGHT
+
+
+def test_installed_packages_contribute(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry point names an iterable of node classes."""
+    _install(monkeypatch, (plugins.BEHAVIOURS, "mine", f"{__name__}:LEAVES"))
+    assert NodeRegistry.installed()["Plugged"] is Plugged
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (f"{__name__}:NOT_LEAVES", "must name an iterable of node classes, got int"),
+        (f"{__name__}:ABSENT", "cannot be imported"),
+        ("no_such_package:LEAVES", "cannot be imported: No module named 'no_such_package'"),
+    ],
+)
+def test_broken_packages_are_named(
+    monkeypatch: pytest.MonkeyPatch, value: str, message: str
+) -> None:
+    """The message says which entry point, and what to do."""
+    _install(monkeypatch, (plugins.BEHAVIOURS, "mine", value))
+    with pytest.raises(InputError, match=message) as error:
+        NodeRegistry.installed()
+    assert "'mine'" in str(error.value)
+
+
+def test_loading_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Policies and drones are found by name, with a suggestion for a misspelt one."""
+    _install(monkeypatch, (plugins.POLICIES, "rule", "builtins:dict"))
+    assert plugins.names(plugins.POLICIES) == ("rule",)
+    assert plugins.load(plugins.POLICIES, "rule") is dict
+    with pytest.raises(UnknownNameError, match=r"unknown policy 'rul'; did you mean 'rule'\?"):
+        plugins.load(plugins.POLICIES, "rul")
+
+
+def test_two_packages_of_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A conflict names both; one package found twice is none."""
+    same = (plugins.DRONES, "twin", "a:make")
+    _install(monkeypatch, same, same)
+    assert plugins.names(plugins.DRONES) == ("twin",)
+    _install(monkeypatch, same, (plugins.DRONES, "twin", "b:make"))
+    with pytest.raises(InputError, match="by a:make and by b:make"):
+        plugins.names(plugins.DRONES)

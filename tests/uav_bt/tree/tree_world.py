@@ -1,0 +1,66 @@
+"""Trees of scripted leaves in a few characters, for the tests of the tree language."""
+
+from __future__ import annotations
+
+from conformance import Scripted
+
+from uav_bt.clock import ManualClock
+from uav_bt.mission.arbiter import Proposals
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree import MissionTree, NodeRegistry, parse_tree
+
+
+class World:
+    """Makes trees of scripted leaves and keeps the clock they read."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.registry = NodeRegistry([Scripted])
+        self.proposals = Proposals()
+        self.board = Blackboard(self.clock, ())
+        Scripted.events.clear()
+
+    @property
+    def context(self) -> MissionContext:
+        """A mission context without policies."""
+        return MissionContext(
+            board=self.board,
+            clock=self.clock,
+            proposals=self.proposals,
+            policy=lambda name: (_ for _ in ()).throw(LookupError(name)),
+        )
+
+    def events(self) -> list[str]:
+        """Return the leaves' calls since the last question, as `start a`."""
+        calls = [" ".join(event) for event in Scripted.events]
+        Scripted.events.clear()
+        return calls
+
+    def tree(self, body: str, *more: str) -> MissionTree:
+        """Return a tree, set up, from the XML of its root node; `more` are further trees."""
+        tree = parse_tree(document(body, *more), self.registry)
+        tree.setup(self.context)
+        return tree
+
+    def run(self, body: str, ticks: int) -> str:
+        """Tick a fresh tree and return its answers, one letter each."""
+        tree = self.tree(body)
+        return "".join(
+            {"SUCCESS": "S", "FAILURE": "F", "RUNNING": "R", "INVALID": "K"}[tree.tick().name]
+            for _ in range(ticks)
+        )
+
+
+def document(body: str, *more: str) -> str:
+    """Return a tree file with a main tree of that body."""
+    trees = "".join(more)
+    return (
+        '<root BTCPP_format="4" main_tree_to_execute="Main">'
+        f'<BehaviorTree ID="Main">{body}</BehaviorTree>{trees}</root>'
+    )
+
+
+def leaf(name: str, script: str) -> str:
+    """Return the XML of a scripted leaf."""
+    return f'<Scripted name="{name}" script="{script}"/>'

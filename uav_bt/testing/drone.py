@@ -1,0 +1,233 @@
+"""A drone that does what a test says: no physics, no rendering, every command written down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uav_bt.clock import ManualClock
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import (
+    Attitude,
+    CameraModel,
+    Command,
+    CutMotors,
+    DroneState,
+    FlyingState,
+    Frame,
+    Land,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+    Observation,
+    TakeOff,
+    Velocity,
+    wrap_angle,
+)
+
+__all__ = ["ScriptedDrone", "ScriptedDroneConfig", "blank_frame", "pinhole"]
+
+
+def pinhole(
+    width_px: int = 64, height_px: int = 36, fov_rad: float = math.radians(69)
+) -> CameraModel:
+    """Return a small camera as wide as the ANAFI's video."""
+    focal_px = width_px / 2 / math.tan(fov_rad / 2)
+    return CameraModel(
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=focal_px,
+        fy_px=focal_px,
+        cx_px=(width_px - 1) / 2,
+        cy_px=(height_px - 1) / 2,
+    )
+
+
+def blank_frame(
+    camera: CameraModel, state: DroneState, *, index: int = 0, captured_s: float | None = None
+) -> Frame:
+    """Return a black frame with a state's telemetry."""
+    return Frame(
+        image=np.zeros((camera.height_px, camera.width_px, 3), dtype=np.uint8),
+        index=index,
+        captured_s=state.captured_s if captured_s is None else captured_s,
+        gimbal_pitch_rad=state.gimbal_pitch_rad,
+        attitude=state.attitude,
+        altitude_m=state.altitude_m,
+        height_m=state.height_m,
+        height_above_carpet_m=state.height_above_carpet_m,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScriptedDroneConfig:
+    """How the scripted drone answers."""
+
+    movement_ticks: int = 3  # commands until a MoveBy is done; a tick is one command
+    take_off_ticks: int = 5  # commands until it hovers
+    landing_ticks: int = 5  # commands until the motors stop
+    take_off_height_m: float = 1.0  # the ANAFI climbs to about a metre by itself
+    tick_s: float = 0.1  # velocity piloting moves it by this much of a second per command
+
+    def __post_init__(self) -> None:
+        if min(self.movement_ticks, self.take_off_ticks, self.landing_ticks) < 1:
+            raise ValueRangeError(f"ticks must be 1 or more: {self}")
+
+
+class ScriptedDrone:
+    """A `Drone` for tests.
+
+    With `observations` it shows those, one per `observe`, the last one for ever. Without, it is its
+    own ideal world: a movement is done after some ticks, exactly.
+
+    Args:
+        observations: what to observe; empty: what follows from the commands.
+        config: how it answers.
+        clock: the mission's clock.
+    """
+
+    def __init__(
+        self,
+        observations: Iterable[Observation] = (),
+        *,
+        config: ScriptedDroneConfig | None = None,
+        clock: ManualClock | None = None,
+    ) -> None:
+        self.config = config or ScriptedDroneConfig()
+        self.clock = clock or ManualClock()
+        self.camera = pinhole()
+        self.referee = None
+        self.connected = False
+        self.commands: list[Command] = []  # everything it was told, in order
+        self.x_m = 0.0  # world, from where it took off
+        self.y_m = 0.0
+        self._script = list(observations)
+        self._shown = 0
+        self._frames = 0
+        self._ticks_left = 0
+        self._move: MoveBy | None = None
+        self.state = DroneState(captured_s=self.clock.now(), flying=FlyingState.LANDED)
+
+    def connect(self) -> None:
+        """Note that somebody connected."""
+        self.connected = True
+
+    def disconnect(self) -> None:
+        """Note that somebody let go."""
+        self.connected = False
+
+    def observe(self) -> Observation:
+        """Return the script's next observation, or a black frame and the state of now."""
+        if self._script:
+            self._shown = min(self._shown + 1, len(self._script))
+            return self._script[self._shown - 1]
+        self.state = replace(self.state, captured_s=self.clock.now())
+        frame = blank_frame(self.camera, self.state, index=self._frames)
+        self._frames += 1
+        return Observation(frame=frame, state=self.state)
+
+    def send(self, command: Command) -> Command:
+        """Write the command down and do it."""
+        self.commands.append(command)
+        if command.gimbal is not None:
+            self.state = replace(self.state, gimbal_pitch_rad=command.gimbal.pitch_rad)
+        movement = command.movement
+        if not isinstance(movement, MoveBy):
+            self._interrupt()
+        if isinstance(movement, CutMotors):
+            self._set_height(0.0, FlyingState.LANDED)
+        elif isinstance(movement, TakeOff):
+            self._take_off()
+        elif isinstance(movement, Land):
+            self._land()
+        elif isinstance(movement, MoveBy):
+            self._move_by(movement)
+        elif isinstance(movement, Velocity):
+            self._fly(movement)
+        elif self._airborne:
+            self.state = replace(self.state, flying=FlyingState.HOVERING)
+        return command
+
+    @property
+    def _airborne(self) -> bool:
+        return self.state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
+
+    def _set_height(self, height_m: float, flying: FlyingState) -> None:
+        self.state = replace(
+            self.state,
+            flying=flying,
+            altitude_m=height_m,
+            height_m=height_m,
+            height_above_carpet_m=height_m,
+        )
+
+    def _take_off(self) -> None:
+        if self.state.flying is FlyingState.LANDED:
+            self._ticks_left = self.config.take_off_ticks
+            self.state = replace(self.state, flying=FlyingState.TAKING_OFF)
+        if self.state.flying is FlyingState.TAKING_OFF:
+            self._ticks_left -= 1
+            if self._ticks_left <= 0:
+                self._set_height(self.config.take_off_height_m, FlyingState.HOVERING)
+
+    def _land(self) -> None:
+        if self._airborne:
+            self._ticks_left = self.config.landing_ticks
+            self.state = replace(self.state, flying=FlyingState.LANDING)
+        if self.state.flying is FlyingState.LANDING:
+            self._ticks_left -= 1
+            if self._ticks_left <= 0:
+                self._set_height(0.0, FlyingState.LANDED)
+
+    def _interrupt(self) -> None:
+        if self._move is not None:
+            self._tell(self._move.id, MovementState.INTERRUPTED)
+            self._move = None
+
+    def _tell(self, movement_id: int, state: MovementState) -> None:
+        status = MovementStatus(id=movement_id, state=state)
+        self.state = replace(self.state, movement=status)
+
+    def _move_by(self, move: MoveBy) -> None:
+        if not self._airborne:
+            self._tell(move.id, MovementState.REJECTED)
+            return
+        told = self.state.movement
+        if told is not None and told.id == move.id and told.state is not MovementState.RUNNING:
+            return  # it ended already; a drone is told once
+        if self._move is None or self._move.id != move.id:
+            self._interrupt()
+            self._move = move
+            self._ticks_left = self.config.movement_ticks
+            self.state = replace(self.state, flying=FlyingState.FLYING)
+            self._tell(move.id, MovementState.RUNNING)
+        self._ticks_left -= 1
+        if self._ticks_left <= 0:
+            self._shift(move.forward_m, move.right_m, move.down_m, move.yaw_rad)
+            self.state = replace(self.state, flying=FlyingState.HOVERING)
+            self._tell(move.id, MovementState.DONE)
+            self._move = None
+
+    def _fly(self, velocity: Velocity) -> None:
+        if not self._airborne:
+            return
+        tick_s = self.config.tick_s
+        self.state = replace(self.state, flying=FlyingState.FLYING)
+        self._shift(
+            velocity.forward_mps * tick_s,
+            velocity.right_mps * tick_s,
+            velocity.down_mps * tick_s,
+            velocity.yaw_rate_radps * tick_s,
+        )
+
+    def _shift(self, forward_m: float, right_m: float, down_m: float, yaw_rad: float) -> None:
+        heading = self.state.attitude.yaw_rad
+        # Yaw is clockwise from +x, the world counter-clockwise: right of the heading is minus y.
+        self.x_m += forward_m * math.cos(heading) - right_m * math.sin(heading)
+        self.y_m -= forward_m * math.sin(heading) + right_m * math.cos(heading)
+        self._set_height(max(0.0, self.state.height_m - down_m), self.state.flying)
+        attitude = Attitude(yaw_rad=wrap_angle(heading + yaw_rad))
+        self.state = replace(self.state, attitude=attitude)
