@@ -49,6 +49,7 @@ class TickRecord:
     override: Override | None
     compute_s: float  # wall time of tree, networks included
     truth: Truth | None
+    word: str = ""  # what the deepest running node says of itself, a policy's reason for instance
 
 
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
@@ -123,18 +124,20 @@ class MissionRunner:
         if isinstance(command.movement, TakeOff):
             self._judge.took_off(start_s)
         truth = self._drone.referee.truth() if self._drone.referee else None
+        active = self._tree.active_nodes()
         record = TickRecord(
             index=self._index,
             time_s=start_s,
             observation=observation,
             tree_status=status,
             phase=self._context.board.read(PHASE).value or "",
-            active=self._tree.active_path(),
+            active=tuple(node.name for node in active),
             command=command,
             proposed_by=self._context.proposals.movement_owner,
             override=self._arbiter.override,
             compute_s=compute_s,
             truth=truth,
+            word=active[-1].feedback_message if active else "",
         )
         for listener in self._listeners:
             listener.on_tick(record)
@@ -185,5 +188,3 @@ class MissionRunner:
                 self._arbiter.decide(self._context.proposals, state, frame_age_s=0.0, abort=True)
             )
             clock.sleep_until(now_s + self._config.tick_s)
-
-

@@ -135,13 +135,17 @@ class MissionTree:
         if first is not None:
             raise first
 
-    def active_path(self) -> tuple[str, ...]:
-        """Return the names along the running branch, from the root down; empty when idle."""
-        names: list[str] = []
+    def active_nodes(self) -> tuple[Node, ...]:
+        """Return the nodes along the running branch, from the root down; empty when idle."""
+        nodes: list[Node] = []
         node: Node | None = self.root if self.root.status is RUNNING else None
         while node is not None:
-            names.append(node.name)
+            nodes.append(node)
             running = [child for child in node.children if child.status is RUNNING]
             # Of several, the last one: the mission comes after the perception that feeds it.
             node = running[-1] if running else None
-        return tuple(names)
+        return tuple(nodes)
+
+    def active_path(self) -> tuple[str, ...]:
+        """Return the names along the running branch, from the root down; empty when idle."""
+        return tuple(node.name for node in self.active_nodes())
