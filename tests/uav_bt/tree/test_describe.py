@@ -1,0 +1,91 @@
+"""Descriptions: lists for people, a palette for editors."""
+
+from __future__ import annotations
+
+import pytest
+from conformance import Scripted
+from tree_world import document
+
+from uav_bt.board import HEIGHT, STATE
+from uav_bt.errors import TreeError
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.describe import PortInfo, describe, describe_all, palette_xml
+
+
+class Pretty(Leaf):
+    """Draw <something> & stop.
+
+    Nobody reads further than that.
+    """
+
+    ports = (
+        Port("side", str, doc="left & right", choices=("left", "right")),
+        Port("fast", bool, default=True),
+        Port("size", float, default="{@height_above_carpet_m}", doc="size, m"),
+        Port("count", int, direction="output", doc="how many"),
+    )
+    reads = (HEIGHT,)
+    writes = (STATE,)
+    condition = True
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+REGISTRY = NodeRegistry([Scripted, Pretty])
+
+
+def test_a_node_in_one_line() -> None:
+    """Name, kind, first docstring line, ports and board keys."""
+    info = describe(Pretty)
+    assert (info.node_id, info.kind, info.doc) == (
+        "Pretty",
+        "Condition",
+        "Draw <something> & stop.",
+    )
+    assert (info.reads, info.writes) == (("height_above_carpet_m",), ("state",))
+    assert info.ports[0] == PortInfo(
+        name="side",
+        type="str",
+        default=None,
+        doc="left & right",
+        direction="input",
+        choices=("left", "right"),
+    )
+    assert [port.default for port in info.ports] == [
+        None,
+        "true",
+        "{@height_above_carpet_m}",
+        None,
+    ]
+    assert not info.builtin
+
+
+def test_every_node_of_the_format_describes_itself() -> None:
+    """No node without a sentence, no port without a word."""
+    infos = describe_all(NodeRegistry())
+    assert {info.kind for info in infos} >= {"Action", "Control", "Decorator", "SubTree"}
+    for info in infos:
+        assert info.builtin
+        assert info.doc.endswith("."), info.node_id
+        assert all(port.doc for port in info.ports), info.node_id
+
+
+def test_missions_own_nodes_come_first() -> None:
+    """A list begins with what the format does not have."""
+    names = [info.node_id for info in describe_all(REGISTRY)]
+    assert names[:2] == ["Scripted", "Pretty"]
+
+
+def test_the_palette_is_a_model_that_the_loader_accepts() -> None:
+    """What an editor imports and saves again is valid."""
+    palette = palette_xml(REGISTRY)
+    assert 'type="double" default="{@height_above_carpet_m}">size, m</input_port>' in palette
+    assert "left &amp; right" in palette
+    model = palette.split("\n", 1)[1].rsplit("</root>", 1)[0]
+    parse_tree(document("<AlwaysSuccess/>", model), REGISTRY)
+    with pytest.raises(TreeError, match="no port 'count'"):
+        parse_tree(
+            document("<AlwaysSuccess/>", model.replace('ID="Pretty"', 'ID="Scripted"', 1)),
+            NodeRegistry([Scripted]),
+        )

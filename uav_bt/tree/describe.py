@@ -1,0 +1,123 @@
+"""What nodes there are, as data for lists and as a model that graphical editors load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+from xml.sax.saxutils import escape, quoteattr
+
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.nodes import BUILTIN_NODES
+from uav_bt.tree.port import Port
+from uav_bt.tree.registry import NodeRegistry
+
+__all__ = ["NodeInfo", "PortInfo", "describe", "describe_all", "palette_xml"]
+
+# What graphical editors and other engines of the format call these types.
+_TYPE_NAMES: Final = {int: "int", float: "double", bool: "bool", str: "std::string"}
+_PORT_TAGS: Final = {"input": "input_port", "output": "output_port", "inout": "inout_port"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PortInfo:
+    """A port, as a person reads it."""
+
+    name: str
+    type: str  # the Python type's name
+    default: str | None  # None: the tree file must give a value
+    doc: str
+    direction: str
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeInfo:
+    """A node, as a person reads it."""
+
+    node_id: str
+    kind: str  # Action, Condition, Control, Decorator or SubTree
+    doc: str  # one line
+    ports: tuple[PortInfo, ...]
+    reads: tuple[str, ...]  # board keys
+    writes: tuple[str, ...]
+    builtin: bool  # one of the format's own
+    origin: str  # module and class
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
+
+
+def _summary(node: type[Node]) -> str:
+    lines = (node.__doc__ or "").strip().splitlines()
+    return lines[0].strip() if lines else ""
+
+
+def _describe_port(port: Port[Any]) -> PortInfo:
+    return PortInfo(
+        name=port.name,
+        type=port.type.__name__,
+        default=None if port.required else _text(port.default),
+        doc=port.doc,
+        direction=port.direction,
+        choices=tuple(_text(choice) for choice in port.choices),
+    )
+
+
+def _names(keys: Iterable[Key[Any]]) -> tuple[str, ...]:
+    return tuple(key.name for key in keys)
+
+
+def describe(node: type[Node]) -> NodeInfo:
+    """Return what a person wants to know about a node."""
+    leaf = node if issubclass(node, Leaf) else None
+    return NodeInfo(
+        node_id=node.node_id,
+        kind=node.kind.value,
+        doc=_summary(node),
+        ports=tuple(_describe_port(port) for port in node.ports),
+        reads=_names(leaf.reads) if leaf else (),
+        writes=_names(leaf.writes) if leaf else (),
+        builtin=node in BUILTIN_NODES,
+        origin=f"{node.__module__}.{node.__qualname__}",
+    )
+
+
+def describe_all(registry: NodeRegistry) -> list[NodeInfo]:
+    """Return all nodes of a registry: missions' own first, then the format's, by kind and name."""
+    order = [kind.value for kind in NodeKind]
+    infos = [describe(registry[node_id]) for node_id in registry]
+    return sorted(infos, key=lambda info: (info.builtin, order.index(info.kind), info.node_id))
+
+
+def palette_xml(registry: NodeRegistry) -> str:
+    """Return a TreeNodesModel of the nodes that are not the format's own.
+
+    A graphical editor imports it and offers the nodes with their ports; what it saves again is
+    accepted by the loader.
+    """
+    lines = ['<root BTCPP_format="4">', "  <TreeNodesModel>"]
+    for node_id in registry:
+        node = registry[node_id]
+        if node not in BUILTIN_NODES:
+            lines += _model(node)
+    lines += ["  </TreeNodesModel>", "</root>", ""]
+    return "\n".join(lines)
+
+
+def _model(node: type[Node]) -> list[str]:
+    tag = node.kind.value
+    lines = [f"    <{tag} ID={quoteattr(node.node_id)}>"]
+    for port in node.ports:
+        port_tag = _PORT_TAGS[port.direction]
+        attributes = f" name={quoteattr(port.name)}"
+        attributes += f" type={quoteattr(_TYPE_NAMES.get(port.type, port.type.__name__))}"
+        if not port.required:
+            attributes += f" default={quoteattr(_text(port.default))}"
+        lines.append(f"      <{port_tag}{attributes}>{escape(port.doc)}</{port_tag}>")
+    return [*lines, f"    </{tag}>"]
