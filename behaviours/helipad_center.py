@@ -1,4 +1,8 @@
-"""HelipadCenter: look straight down, climb a little, and bring the camera above the pad's centre."""
+"""HelipadCenter: look straight down, climb a little, and bring the camera above the pad's centre.
+
+It centres twice: from above, where the pad is sure to be in view, and again lower down, because the
+drone drifts while it descends and the last descent, which is blind, should be short.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +29,7 @@ class HelipadCenter(Leaf):
 
     ports = (
         Port("climb_m", float, default=0.2, doc="how much higher to look from, m"),
+        Port("low_m", float, default=1.1, doc="height above the carpet of the second look, m"),
         Port("tolerance_m", float, default=0.04, doc="largest offset that counts as centred, m"),
         Port("give_up_s", float, default=20.0, doc="seconds until the pad counts as lost"),
         Port("camera_forward_m", float, default=0.15, doc="camera ahead of the body's centre, m"),
@@ -43,6 +48,7 @@ class HelipadCenter(Leaf):
         self._started_s = self.clock.now()
         self._climb_next_m = self.port_value("climb_m")
         self._confirmed = 0
+        self._low = False  # the second look has begun
 
     def terminate(self, new_status: Status) -> None:
         """Let go of the movement."""
@@ -72,7 +78,7 @@ class HelipadCenter(Leaf):
             return Status.FAILURE
         fix = self._fix_from_above()
         if fix is not None:
-            return self._centre(fix, now_s)
+            return self._centre(state, fix, now_s)
         self._confirmed = 0
         return self._look_from_higher(state, now_s)
 
@@ -84,7 +90,7 @@ class HelipadCenter(Leaf):
         looks_down = frame.gimbal_pitch_rad < _LOOKS_DOWN_RAD
         return fix if looks_down and fix.captured_s >= self._mover.ended_s else None
 
-    def _centre(self, fix: HelipadFix, now_s: float) -> Status:
+    def _centre(self, state: DroneState, fix: HelipadFix, now_s: float) -> Status:
         forward_m = fix.forward_m - self.port_value("camera_forward_m")
         offset_m = math.hypot(forward_m, fix.right_m)
         self.feedback_message = f"{100 * offset_m:.0f} cm off"
@@ -93,11 +99,18 @@ class HelipadCenter(Leaf):
             self._move(now_s, forward_m=forward_m, right_m=fix.right_m)
             return Status.RUNNING
         self._confirmed += 1
-        return Status.SUCCESS if self._confirmed >= _CONFIRMATIONS else Status.RUNNING
+        if self._confirmed < _CONFIRMATIONS:
+            return Status.RUNNING
+        if self._low:
+            return Status.SUCCESS
+        self._low, self._confirmed = True, 0
+        self._move(now_s, down_m=state.height_above_carpet_m - self.port_value("low_m"))
+        return Status.RUNNING
 
     def _look_from_higher(self, state: DroneState, now_s: float) -> Status:
         waited_s = now_s - max(self._mover.ended_s, self._started_s)
         if waited_s > _LOOK_S and state.height_above_carpet_m < _CEILING_M:
+            self._low = False
             self._move(now_s, down_m=-self.port_value("climb_m"))
         return Status.RUNNING
 

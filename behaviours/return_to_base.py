@@ -42,7 +42,7 @@ class ReturnToBase(SteeringLeaf):
     ports = (
         POLICY,
         FLIGHT_HEIGHT,
-        Port("gimbal_deg", float, default=-28.0, doc="camera pitch while searching, degrees"),
+        Port("gimbal_deg", float, default=-30.0, doc="camera pitch while searching, degrees"),
         Port("arrive_m", float, default=0.12, doc="horizontal distance that counts as above, m"),
     )
     reads = (*SteeringLeaf.reads, HELIPAD)

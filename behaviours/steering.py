@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from behaviours.movement import Mover, Progress
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE, TURNED
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Leaf, Port, Status
@@ -35,8 +35,8 @@ class SteeringLeaf(Leaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     ports = (POLICY, FLIGHT_HEIGHT)
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
-    writes = (PHASE,)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, TURNED)
+    writes = (PHASE, TURNED)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy; raises UnknownNameError for a name that nobody registered."""
@@ -67,6 +67,7 @@ class SteeringLeaf(Leaf):
 
     def move(self, state: DroneState, decision: Decision) -> None:
         """Start an advance, correcting the altitude on the way."""
+        self.write(TURNED, 0.0)
         error_m = state.height_above_carpet_m - self.port_value("height_m")
         self.propose(
             self._mover.start(
@@ -107,10 +108,14 @@ class SteeringLeaf(Leaf):
             self._last_yaw_rad = yaw_rad
         turned_rad = math.remainder(yaw_rad - self._last_yaw_rad, 2.0 * math.pi)
         self._to_turn_rad -= self._direction * turned_rad
+        self.write(TURNED, self._turned_so_far() + abs(turned_rad))
         self._last_yaw_rad = yaw_rad
         # What is seen while turning counts at once: the turn goes the same way for any of it.
         self._view_from_s = -math.inf
         self.propose(Velocity(yaw_rate_radps=self._direction * _YAW_RATE_RADPS))
+
+    def _turned_so_far(self) -> float:
+        return self.read(TURNED).value or 0.0
 
     # --- looking ----------------------------------------------------------------------------------
 
@@ -139,6 +144,7 @@ class SteeringLeaf(Leaf):
                 gimbal_pitch_rad=frame.gimbal_pitch_rad,
                 height_above_carpet_m=frame.height_above_carpet_m,
                 turning=self._direction,
+                full_turns=int(self._turned_so_far() / (2.0 * math.pi)),
                 coin=float(self._rng.random()),
             )
         )

@@ -23,7 +23,7 @@ class TakeOff(Leaf):
 
     ports = (
         Port("height_m", float, default=1.5, doc="flight height above the carpet, m"),
-        Port("gimbal_deg", float, default=-28.0, doc="camera pitch in flight, degrees"),
+        Port("gimbal_deg", float, default=-30.0, doc="camera pitch in flight, degrees"),
         Port("give_up_s", float, default=20.0, doc="seconds until the take-off has failed"),
     )
     reads = (STATE, FRAME)

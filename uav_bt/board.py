@@ -17,6 +17,7 @@ __all__ = [
     "MISSION_KEYS",
     "PHASE",
     "STATE",
+    "TURNED",
 ]
 
 # A frame is old when the drone has flown blind for longer than one 30 cm step takes to start.
@@ -55,7 +56,18 @@ HELIPAD: Final = Key(
 )
 
 PHASE: Final = Key(
-    "phase", str, "what the mission is doing: explore, search, approach, ...", writer="mission leaves"
+    "phase",
+    str,
+    "what the mission is doing: explore, search, approach, ...",
+    writer="mission leaves",
+)
+
+TURNED: Final = Key(
+    "turned_rad",
+    float,
+    "how far the drone has turned since its last advance",
+    unit="rad",
+    writer="Explore, Avoid, ReturnToBase",
 )
 
 MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
@@ -67,4 +79,5 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     CLASS_MAP,
     HELIPAD,
     PHASE,
+    TURNED,
 )

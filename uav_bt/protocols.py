@@ -151,6 +151,7 @@ class PolicyView:
     height_above_carpet_m: float  # when the frame was captured
     corridor: Corridor | None = None
     turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
+    full_turns: int = 0  # full turns in a row that found no free way: time to ask for less
     coin: float = 0.5  # a uniform draw from [0, 1), so that policies stay pure
 
 
