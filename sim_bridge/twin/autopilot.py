@@ -73,7 +73,7 @@ class Autopilot:
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._reference = Reference(profile)
+        self._reference = Reference(profile, CONTROL_STEP_S)
         self._mode = Mode.OFF
         self._elapsed_s = 0.0  # in the present mode
         self._settled_s = 0.0
@@ -128,7 +128,7 @@ class Autopilot:
         elif isinstance(movement, Land):
             self._land()
         elif isinstance(movement, CutMotors):
-            if self._mode is not Mode.OFF:
+            if self._mode not in (Mode.OFF, Mode.FALL):
                 self._enter(Mode.FALL)
         elif self._mode is Mode.VELOCITY or (
             self._mode is Mode.MOVE and isinstance(movement, Hover)
@@ -234,6 +234,7 @@ class Autopilot:
             reference.steer(0.0, 0.0, -min(speed, profile.max_climb_mps), CONTROL_STEP_S)
             reference.spin(0.0, CONTROL_STEP_S)
         if self._mode is not Mode.SPIN_UP:
+            reference.trail()
             reference.keep_near(estimate.x_m, estimate.y_m, estimate.z_m, _REACH_M)
 
     def _finish(self, estimate: Estimate, *, touching: bool) -> None:
@@ -277,8 +278,8 @@ class Autopilot:
         speed = (estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
         wanted = [
             reference.acceleration[axis]
-            + _VELOCITY_GAIN * (reference.velocity[axis] - speed[axis])
-            + _POSITION_GAIN * (reference.position[axis] - here[axis])
+            + _VELOCITY_GAIN * (reference.trailing_velocity[axis] - speed[axis])
+            + _POSITION_GAIN * (reference.trailing[axis] - here[axis])
             for axis in range(3)
         ]
         # Corrections may ask for more than the reference does, but tilt is bounded.

@@ -35,7 +35,8 @@ SEEN_GROUP = 0
 HIT_GROUP = 3  # not drawn by default
 DRONE_GROUP = 4  # not drawn by default: the drone never sees itself
 
-_PAPER_M = 0.001  # roofs and the H are sheets of this thickness on top
+_PAPER_M = 0.001  # a roof is a sheet of this thickness, the uppermost part of its box
+_PAINT_M = 0.0001  # the H stands this much proud of the pad, enough to be drawn over it
 _FLOOR_M = -0.004  # the carpet's thickness; its surface is z = 0
 _H_SHARE = 0.8  # share of the pad's top that the H panel covers, each way
 
@@ -167,15 +168,15 @@ class _Builder:
     def helipad(self, pad: Helipad) -> None:
         self._texture("stripes", textures.stripes())
         self._texture("h", textures.helipad_top())
-        whole, body, _ = _stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
+        whole, _, _ = _stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
         width, depth, height = pad.size_m
         panel_m = (_H_SHARE * width, _H_SHARE * depth)
         panel = replace(
             whole,
-            half_m=(panel_m[0] / 2, panel_m[1] / 2, _PAPER_M / 2),
-            centre_m=(*pad.position_m, height - _PAPER_M / 2),
+            half_m=(panel_m[0] / 2, panel_m[1] / 2, _PAINT_M),
+            centre_m=(*pad.position_m, height),
         )
-        self._show("helipad/sides", body, material="stripes", class_id=3, tile_m=(0.2, 0.2))
+        self._show("helipad/sides", whole, material="stripes", class_id=3, tile_m=(0.2, 0.2))
         self._show("helipad/h", panel, material="h", class_id=2, tile_m=panel_m)
         self._hit("helipad", whole)
 

@@ -26,10 +26,25 @@ def _towards(value: float, target: float, step: float) -> float:
 
 
 class Reference:
-    """What to follow: world axes; yaw counter-clockwise and unwrapped."""
+    """What to follow: world axes; yaw counter-clockwise and unwrapped.
 
-    def __init__(self, profile: Profile) -> None:
+    The drone gets `acceleration` as it is and trails behind by the lag of its thrust; so what it is
+    held to is the point that trails likewise (`trailing`, `trailing_velocity`). Held to the leading
+    point instead, it would have to fly faster than the limits to catch up.
+    """
+
+    def __init__(self, profile: Profile, step_s: float) -> None:
+        """Stand at the origin.
+
+        Args:
+            profile: the limits, and the lag of the thrust.
+            step_s: time between two calls of `trail`.
+        """
         self._profile = profile
+        lag = profile.thrust_lag_s
+        self._gain = 1.0 - math.exp(-step_s / lag) if lag > 0.0 else 1.0
+        self.trailing = [0.0, 0.0, 0.0]
+        self.trailing_velocity = [0.0, 0.0, 0.0]
         self.position = [0.0, 0.0, 0.0]
         self.velocity = [0.0, 0.0, 0.0]
         self.acceleration = [0.0, 0.0, 0.0]
@@ -38,8 +53,8 @@ class Reference:
 
     def reset(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
         """Put the point somewhere, at rest."""
-        self.position[:] = (x_m, y_m, z_m)
-        self.velocity[:] = (0.0, 0.0, 0.0)
+        self.position[:] = self.trailing[:] = (x_m, y_m, z_m)
+        self.velocity[:] = self.trailing_velocity[:] = (0.0, 0.0, 0.0)
         self.acceleration[:] = (0.0, 0.0, 0.0)
         self.yaw_rad = yaw_rad
         self.yaw_rate_radps = 0.0
@@ -47,7 +62,15 @@ class Reference:
     def keep_near(self, x_m: float, y_m: float, z_m: float, reach_m: float) -> None:
         """Hold the point within reach of the drone, which something may be blocking."""
         for axis, value in enumerate((x_m, y_m, z_m)):
-            self.position[axis] = max(value - reach_m, min(value + reach_m, self.position[axis]))
+            for point in (self.position, self.trailing):
+                point[axis] = max(value - reach_m, min(value + reach_m, point[axis]))
+
+    def trail(self) -> None:
+        """Let the trailing point move on by one step."""
+        for axis in range(3):
+            self.trailing[axis] += self._gain * (self.position[axis] - self.trailing[axis])
+            lost = self.velocity[axis] - self.trailing_velocity[axis]
+            self.trailing_velocity[axis] += self._gain * lost
 
     def go_to(self, goal: tuple[float, float, float], climb_mps: float, step_s: float) -> bool:
         """Move on towards a point in a straight line; True once there.

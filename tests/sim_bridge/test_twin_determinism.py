@@ -1,0 +1,66 @@
+"""The same seed and the same commands give the same flight, to the byte."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import pytest
+
+from sim_bridge.twin import create_drone
+from uav_bt.protocols import DroneOptions
+from uav_bt.types import Command, GimbalTo, MoveBy, TakeOff
+
+
+def flight_digest(seed: int, *, looks: int = 1, pause: Callable[[], None] = lambda: None) -> str:
+    """Fly six seconds; return a digest of all frames, states, ids, depths and truths."""
+    drone = create_drone(DroneOptions(seed=seed, image_size_px=(160, 90), scene="train-c"))
+    drone.connect()
+    digest = hashlib.sha256()
+    for tick in range(60):
+        for _ in range(looks):
+            seen = drone.observe()
+        assert drone.referee is not None
+        digest.update(repr((seen.state, drone.referee.truth())).encode())
+        if seen.frame is not None:
+            digest.update(seen.frame.image.tobytes())
+            digest.update(drone.referee.class_ids(seen.frame, 64, 36).tobytes())
+            digest.update(drone.referee.depth(seen.frame, 64, 36).tobytes())
+        movement = TakeOff() if tick < 40 else MoveBy(id=1, forward_m=0.6, yaw_rad=0.5)
+        drone.send(Command(movement=movement, gimbal=GimbalTo(pitch_rad=-0.45)))
+        pause()
+        drone.clock.sleep_until(0.1 * (tick + 1))
+    drone.disconnect()
+    return digest.hexdigest()
+
+
+@pytest.fixture(scope="module")
+def first() -> str:
+    return flight_digest(5)
+
+
+def test_a_flight_repeats(first: str) -> None:
+    """However often one looks and whatever the wall clock does."""
+    assert flight_digest(5, looks=3, pause=lambda: time.sleep(0.002)) == first
+
+
+def test_another_seed_is_another_flight(first: str) -> None:
+    """The seed decides wind, noise and pictures."""
+    assert flight_digest(6) != first
+
+
+def test_a_flight_repeats_in_another_process(first: str) -> None:
+    """Nothing depends on the process: not hashing, not what ran before."""
+    code = "from test_twin_determinism import flight_digest; print(flight_digest(5))"
+    done = subprocess.run(  # noqa: S603  (our own code)
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"},
+    )
+    assert done.stdout.strip() == first
