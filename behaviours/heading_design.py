@@ -178,7 +178,14 @@ def margins(gains: HeadingGains, response: YawResponse, tick_s: float = 0.1) -> 
             "the margins need the package 'control': pip install 'uav-bt[design]'"
         ) from error
     loop = _controller(control, gains, tick_s) * _plant(control, response, tick_s)
-    gain_margin, phase_margin_deg, _, _, crossover, _ = control.stability_margins(loop)
+    # Polynomial roots are inaccurate with poles at 1; a fine frequency response is not.
+    half_rate = math.pi / tick_s
+    omega = half_rate * np.append(np.geomspace(1e-4, 0.1, 200), np.linspace(0.101, 0.999, 800))
+    sampled = control.FrequencyResponseData(loop, omega, smooth=True)
+    gain_margin, phase_margin_deg, _, _, crossover, _ = control.stability_margins(sampled)
+    # At half the tick rate the response ends on the real axis, which is no crossing of it.
+    end = loop(-1.0).real
+    gain_margin = min(gain_margin, -1.0 / end) if end < 0.0 else gain_margin
     return Margins(
         gain_margin_db=20.0 * math.log10(gain_margin),
         phase_margin_rad=math.radians(phase_margin_deg),
