@@ -1,0 +1,1 @@
+"""Watching a flight: the map, the video, the status line and the summary."""

@@ -1,0 +1,132 @@
+"""Drawing on pictures: the colours, the type and the few shapes that all panes share.
+
+Pictures are (H, W, 3) uint8 RGB and are drawn on in place. Texts are plain ASCII: OpenCV 4 draws
+nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "ACCENT",
+    "ALARM",
+    "BACKDROP",
+    "DIM",
+    "INK",
+    "PANEL",
+    "Colour",
+    "Image",
+    "Point",
+    "blend_polygon",
+    "circle",
+    "hull",
+    "line",
+    "polygon",
+    "put",
+    "tag",
+    "text_width_px",
+]
+
+Image = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+Point = tuple[float, float]
+
+BACKDROP: Final[Colour] = (17, 19, 24)
+PANEL: Final[Colour] = (27, 30, 37)
+INK: Final[Colour] = (232, 234, 237)
+DIM: Final[Colour] = (139, 146, 158)
+ACCENT: Final[Colour] = (255, 196, 0)
+ALARM: Final[Colour] = (255, 92, 92)
+
+_FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
+# Polygons are drawn in sixteenths of a pixel, so that what moves slowly moves smoothly.
+_SUBPIXEL_BITS: Final = 4
+_SUBPIXEL: Final = 1 << _SUBPIXEL_BITS
+
+
+def circle(x_px: float, y_px: float, radius_px: float) -> list[Point]:
+    """Return a circle as a closed polyline."""
+    angles = np.linspace(0.0, 2.0 * math.pi, 32)
+    return [(x_px + radius_px * math.cos(a), y_px + radius_px * math.sin(a)) for a in angles]
+
+
+def hull(points_px: Sequence[Point]) -> list[Point]:
+    """Return the convex hull of some points as a polygon."""
+    around = cv2.convexHull(np.asarray(points_px, dtype=np.float32)).reshape(-1, 2)
+    return [(float(x), float(y)) for x, y in around]
+
+
+def _subpixel(points_px: Sequence[Point]) -> NDArray[np.int32]:
+    return np.rint(np.asarray(points_px, dtype=np.float64) * _SUBPIXEL).astype(np.int32)
+
+
+def put(
+    image: Image,
+    text: str,
+    at_px: tuple[int, int],
+    *,
+    colour: Colour = INK,
+    scale: float = 0.5,
+    bold: bool = False,
+) -> None:
+    """Write a line of text; `at_px` is the left end of its base line."""
+    thickness = 2 if bold else 1
+    cv2.putText(image, text, at_px, _FONT, scale, colour, thickness, cv2.LINE_AA)
+
+
+def text_width_px(text: str, scale: float = 0.5, *, bold: bool = False) -> int:
+    """Return how wide a text will be."""
+    (width_px, _), _ = cv2.getTextSize(text, _FONT, scale, 2 if bold else 1)
+    return int(width_px)
+
+
+def tag(
+    image: Image, text: str, at_px: tuple[int, int], *, colour: Colour = INK, scale: float = 0.45
+) -> None:
+    """Write a text on a dark plate, so that it reads on any picture; kept inside the picture."""
+    height_px, width_px = image.shape[:2]
+    wide, high = text_width_px(text, scale) + 12, round(44 * scale)
+    left = min(max(at_px[0], 0), max(width_px - wide, 0))
+    top = min(max(at_px[1], 0), max(height_px - high, 0))
+    plate = image[top : top + high, left : left + wide]
+    plate //= 4
+    put(image, text, (left + 6, top + round(31 * scale)), colour=colour, scale=scale)
+
+
+def line(image: Image, points_px: Sequence[Point], colour: Colour, width_px: int = 1) -> None:
+    """Draw an open polyline, anti-aliased."""
+    cv2.polylines(
+        image, [_subpixel(points_px)], False, colour, width_px, cv2.LINE_AA, _SUBPIXEL_BITS
+    )
+
+
+def polygon(
+    image: Image, points_px: Sequence[Point], fill: Colour | None, edge: Colour | None = None
+) -> None:
+    """Draw a filled polygon, an outline, or both; anti-aliased."""
+    points = _subpixel(points_px)
+    if fill is not None:
+        cv2.fillPoly(image, [points], fill, cv2.LINE_AA, _SUBPIXEL_BITS)
+    if edge is not None:
+        cv2.polylines(image, [points], True, edge, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
+
+
+def blend_polygon(image: Image, points_px: Sequence[Point], fill: Colour, opacity: float) -> None:
+    """Lay a translucent polygon over a picture; only its bounding box is touched."""
+    points = np.asarray(points_px, dtype=np.float64)
+    height_px, width_px = image.shape[:2]
+    left, top = (max(int(v), 0) for v in np.floor(points.min(axis=0)))
+    right, bottom = (int(v) + 1 for v in np.ceil(points.max(axis=0)))
+    part = image[top : min(bottom, height_px), left : min(right, width_px)]
+    if part.size == 0:
+        return
+    layer = part.copy()
+    polygon(layer, [(x - left, y - top) for x, y in points_px], fill)
+    cv2.addWeighted(layer, opacity, part, 1.0 - opacity, 0.0, dst=part)

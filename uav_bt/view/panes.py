@@ -1,0 +1,235 @@
+"""The panes beside the map: what the camera sees, what perception makes of it, and the readings."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.mission.blackboard import Reading
+from uav_bt.mission.runner import TickRecord
+from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix
+from uav_bt.view.canvas import (
+    ACCENT,
+    ALARM,
+    DIM,
+    INK,
+    PANEL,
+    Colour,
+    Image,
+    Point,
+    circle,
+    line,
+    put,
+    tag,
+    text_width_px,
+)
+from uav_bt.view.words import describe_fix, describe_movement
+
+__all__ = ["Readings", "draw_camera", "draw_class_map", "draw_readings", "project_fix"]
+
+_PAD_HEIGHT_M: Final = 0.4  # the landing box; only the mark on the picture depends on it
+_PAD_RADIUS_M: Final = 0.3
+_BRANCH_ROW_PX: Final = 22
+_BRANCH_INDENT_PX: Final = 14
+_BRANCH_WIDTH_PX: Final = 300
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readings:
+    """What the panes show of one tick."""
+
+    record: TickRecord
+    fix: Reading[HelipadFix]
+    class_map: Reading[ClassMap]
+    elapsed_s: float  # since the take-off command
+    distance_m: float  # travelled
+
+
+def project_fix(
+    fix: HelipadFix, frame: Frame, camera: CameraModel, pad_height_m: float = _PAD_HEIGHT_M
+) -> tuple[float, float, float] | None:
+    """Return where a fix appears in a frame.
+
+    Args:
+        fix: where the helipad lies.
+        frame: the picture with its telemetry.
+        camera: intrinsics at the frame's size; distortion is left out.
+        pad_height_m: of the pad above the carpet.
+
+    Returns:
+        Column, row and depth (metres) of the pad's centre, None when it lies behind the lens.
+    """
+    forward_m = fix.forward_m - camera.forward_offset_m
+    below_m = frame.height_above_carpet_m - pad_height_m
+    c, s = math.cos(frame.gimbal_pitch_rad), math.sin(frame.gimbal_pitch_rad)
+    depth_m = c * forward_m - s * below_m
+    if depth_m < 0.05:
+        return None
+    row = camera.cy_px + camera.fy_px * (s * forward_m + c * below_m) / depth_m
+    return camera.cx_px + camera.fx_px * fix.right_m / depth_m, row, depth_m
+
+
+def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:
+    """Return the camera's picture with the helipad's mark and the policy's word."""
+    record = readings.record
+    frame = record.observation.frame
+    if frame is None:
+        return _empty("no picture yet", size_px)
+    # Shrinking averages, enlarging interpolates.
+    shrinks = frame.image.shape[1] > size_px[0]
+    interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    image: Image = np.asarray(
+        cv2.resize(frame.image, size_px, interpolation=interpolation), dtype=np.uint8
+    )
+    if readings.fix.value is not None:
+        _mark_fix(image, readings.fix.value, frame, camera)
+    age_ms = 1000.0 * (record.time_s - frame.captured_s)
+    tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
+    if record.word:
+        leaf = record.active[-1] if record.active else ""
+        tag(image, f"{leaf}: {record.word}", (10, size_px[1] - 36), scale=0.6, colour=ACCENT)
+    return image
+
+
+def _mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
+    height_px, width_px = image.shape[:2]
+    at = project_fix(fix, frame, camera)
+    colour = ACCENT if fix.detected else INK
+    words = f"helipad {fix.range_m:.2f} m"
+    if at is not None:
+        # Pixel centres are at integer coordinates in both pictures.
+        x = (at[0] + 0.5) * width_px / camera.width_px - 0.5
+        y = (at[1] + 0.5) * height_px / camera.height_px - 0.5
+        if 0 <= x < width_px and 0 <= y < height_px:
+            radius_px = camera.fx_px * width_px / camera.width_px * _PAD_RADIUS_M / at[2]
+            _reticle(image, (x, y), min(max(radius_px, 10.0), 150.0), colour)
+            tag(image, words, (round(x) + 12, round(y) - 30), colour=colour)
+            return
+    left = fix.bearing_rad < 0
+    edge = 12.0 if left else width_px - 12.0
+    inward, middle = (14.0 if left else -14.0), height_px / 2
+    line(
+        image,
+        [(edge + inward, middle - 14), (edge, middle), (edge + inward, middle + 14)],
+        colour,
+        3,
+    )
+    wide = text_width_px(words, 0.45)
+    tag(image, words, (32 if left else width_px - 44 - wide, round(middle) - 10), colour=colour)
+
+
+def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> None:
+    x, y = at_px
+    line(image, circle(x, y, radius_px), colour, 2)
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        line(
+            image,
+            [
+                (x + dx * (radius_px - 6), y + dy * (radius_px - 6)),
+                (x + dx * (radius_px + 6), y + dy * (radius_px + 6)),
+            ],
+            colour,
+            2,
+        )
+
+
+def draw_class_map(
+    readings: Readings, colours: NDArray[np.uint8], size_px: tuple[int, int]
+) -> Image:
+    """Return the class map in its colours, as large as the camera's picture.
+
+    Args:
+        readings: of this tick.
+        colours: (N, 3) uint8 RGB by class id; an id beyond them is drawn in the alarm colour.
+        size_px: width and height of the pane.
+    """
+    class_map = readings.class_map.value
+    if class_map is None:
+        return _empty("no class map", size_px)
+    table = np.full((256, 3), ALARM, dtype=np.uint8)
+    table[: len(colours)] = colours
+    image: Image = np.asarray(
+        cv2.resize(table[class_map.ids], size_px, interpolation=cv2.INTER_NEAREST), dtype=np.uint8
+    )
+    height_px, width_px = class_map.ids.shape
+    tag(image, f"class map  {width_px} x {height_px}", (10, 10), colour=DIM)
+    return image
+
+
+@functools.cache
+def _panel(size_px: tuple[int, int]) -> Image:
+    """Return the empty pane; filling with a colour takes ten times as long as copying."""
+    return np.full((size_px[1], size_px[0], 3), PANEL, dtype=np.uint8)
+
+
+def _empty(words: str, size_px: tuple[int, int]) -> Image:
+    image = _panel(size_px).copy()
+    left = (size_px[0] - text_width_px(words)) // 2
+    put(image, words, (left, size_px[1] // 2), colour=DIM)
+    return image
+
+
+def draw_readings(readings: Readings, size_px: tuple[int, int]) -> Image:
+    """Return the text pane: the active branch on the left, the numbers on the right."""
+    image = _panel(size_px).copy()
+    record = readings.record
+    put(image, record.phase or "-", (18, 38), scale=0.85, colour=ACCENT, bold=True)
+    clock = f"{readings.elapsed_s:.1f} s"
+    right = size_px[0] - 18 - text_width_px(clock, 0.85)
+    put(image, clock, (right, 38), scale=0.85)
+    line(image, [(18, 52), (size_px[0] - 18, 52)], DIM)
+    _draw_branch(image, record.active, (18, 76))
+    _draw_numbers(image, _numbers(readings), (_BRANCH_WIDTH_PX + 8, 76))
+    return image
+
+
+def _draw_branch(image: Image, active: Sequence[str], at_px: tuple[int, int]) -> None:
+    rows = max((image.shape[0] - at_px[1]) // _BRANCH_ROW_PX + 1, 1)
+    shown = list(active[-rows:])
+    if not shown:
+        put(image, "tree idle", at_px, colour=DIM, scale=0.45)
+    for depth, name in enumerate(shown):
+        left, base = at_px[0] + depth * _BRANCH_INDENT_PX, at_px[1] + depth * _BRANCH_ROW_PX
+        if depth:
+            stem = left - _BRANCH_INDENT_PX + 4
+            line(image, [(stem, base - 17), (stem, base - 5), (left - 3, base - 5)], DIM)
+        is_leaf = depth == len(shown) - 1
+        put(image, name, (left, base), scale=0.48, colour=ACCENT if is_leaf else INK, bold=is_leaf)
+
+
+def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
+    record = readings.record
+    state = record.observation.state
+    speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
+    rows = [
+        ("command", describe_movement(record.command.movement), INK),
+        ("drone", state.flying.value.replace("_", " "), INK),
+        ("height", f"{state.height_above_carpet_m:.2f} m above the carpet", INK),
+        ("speed", f"{speed_mps:.2f} m/s,  flown {readings.distance_m:.1f} m", INK),
+        ("camera", f"{math.degrees(state.gimbal_pitch_rad):.0f} deg", INK),
+        ("helipad", describe_fix(readings.fix.value, readings.fix.age_s), INK),
+    ]
+    truth = record.truth
+    if truth is not None and math.isfinite(truth.clearance_m):
+        colour = ALARM if truth.clearance_m < 0.2 else INK
+        rows.append(("clearance", f"{truth.clearance_m:.2f} m to the nearest box", colour))
+    rows.append(("battery", f"{100 * state.battery:.0f} %", INK))
+    if record.override is not None:
+        rows.append(("override", record.override.value, ALARM))
+    return rows
+
+
+def _draw_numbers(
+    image: Image, rows: Sequence[tuple[str, str, Colour]], at_px: tuple[int, int]
+) -> None:
+    for index, (name, value, colour) in enumerate(rows):
+        base = at_px[1] + index * _BRANCH_ROW_PX
+        put(image, name, (at_px[0], base), colour=DIM, scale=0.45)
+        put(image, value, (at_px[0] + 84, base), colour=colour, scale=0.45)

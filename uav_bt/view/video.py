@@ -1,0 +1,224 @@
+"""The video of a flight: camera, class map, map from above, and readings, tick by tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.board import CLASS_MAP, ELAPSED, HELIPAD
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.mission.runner import TickRecord
+from uav_bt.types import CameraModel
+from uav_bt.view.canvas import ACCENT, BACKDROP, DIM, INK, Image, put, text_width_px
+from uav_bt.view.flown import FlownPath
+from uav_bt.view.live_map import LiveMap
+from uav_bt.view.map import LabMap
+from uav_bt.view.panes import Readings, draw_camera, draw_class_map, draw_readings
+from uav_bt.view.video_file import VideoFile
+
+__all__ = ["FlightVideo", "FlightVideoConfig", "Panes"]
+
+_WIDTH: Final = 1280
+_HEIGHT: Final = 720
+_HALF: Final = _WIDTH // 2
+_MAP_HEIGHT: Final = 440
+_GAP: Final = 2  # between the panes
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightVideoConfig:
+    """How a flight becomes a video."""
+
+    pictures_per_s: int = 10  # of mission time: one a tick in simulation
+    speed: float = 1.0  # the video runs so many times faster than the mission
+    title: str = ""  # on the map: the mission, the scene, the seed
+    hold_s: float = 2.0  # of the video's time: how long the outcome stays at the end
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.pictures_per_s <= 60:
+            raise ValueRangeError(f"pictures a second must be 1 to 60, got {self.pictures_per_s}")
+        if not 0.1 <= self.speed <= 100.0:
+            raise ValueRangeError(f"a video's speed must be 0.1 to 100 times, got {self.speed}")
+
+    @property
+    def frames_per_s(self) -> Fraction:
+        """The rate of the file."""
+        return self.pictures_per_s * Fraction(self.speed).limit_denominator(100)
+
+
+class Panes:
+    """Composes the four panes into one picture of 1280x720.
+
+    Args:
+        board: of the mission; class map, fix and time are read from it.
+        camera: intrinsics at the frames' size.
+        class_colours: (N, 3) uint8 RGB by class id.
+        lab_map: what stands in the lab; None where nobody knows.
+        title: a line on the map.
+
+    Raises:
+        ShapeError: the colours have another shape.
+    """
+
+    def __init__(
+        self,
+        board: Blackboard,
+        camera: CameraModel,
+        *,
+        class_colours: NDArray[np.uint8],
+        lab_map: LabMap | None,
+        title: str = "",
+    ) -> None:
+        if class_colours.ndim != 2 or class_colours.shape[1] != 3 or len(class_colours) > 256:
+            raise ShapeError("class colours", expected="Nx3", actual=class_colours.shape)
+        self._board = board
+        self._camera = camera
+        self._colours = class_colours
+        self._title = title
+        self._map = LiveMap(lab_map, camera, (_HALF - _GAP // 2, _MAP_HEIGHT - _GAP // 2))
+        self._image: Image = np.full((_HEIGHT, _WIDTH, 3), BACKDROP, dtype=np.uint8)
+
+    def draw(self, record: TickRecord, flown: FlownPath) -> Image:
+        """Return the picture of a tick; it is drawn over by the next call."""
+        readings = Readings(
+            record=record,
+            fix=self._board.read(HELIPAD),
+            class_map=self._board.read(CLASS_MAP),
+            elapsed_s=self._board.read(ELAPSED).value or 0.0,
+            distance_m=flown.distance_m,
+        )
+        pane_px = (_HALF - _GAP // 2, _HEIGHT // 2 - _GAP // 2)
+        image = self._image
+        image[: pane_px[1], : pane_px[0]] = draw_camera(readings, self._camera, pane_px)
+        image[-pane_px[1] :, : pane_px[0]] = draw_class_map(readings, self._colours, pane_px)
+        image[: _MAP_HEIGHT - _GAP // 2, -pane_px[0] :] = self._draw_map(readings, flown)
+        text_px = (pane_px[0], _HEIGHT - _MAP_HEIGHT - _GAP // 2)
+        image[-text_px[1] :, -text_px[0] :] = draw_readings(readings, text_px)
+        return image
+
+    def _draw_map(self, readings: Readings, flown: FlownPath) -> Image:
+        state = readings.record.observation.state
+        image = self._map.draw(
+            flown,
+            pitch_rad=state.gimbal_pitch_rad,
+            height_m=state.height_above_carpet_m,
+            fix=readings.fix.value,
+        )
+        put(image, self._title, (12, 20), colour=DIM, scale=0.42)
+        return image
+
+
+class FlightVideo:
+    """A tick listener that writes a video. Use it as a context manager, or close it.
+
+    A video must not bring a drone down: when the file cannot be written any further (a full disk),
+    the flight goes on without it, and closing raises.
+
+    Args:
+        path: the mp4 file; it appears when the video is closed.
+        panes: draws the pictures; may be given later, with `begin`.
+        config: rate, speed and title.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+
+    def __init__(
+        self, path: Path, panes: Panes | None = None, config: FlightVideoConfig | None = None
+    ) -> None:
+        self._config = config or FlightVideoConfig()
+        self._panes = panes
+        self._flown = FlownPath()
+        self._first_s: float | None = None
+        self._slot = -1
+        self._last: Image | None = None
+        self._failure: FileError | None = None
+        self._file = VideoFile(
+            path, size_px=(_WIDTH, _HEIGHT), frames_per_s=self._config.frames_per_s
+        )
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self._file.path
+
+    def begin(self, panes: Panes) -> None:
+        """Say what draws the pictures, once the drone is connected."""
+        self._panes = panes
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Draw and write a tick; ticks that come faster than pictures only lengthen the path."""
+        self._flown.add(record)
+        if self._panes is None or self._failure is not None:
+            return
+        if self._first_s is None:
+            self._first_s = record.time_s
+        # A hair of tolerance: times are sums of ticks.
+        slot = math.floor((record.time_s - self._first_s) * self._config.pictures_per_s + 1e-6)
+        if slot > self._slot:
+            self._last = self._panes.draw(record, self._flown)
+            self._write(self._last, slot)
+
+    def conclude(self, headline: str, lines: Sequence[str] = ()) -> None:
+        """Lay the outcome over the last picture and hold it for a moment."""
+        if self._last is None or self._failure is not None:
+            return
+        image = _with_outcome(self._last, headline, lines)
+        held = max(1, round(self._config.hold_s * self._config.frames_per_s))
+        self._write(image, self._slot + 1)
+        self._write(image, self._slot + held)
+
+    def _write(self, image: Image, slot: int) -> None:
+        if slot <= self._slot:
+            return
+        try:
+            self._file.write(image, slot)
+        except FileError as error:
+            self._failure = error
+        self._slot = slot
+
+    def close(self) -> None:
+        """Finish the file; safe to call twice.
+
+        Raises:
+            FileError: it could not be written to the end; nothing is left behind.
+        """
+        self._file.close()
+        if self._failure is not None:
+            failure, self._failure = self._failure, None
+            raise failure
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except FileError as failure:
+            if error is None:
+                raise
+            error.add_note(f"and the video: {failure}")  # what ended the flight matters more
+
+
+def _with_outcome(picture: Image, headline: str, lines: Sequence[str]) -> Image:
+    image = picture.copy()
+    high = 64 + 26 * len(lines)
+    top = (_HEIGHT - high) // 2
+    image[top : top + high] //= 4
+    left = (_WIDTH - text_width_px(headline, 1.0, bold=True)) // 2
+    put(image, headline, (left, top + 42), scale=1.0, bold=True, colour=ACCENT)
+    for index, words in enumerate(lines):
+        left = (_WIDTH - text_width_px(words, 0.55)) // 2
+        put(image, words, (left, top + 70 + 26 * index), scale=0.55, colour=INK)
+    return image

@@ -1,0 +1,73 @@
+"""Commands and readings in a few plain words, for the video and the status line."""
+
+from __future__ import annotations
+
+import math
+
+from uav_bt.types import (
+    CutMotors,
+    HelipadFix,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    Release,
+    TakeOff,
+    Velocity,
+)
+
+__all__ = ["describe_fix", "describe_movement"]
+
+_NOTHING = 5e-3  # metres, metres a second: smaller parts are not worth a word
+_NO_TURN_RAD = math.radians(0.5)
+_WHOLE: dict[type[Movement], str] = {
+    TakeOff: "take off",
+    Land: "land",
+    Hover: "hover",
+    CutMotors: "cut the motors",
+    Release: "released to the pilot",
+}
+
+
+def describe_movement(movement: Movement) -> str:
+    """Return a movement as a person would say it, its larger parts only."""
+    match movement:
+        case MoveBy():
+            steps = _directions(movement.forward_m, movement.right_m, movement.down_m, "m")
+            return _joined("move", steps, movement.yaw_rad, "")
+        case Velocity():
+            speeds = _directions(movement.forward_mps, movement.right_mps, movement.down_mps, "m/s")
+            return _joined("fly", speeds, movement.yaw_rate_radps, "/s")
+        case _:
+            return _WHOLE[type(movement)]
+
+
+def _directions(forward: float, right: float, down: float, unit: str) -> list[str]:
+    named = (
+        (forward, "forward", "back"),
+        (right, "right", "left"),
+        (down, "down", "up"),
+    )
+    return [
+        f"{abs(value):.2f} {unit} {positive if value > 0 else negative}"
+        for value, positive, negative in named
+        if abs(value) >= _NOTHING
+    ]
+
+
+def _joined(verb: str, parts: list[str], yaw_rad: float, per: str) -> str:
+    said = [f"{verb} {', '.join(parts)}"] if parts else []
+    if abs(yaw_rad) >= _NO_TURN_RAD:
+        side = "right" if yaw_rad > 0 else "left"
+        said.append(f"turn {abs(math.degrees(yaw_rad)):.0f} deg{per} {side}")
+    return ", ".join(said) or "hold"
+
+
+def describe_fix(fix: HelipadFix | None, age_s: float) -> str:
+    """Return a helipad fix as range, direction and whether it is seen or carried."""
+    if fix is None:
+        return "none" if math.isinf(age_s) else f"none for {age_s:.0f} s"
+    bearing_deg = math.degrees(fix.bearing_rad)
+    side = "right" if bearing_deg >= 0 else "left"
+    source = "seen" if fix.detected else f"carried {age_s:.1f} s"
+    return f"{fix.range_m:.2f} m, {abs(bearing_deg):.0f} deg {side}, {source}"

@@ -1,0 +1,115 @@
+"""Ways to watch a flight, composed: what the framework's displays need to know about our lab.
+
+with watching.flight_video(Path("flight.mp4"), speed=2.0) as video:
+    report = app.fly("explore_and_land_segmentation", listeners=video)
+    video.conclude(report)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from perception.classes import BOXES, CLASS_COLOURS, HELIPAD_BOX
+from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.runner import TickListener
+from uav_bt.protocols import Drone
+from uav_bt.report.flight_report import FlightReport
+from uav_bt.view.canvas import Colour
+from uav_bt.view.map import LabMap, MapItem
+from uav_bt.view.video import FlightVideo, FlightVideoConfig, Panes
+
+__all__ = ["Listeners", "VideoListeners", "all_of", "flight_video", "lab_map_of", "map_of_scene"]
+
+Listeners = Callable[[Drone, MissionContext], Sequence[TickListener]]
+
+
+def all_of(*factories: Listeners) -> Listeners:
+    """Return what `app.fly` takes as `listeners`, for several ways to watch at once."""
+
+    def make(drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        return [listener for factory in factories for listener in factory(drone, context)]
+
+    return make
+
+
+def map_of_scene(scene: Scene) -> LabMap:
+    """Return the map of a scene of the twin, boxes in the colours of their class."""
+    pad = scene.helipad
+    return LabMap(
+        carpet_size_m=CARPET_SIZE_M,
+        boxes=tuple(
+            _item(box.position_m, box.yaw_deg, box.size_m, BOXES[box.pattern - 1])
+            for box in scene.boxes
+        ),
+        helipad=_item(pad.position_m, pad.yaw_deg, pad.size_m, HELIPAD_BOX),
+    )
+
+
+def _item(
+    position_m: tuple[float, float], yaw_deg: float, size_m: tuple[float, float, float], class_: int
+) -> MapItem:
+    red, green, blue = (int(value) for value in CLASS_COLOURS[class_])
+    colour: Colour = (red, green, blue)
+    return MapItem(
+        x_m=position_m[0],
+        y_m=position_m[1],
+        size_m=size_m,
+        yaw_rad=math.radians(yaw_deg),
+        colour=colour,
+    )
+
+
+def lab_map_of(drone: Drone) -> LabMap | None:
+    """Return the map of a drone's lab; None where nobody knows what stands there."""
+    scene = getattr(drone, "scene", None)  # simulated drones have one
+    return map_of_scene(scene) if isinstance(scene, Scene) else None
+
+
+class VideoListeners:
+    """What `app.fly` takes as `listeners`, with a video behind it."""
+
+    def __init__(self, video: FlightVideo, title: str) -> None:
+        self._video = video
+        self._title = title
+
+    def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        """Begin the video of a connected drone's flight."""
+        panes = Panes(
+            context.board,
+            drone.camera,
+            class_colours=CLASS_COLOURS,
+            lab_map=lab_map_of(drone),
+            title=self._title,
+        )
+        self._video.begin(panes)
+        return [self._video]
+
+    def conclude(self, report: FlightReport) -> None:
+        """Show how the flight ended for a moment."""
+        lines = [report.reason]
+        if report.duration_s is not None:
+            lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
+        if report.landing_error_m is not None:
+            lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
+        self._video.conclude(report.outcome.replace("_", " "), lines)
+
+
+@contextmanager
+def flight_video(path: Path, *, speed: float = 1.0, title: str = "") -> Iterator[VideoListeners]:
+    """Write the video of the flight that is flown inside.
+
+    Args:
+        path: the mp4 file; it appears, whole, at the end, also when the flight fails.
+        speed: the video runs so many times faster than the mission.
+        title: a line on the map, for instance the mission, the scene and the seed.
+
+    Raises:
+        FileError: the file cannot be written; raised before anything flies.
+        MissingDependencyError: no video encoder works here.
+    """
+    with FlightVideo(path, config=FlightVideoConfig(speed=speed)) as video:
+        yield VideoListeners(video, title)
