@@ -268,6 +268,7 @@ class Autopilot:
         self._settled_s = self._settled_s + CONTROL_STEP_S if settled else 0.0
         if self._settled_s < _SETTLE_S and self._arrived_s < _SETTLE_LIMIT_S:
             return
+        self._reference.settle(self._goal)
         if self._mode is Mode.MOVE and self._movement is not None:
             self._movement = MovementStatus(id=self._movement.id, state=MovementState.DONE)
         self._enter(Mode.HOLD)

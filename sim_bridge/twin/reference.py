@@ -72,6 +72,12 @@ class Reference:
             lost = self.velocity[axis] - self.trailing_velocity[axis]
             self.trailing_velocity[axis] += self._gain * lost
 
+    def settle(self, goal: tuple[float, float, float]) -> None:
+        """Stop at a goal that has been as good as reached."""
+        self.position[:] = goal
+        self.velocity[:] = (0.0, 0.0, 0.0)
+        self.acceleration[:] = (0.0, 0.0, 0.0)
+
     def go_to(self, goal: tuple[float, float, float], climb_mps: float, step_s: float) -> bool:
         """Move on towards a point in a straight line; True once there.
 
@@ -83,9 +89,7 @@ class Reference:
         dx, dy, dz = (goal[axis] - self.position[axis] for axis in range(3))
         flat, distance = math.hypot(dx, dy), math.sqrt(dx * dx + dy * dy + dz * dz)
         if distance < _ARRIVED_M and max(map(abs, self.velocity)) < 0.05:
-            self.position[:] = goal
-            self.velocity[:] = (0.0, 0.0, 0.0)
-            self.acceleration[:] = (0.0, 0.0, 0.0)
+            self.settle(goal)
             return True
         profile = self._profile
         # The limits differ along and across the ground; the line must keep both.

@@ -22,7 +22,9 @@ from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError, did_you
 
 __all__ = ["load_scene", "scene_names"]
 
-_KINDS = {"tag:yaml.org,2002:" + kind for kind in ("int", "float")}
+_TAG = "tag:yaml.org,2002:"
+_NUMBERS = {f"{_TAG}{kind}" for kind in ("int", "float")}
+_WORDS = {f"{_TAG}str", *_NUMBERS}
 
 
 def _shipped() -> dict[str, Path]:
@@ -188,7 +190,7 @@ class _Reader:
         return list(node.value)
 
     def _number(self, node: yaml.Node, name: str) -> float:
-        if isinstance(node, yaml.ScalarNode) and node.tag in _KINDS:
+        if isinstance(node, yaml.ScalarNode) and node.tag in _NUMBERS:
             value = yaml.SafeLoader("").construct_object(node)
             return float(value)
         raise self._error(node, f"{name} must be a number, got {_shown(node)}")
@@ -200,12 +202,12 @@ class _Reader:
         return int(value)
 
     def _boolean(self, node: yaml.Node, name: str) -> bool:
-        if isinstance(node, yaml.ScalarNode) and node.tag == "tag:yaml.org,2002:bool":
+        if isinstance(node, yaml.ScalarNode) and node.tag == f"{_TAG}bool":
             return str(node.value).lower() in ("true", "yes", "on")
         raise self._error(node, f"{name} must be true or false, got {_shown(node)}")
 
     def _text(self, node: yaml.Node, name: str) -> str:
-        if isinstance(node, yaml.ScalarNode) and node.value:
+        if isinstance(node, yaml.ScalarNode) and node.tag in _WORDS and node.value:
             return str(node.value)
         raise self._error(node, f"{name} must be a word, got {_shown(node)}")
 

@@ -177,10 +177,10 @@ def _black_checks(seed: int) -> Image:
 
 
 def _cream_confetti(seed: int) -> Image:
-    tile = _Tile(_rgb(46, 0.14, 0.96))
+    tile = _Tile(_rgb(44, 0.34, 0.97))
     for index, (x, y, _) in enumerate(_grid(7, seed, 0.2)):
         colour = _rgb(356, 0.80, 0.82) if index % 2 else _rgb(214, 0.75, 0.70)
-        tile.disc(x, y, 0.036, colour)
+        tile.disc(x, y, 0.042, colour)
     return tile.done(seed)
 
 

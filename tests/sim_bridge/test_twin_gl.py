@@ -1,0 +1,99 @@
+"""Choosing OpenGL: the choice is made once, by what works, and failures name the remedy."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from sim_bridge.twin import gl
+from uav_bt.errors import MissingDependencyError, UnknownNameError
+
+
+@pytest.fixture(autouse=True)
+def _fresh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+
+
+def choose() -> str:
+    """Choose as a fresh process would, past what this one has settled."""
+    return gl.choose_gl.__wrapped__()
+
+
+def test_egl_is_taken_where_it_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And MuJoCo and PyOpenGL are told."""
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
+    monkeypatch.setattr(gl, "_egl_works", lambda: True)
+    assert choose() == "egl"
+    assert os.environ["MUJOCO_GL"] == os.environ["PYOPENGL_PLATFORM"] == "egl"
+
+
+def test_without_egl_osmesa_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wheel's library is preloaded."""
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
+    monkeypatch.setattr(gl, "_egl_works", lambda: False)
+    monkeypatch.setattr(gl, "_loads", lambda *_: True)
+    monkeypatch.setattr(gl, "_preload_wheel", lambda: True)
+    assert choose() == "osmesa"
+    assert os.environ["MUJOCO_GL"] == "osmesa"
+
+
+def test_with_nothing_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both ways are named: pip alone, and apt."""
+    monkeypatch.setattr(gl, "_loads", lambda *_: False)
+    monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
+    with pytest.raises(MissingDependencyError, match="pip install --no-deps lavavu-osmesa") as seen:
+        choose()
+    assert "apt install libegl1 libgl1" in str(seen.value)
+    assert "MUJOCO_GL" not in os.environ
+
+
+def test_asking_for_osmesa_without_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was asked for is not replaced by something else."""
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    monkeypatch.setattr(gl, "_loads", lambda *_: False)
+    monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
+    with pytest.raises(MissingDependencyError, match="no OSMesa was found"):
+        choose()
+
+
+def test_drawing_turned_off_and_unknown_ways_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`MUJOCO_GL=off` and a misspelt one are told apart."""
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    with pytest.raises(MissingDependencyError, match="unset it"):
+        choose()
+    monkeypatch.setenv("MUJOCO_GL", "eggl")
+    with pytest.raises(UnknownNameError, match="did you mean 'egl'"):
+        choose()
+
+
+def test_a_failure_inside_opengl_is_translated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PyOpenGL's AttributeError on a bare machine becomes our message."""
+
+    def broken(_: str) -> None:
+        raise AttributeError("'NoneType' object has no attribute 'eglQueryString'")
+
+    monkeypatch.setattr(gl, "choose_gl", lambda: "egl")
+    monkeypatch.setattr(gl.importlib, "import_module", broken)
+    for use in (gl.load_mujoco, gl.context_class):
+        with pytest.raises(MissingDependencyError, match=r"eglQueryString.*Install one of"):
+            use()
+
+
+def test_importing_the_package_is_light() -> None:
+    """The face of the package imports neither MuJoCo nor OpenCV nor YAML."""
+    code = (
+        "import sys, sim_bridge.twin; "
+        "print([m for m in ('mujoco', 'cv2', 'yaml', 'OpenGL') if m in sys.modules])"
+    )
+    done = subprocess.run(  # noqa: S603  (our own code)
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert done.stdout.strip() == "[]"

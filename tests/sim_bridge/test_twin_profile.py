@@ -1,0 +1,52 @@
+"""Profiles: named sets of imperfections, checked field by field."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+
+import pytest
+
+from sim_bridge.twin.profile import Profile
+from uav_bt.errors import UnknownNameError, ValueRangeError
+
+
+def test_the_ideal_profile_has_limits_but_no_delay_and_no_error() -> None:
+    """Everything that disturbs is zero."""
+    ideal = Profile.named("ideal")
+    for item in fields(Profile):
+        if "_std" in item.name or item.name.endswith("latency_s") or item.name == "blur_sigma_px":
+            assert getattr(ideal, item.name) == 0.0
+    assert ideal.max_speed_mps == Profile.named("lab").max_speed_mps
+
+
+def test_harsh_is_at_least_as_bad_as_lab_everywhere() -> None:
+    """No imperfection is milder, most are worse."""
+    lab, harsh = Profile.named("lab"), Profile.named("harsh")
+    names = [item.name for item in fields(Profile) if "_std" in item.name or "latency" in item.name]
+    assert all(getattr(harsh, name) >= getattr(lab, name) for name in names)
+    assert sum(getattr(harsh, name) > getattr(lab, name) for name in names) > len(names) / 2
+
+
+def test_lab_is_the_default() -> None:
+    """An empty profile is the lab's."""
+    assert Profile() == Profile.named("lab")
+
+
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
+def test_a_field_out_of_range_is_refused_by_name(value: float) -> None:
+    """Negative and not finite numbers are refused with the field's name."""
+    with pytest.raises(ValueRangeError, match="wind_std_mps2"):
+        Profile(wind_std_mps2=value)
+
+
+def test_limits_must_not_be_zero() -> None:
+    """A drone that cannot move is a mistake."""
+    with pytest.raises(ValueRangeError, match="max_speed_mps must be a positive"):
+        Profile(max_speed_mps=0.0)
+
+
+def test_an_unknown_name_gets_a_suggestion() -> None:
+    """Misspelt names are recognised."""
+    with pytest.raises(UnknownNameError, match=r"did you mean 'ideal'\?.*known: harsh, ideal, lab"):
+        Profile.named("idea")

@@ -1,0 +1,148 @@
+"""Scene files: what ships is flyable, and every mistake is told with file, line and remedy."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from sim_bridge.twin.scene_file import load_scene, scene_names
+from uav_bt.errors import SceneError, UnknownNameError
+
+GOOD = """\
+name: mine
+helipad: {position_m: [-1.9, -1.4], yaw_deg: 0, size_m: [0.5, 0.5, 0.4]}
+boxes:
+  - {pattern: 1, position_m: [0.4, 0.9], yaw_deg: 20, size_m: [0.4, 0.35, 1.9]}
+  - {pattern: 2, position_m: [1.4, 0.9], size_m: [0.4, 0.35, 0.8]}
+lighting: {ambient: 0.35, direction: [0.5, 0.3, -1.0], shadows: false}
+take_off: {from: helipad, yaw_deg: 30}
+"""
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_eight_scenes_ship() -> None:
+    """Four to train on, two to choose on, two to test on."""
+    assert set(scene_names()) == {
+        *("train-a", "train-b", "train-c", "train-d", "val-a", "val-b", "test-a", "test-b")
+    }
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_shipped_scene_is_a_lab_to_fly_in(name: str) -> None:
+    """Eight boxes, four tall ones with room to pass between, free air around the pad."""
+    scene = load_scene(name)
+    assert scene.name == name
+    assert sorted(box.pattern for box in scene.boxes) == list(range(1, 9))
+    heights = [box.size_m[2] for box in scene.boxes]
+    assert min(heights) >= 0.6
+    assert max(heights) <= 2.2
+    assert sum(height >= 1.5 for height in heights) >= 4
+    tall = [box.footprint for box in scene.boxes if box.size_m[2] >= 1.3]
+    assert all(a.gap_m(b) >= 0.9 for a, b in itertools.combinations(tall, 2))
+    assert all(box.footprint.gap_m(scene.helipad.footprint) >= 0.7 for box in scene.boxes)
+    x, y = scene.helipad.position_m
+    assert abs(x) <= 2.5 - 0.6
+    assert abs(y) <= 2.0 - 0.6
+
+
+def test_a_file_of_one_s_own_is_read(tmp_path: Path) -> None:
+    """Every field arrives where it belongs."""
+    scene = load_scene(written(tmp_path, GOOD))
+    assert scene.name == "mine"
+    assert scene.boxes[0].position_m == (0.4, 0.9)
+    assert scene.boxes[0].yaw_deg == 20.0
+    assert scene.boxes[1].roof == 2
+    assert scene.take_off.yaw_deg == 30.0
+    assert not scene.take_off.random
+    assert scene.surface_m(1.4, 0.9) == 0.8
+    assert scene.surface_m(-1.9, -1.4) == 0.4
+    assert scene.surface_m(0.0, 0.0) == 0.0
+
+
+def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
+    """Both other forms of `from` are understood."""
+    random = load_scene(written(tmp_path, GOOD.replace("helipad, yaw_deg: 30", "random")))
+    assert random.take_off.random
+    placed = load_scene(written(tmp_path, GOOD.replace("from: helipad", "from: [0.0, -0.5]")))
+    assert placed.take_off.position_m == (0.0, -0.5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("boxes:", "boxs:", 3, "unknown key 'boxs' in scene; did you mean 'boxes'?"),
+        ("pattern: 1,", "patern: 1,", 4, "did you mean 'pattern'?"),
+        ("pattern: 2", "pattern: 1", 5, "pattern 1 is used twice"),
+        ("pattern: 2", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),
+        ("pattern: 2", "pattern: 1.5", 5, "whole number, got '1.5'"),
+        ("pattern: 2, ", "", 5, "lacks the key 'pattern'"),
+        ("[1.4, 0.9]", "[2.4, 0.9]", 5, "outside the carpet"),
+        ("[1.4, 0.9]", "[0.6, 0.9]", 5, "box 2 overlaps box 1"),
+        ("[1.4, 0.9]", "[-1.7, -1.2]", 5, "overlaps the helipad"),
+        ("[1.4, 0.9]", "[1.4]", 5, "list of 2 numbers, got a list of 1"),
+        ("[1.4, 0.9]", "[1.4, yes]", 5, "must be a number, got 'yes'"),
+        ("[1.4, 0.9]", "[1.4, .nan]", 5, "finite"),
+        ("0.35, 0.8]", "0.35, 0.0]", 5, "at least 0.05 m"),
+        ("ambient: 0.35", "ambient: 3", 6, "within 0 and 1, got 3.0"),
+        ("-1.0], shadows", "1.0], shadows", 6, "downwards"),
+        ("shadows: false", "shadows: maybe", 6, "true or false, got 'maybe'"),
+        ("from: helipad", "from: heliport", 7, "helipad, random or [x, y], got heliport"),
+        ("from: helipad", "from: random", 7, "draws the yaw too"),
+        ("from: helipad", "from: [4.0, 0.0]", 7, "outside the carpet"),
+        ("from: helipad", "from: [0.4, 0.7]", 7, "within 0.25 m of box 1"),
+        ("name: mine", "name: [mine]", 1, "name must be a word"),
+        ("name: mine", "name: mine\nname: yours", 2, "given twice"),
+        ("name: mine", "name: {mine", 2, "not valid YAML"),
+        (
+            "name: mine",
+            "name: !!python/name:os.system mine",
+            1,
+            "name must be a word",
+        ),
+    ],
+)
+def test_a_mistake_is_told_with_its_line(
+    tmp_path: Path, old: str, new: str, line: int, message: str
+) -> None:
+    """One message: the file, the line, what is wrong."""
+    assert old in GOOD
+    path = written(tmp_path, GOOD.replace(old, new))
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    assert caught.value.line == line
+    assert str(caught.value).startswith(f"{path}:{line}: ")
+    assert message in str(caught.value)
+
+
+def test_too_many_boxes_are_refused_at_the_ninth(tmp_path: Path) -> None:
+    """The lab has eight papers."""
+    boxes = "".join(
+        f"  - {{pattern: {k % 8 + 1}, position_m: [{0.5 * k - 2}, 1.0], size_m: [0.2, 0.2, 1]}}\n"
+        for k in range(9)
+    )
+    text = f"helipad: {{position_m: [0, -1]}}\nboxes:\n{boxes}"
+    with pytest.raises(SceneError, match=r":11: at most 8 boxes, got 9"):
+        load_scene(written(tmp_path, text))
+
+
+def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
+    """No traceback for what is not a scene at all."""
+    with pytest.raises(SceneError, match="no such scene file"):
+        load_scene(tmp_path / "nowhere.yaml")
+    with pytest.raises(UnknownNameError, match="did you mean 'val-a'"):
+        load_scene("vall-a")
+    with pytest.raises(SceneError, match="empty"):
+        load_scene(written(tmp_path, "# nothing\n"))
+    with pytest.raises(SceneError, match="mapping"):
+        load_scene(written(tmp_path, "- 1\n"))
+    path = tmp_path / "noise.yaml"
+    path.write_bytes(bytes(range(128, 256)))
+    with pytest.raises(SceneError, match="UTF-8"):
+        load_scene(path)

@@ -1,0 +1,82 @@
+"""Pictures without flying: poses like a flight's, repeatable pictures, exact truth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.views import render_views, sample_flight_poses
+from uav_bt.errors import ValueRangeError
+
+SIZE = (160, 90)
+
+
+def test_sampled_poses_are_where_a_drone_could_be() -> None:
+    """Over the carpet, clear of boxes, at flight height, looking as in flight."""
+    scene = load_scene("test-a")
+    poses = sample_flight_poses(scene, np.random.default_rng(0), 210)
+    for pose in poses:
+        x = pose.x_m - 0.15 * math.cos(pose.yaw_rad)
+        y = pose.y_m - 0.15 * math.sin(pose.yaw_rad)
+        assert abs(x) <= 2.5
+        assert abs(y) <= 2.0
+        assert 0.6 < pose.z_m < 2.1
+        for box in scene.boxes:
+            assert pose.z_m > box.size_m[2] + 0.3 or box.footprint.distance_m(x, y) > 0.3
+    ahead = [pose for pose in poses if pose.pitch_rad > math.radians(-32.0)]
+    assert len(ahead) == 180
+    assert np.median([pose.z_m for pose in ahead]) == pytest.approx(1.5, abs=0.03)
+    down = [pose for pose in poses if pose.pitch_rad < math.radians(-54.0)]
+    assert len(down) == 30
+
+
+def test_views_repeat_and_vary_with_the_seed() -> None:
+    """The same seed gives the same bytes; light and noise follow it; truth does not change."""
+    scene = load_scene("train-a")
+    poses = sample_flight_poses(scene, np.random.default_rng(1), 5)
+    lab = Profile.named("lab")
+
+    def views(seed: int) -> list[tuple[bytes, bytes, bytes]]:
+        drawn = render_views(scene, poses, size_px=SIZE, profile=lab, vary_light=True, seed=seed)
+        return [(v.image.tobytes(), v.ids.tobytes(), v.depth.tobytes()) for v in drawn]
+
+    first, again, other = views(3), views(3), views(4)
+    assert first == again
+    for (image, *truth), (changed, *kept) in zip(first, other, strict=True):
+        assert image != changed
+        assert truth == kept
+
+
+def test_clean_views_have_no_noise_and_truth_of_its_own_size() -> None:
+    """Without a profile the picture is clean; ids and depth come at the size asked for."""
+    scene = load_scene("train-a")
+    poses = sample_flight_poses(scene, np.random.default_rng(2), 1)
+    (clean,) = render_views(scene, poses, size_px=SIZE, truth_size_px=(112, 56))
+    (noisy,) = render_views(scene, poses, size_px=SIZE, profile=Profile.named("harsh"))
+    assert clean.image.shape == (90, 160, 3)
+    assert clean.ids.shape == clean.depth.shape == (56, 112)
+    spread = np.abs(noisy.image.astype(float) - clean.image).mean()
+    assert 3.0 < spread < 25.0
+    assert clean.pose == poses[0]
+
+
+def test_a_full_lab_leaves_no_room_and_says_so() -> None:
+    """Poses cannot be drawn where nothing can fly."""
+    boxes = tuple(
+        BoxSpec(
+            pattern=k + 1,
+            position_m=(-1.875 + 1.25 * (k % 4), 1.0 - 2 * (k // 4)),
+            size_m=(1.24, 1.5, 2.2),
+        )
+        for k in range(8)
+    )
+    scene = Scene(
+        name="full", helipad=Helipad(position_m=(0, 0), size_m=(0.4, 0.4, 0.4)), boxes=boxes
+    )
+    with pytest.raises(ValueRangeError, match="no room"):
+        sample_flight_poses(scene, np.random.default_rng(0), 7 * 50)
