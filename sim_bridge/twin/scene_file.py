@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -62,7 +63,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else None
         raise SceneError(path, f"not valid YAML: {error.problem}", line) from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         raise SceneError(path, f"not valid YAML: {error}") from error
     if root is None:
         raise SceneError(path, "the file is empty; a scene needs at least a helipad", 1)
@@ -191,8 +192,8 @@ class _Reader:
 
     def _number(self, node: yaml.Node, name: str) -> float:
         if isinstance(node, yaml.ScalarNode) and node.tag in _NUMBERS:
-            value = yaml.SafeLoader("").construct_object(node)
-            return float(value)
+            with contextlib.suppress(ValueError):  # `!!float abc` wears the tag of a number too
+                return float(yaml.SafeLoader("").construct_object(node))
         raise self._error(node, f"{name} must be a number, got {_shown(node)}")
 
     def _integer(self, node: yaml.Node, name: str) -> int:

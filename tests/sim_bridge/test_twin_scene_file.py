@@ -88,6 +88,7 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
         ("[1.4, 0.9]", "[-1.7, -1.2]", 5, "overlaps the helipad"),
         ("[1.4, 0.9]", "[1.4]", 5, "list of 2 numbers, got a list of 1"),
         ("[1.4, 0.9]", "[1.4, yes]", 5, "must be a number, got 'yes'"),
+        ("[1.4, 0.9]", "[1.4, !!float x]", 5, "must be a number, got 'x'"),
         ("[1.4, 0.9]", "[1.4, .nan]", 5, "finite"),
         ("0.35, 0.8]", "0.35, 0.0]", 5, "at least 0.05 m"),
         ("ambient: 0.35", "ambient: 3", 6, "within 0 and 1, got 3.0"),
@@ -142,6 +143,8 @@ def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
         load_scene(written(tmp_path, "# nothing\n"))
     with pytest.raises(SceneError, match="mapping"):
         load_scene(written(tmp_path, "- 1\n"))
+    with pytest.raises(SceneError, match="not valid YAML"):
+        load_scene(written(tmp_path, "[" * 5000))
     path = tmp_path / "noise.yaml"
     path.write_bytes(bytes(range(128, 256)))
     with pytest.raises(SceneError, match="UTF-8"):
