@@ -9,7 +9,7 @@ from behaviours.explore import Explore
 from behaviours.helipad_center import HelipadCenter
 from behaviours.land import EmergencyLand, Land
 from behaviours.look import HelipadKnown, HoverFor, PointCamera, Turn
-from behaviours.perceive import FindHelipad, Segment
+from behaviours.perceive import FindHelipad, RememberObstacles, Segment
 from behaviours.return_to_base import ReturnToBase
 from behaviours.take_off import TakeOff
 from uav_bt.tree import Leaf
@@ -26,6 +26,7 @@ NODES: Final[tuple[type[Leaf], ...]] = (
     HoverFor,
     Land,
     PointCamera,
+    RememberObstacles,
     ReturnToBase,
     Segment,
     TakeOff,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import ClassMap
 
-__all__ = ["FindHelipad", "Segment"]
+__all__ = ["FindHelipad", "RememberObstacles", "Segment"]
 
 # Where the mask looks straight ahead the helipad's own box is 0.4 m high in every lab.
 _PAD_HEIGHT = Port("pad_height_m", float, default=0.4, doc="top of the helipad above the carpet, m")
@@ -125,3 +125,37 @@ class FindHelipad(Leaf):
         if place is None:
             return False
         return self._tracker.update(*place, captured_s=frame.captured_s, confidence=detection.score)
+
+
+class RememberObstacles(Leaf):
+    """Remember where obstacles stand after they have left the view; SUCCESS always."""
+
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
+    writes = (OBSTACLES,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the memory."""
+        from perception.obstacle_memory import ObstacleMemory  # noqa: PLC0415 - late, as above
+
+        self._memory = ObstacleMemory()
+        self._timer = _StageTimer(mission, "obstacles")
+        self._last_s = -1.0
+
+    def update(self) -> Status:
+        """Follow the drone's motion, and take in a new class map."""
+        state = self.read(STATE).value
+        if state is None:
+            return Status.SUCCESS
+        self._memory.predict(state)
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        class_map = self.read(CLASS_MAP).value
+        if frame is None or camera is None or class_map is None:
+            return Status.SUCCESS
+        if self._last_s != class_map.captured_s == frame.captured_s:
+            self._last_s = class_map.captured_s
+            height_px, width_px = class_map.ids.shape
+            with self._timer:
+                self._memory.update(class_map, frame, camera.resized(width_px, height_px))
+        points = self._memory.points()
+        self.write(OBSTACLES, points, captured_s=points.captured_s)
+        return Status.SUCCESS

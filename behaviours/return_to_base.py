@@ -6,9 +6,8 @@ import enum
 import math
 
 from behaviours.heading import HeadingController
-from behaviours.path_check import free_path
 from behaviours.steering import FLIGHT_HEIGHT, POLICY, SteeringLeaf
-from uav_bt.board import CAMERA, HELIPAD, PHASE
+from uav_bt.board import HELIPAD, OBSTACLES, PHASE
 from uav_bt.mission.context import MissionContext
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, GimbalTo, HelipadFix, Velocity
@@ -25,7 +24,14 @@ _TRACK_S = 5.0
 _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
 _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
-_STOP_SHORT_M = 0.45  # a box this close behind a free path is not reached within a tick's motion
+# The way to the pad must be this wide, half, from the body's centre, this far ahead.
+_HALF_WIDTH_M = 0.38
+_LOOK_AHEAD_M = 1.3
+# An obstacle of unknown range this near to ahead is in the way.
+_UNPLACED_RAD = math.radians(30)
+_UNPLACED_COLUMNS = 3
+# What stands this much before the pad's centre, or behind it, is not in the way to it.
+_BEFORE_PAD_M = 0.35
 _DETOUR_STEPS = 2
 
 
@@ -125,9 +131,7 @@ class ReturnToBase(SteeringLeaf):
         if unseen_s > _TRACK_S:
             self._enter(_Phase.SEARCH)
             return
-        free_m = self._free_path()
-        # What stands behind the pad is not in the way to it.
-        if abs(fix.bearing_rad) < _AHEAD_RAD and free_m < min(fix.range_m, 1.3 + _STOP_SHORT_M):
+        if abs(fix.bearing_rad) < _AHEAD_RAD and not self._way_is_free(fix):
             self._enter(_Phase.DETOUR)
             return
         self._steer(fix)
@@ -139,18 +143,16 @@ class ReturnToBase(SteeringLeaf):
         self.feedback_message = f"helipad {fix.range_m:.1f} m"
         self.propose(Velocity(forward_mps=speed, yaw_rate_radps=yaw_rate))
 
-    def _free_path(self) -> float:
-        view, camera = self.current_view(), self.read(CAMERA).value
-        if view is None or camera is None:
-            return 0.0
-        frame, class_map = view
-        height_px, width_px = class_map.ids.shape
-        return free_path(
-            class_map,
-            camera.resized(width_px, height_px),
-            frame.gimbal_pitch_rad,
-            frame.height_above_carpet_m,
-        )
+    def _way_is_free(self, fix: HelipadFix) -> bool:
+        obstacles = self.read(OBSTACLES).value
+        if obstacles is None:
+            return False  # nothing is known about the way: do not go it
+        end_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
+        if obstacles.unplaced_columns(_UNPLACED_RAD) >= _UNPLACED_COLUMNS:
+            return False
+        clearance_m = obstacles.clearance_m(end_m)
+        # Already nearer than the margin, the way must lead away.
+        return clearance_m >= min(_HALF_WIDTH_M, obstacles.nearest_m)
 
     def _detour(self, state: DroneState) -> None:
         """Turn away until the policy finds a way, take two steps, then face the pad again."""

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from behaviours.movement import Mover, Progress
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE, TURNED
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, OBSTACLES, PHASE, STATE, TURNED
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Leaf, Port, Status
@@ -35,7 +35,7 @@ class SteeringLeaf(Leaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     ports = (POLICY, FLIGHT_HEIGHT)
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, TURNED)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES, TURNED)
     writes = (PHASE, TURNED)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -143,6 +143,7 @@ class SteeringLeaf(Leaf):
                 camera=camera.resized(width_px, height_px),
                 gimbal_pitch_rad=frame.gimbal_pitch_rad,
                 height_above_carpet_m=frame.height_above_carpet_m,
+                obstacles=self.read(OBSTACLES).value,
                 turning=self._direction,
                 full_turns=int(self._turned_so_far() / (2.0 * math.pi)),
                 coin=float(self._rng.random()),

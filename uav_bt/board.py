@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from uav_bt.mission.blackboard import Key
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HelipadFix
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HelipadFix, ObstaclePoints
 
 __all__ = [
     "CAMERA",
@@ -15,6 +15,7 @@ __all__ = [
     "HEIGHT",
     "HELIPAD",
     "MISSION_KEYS",
+    "OBSTACLES",
     "PHASE",
     "STATE",
     "TURNED",
@@ -55,6 +56,13 @@ HELIPAD: Final = Key(
     max_age_s=_HELIPAD_MAX_AGE_S,
 )
 
+OBSTACLES: Final = Key(
+    "obstacles",
+    ObstaclePoints,
+    "where obstacles stand, also those that have left the view",
+    writer="RememberObstacles",
+    max_age_s=_FRAME_MAX_AGE_S,
+)
 PHASE: Final = Key(
     "phase",
     str,
@@ -78,6 +86,7 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     HEIGHT,
     CLASS_MAP,
     HELIPAD,
+    OBSTACLES,
     PHASE,
     TURNED,
 )

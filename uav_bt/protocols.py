@@ -16,6 +16,7 @@ from uav_bt.types import (
     DepthMap,
     Frame,
     Observation,
+    ObstaclePoints,
     Truth,
 )
 
@@ -149,6 +150,7 @@ class PolicyView:
     camera: CameraModel  # at the class map's size
     gimbal_pitch_rad: float  # when the frame was captured
     height_above_carpet_m: float  # when the frame was captured
+    obstacles: ObstaclePoints | None = None  # remembered, also those out of view
     corridor: Corridor | None = None
     turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
     full_turns: int = 0  # full turns in a row that found no free way: time to ask for less

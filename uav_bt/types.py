@@ -38,6 +38,7 @@ __all__ = [
     "MovementState",
     "MovementStatus",
     "Observation",
+    "ObstaclePoints",
     "Pose",
     "Release",
     "TakeOff",
@@ -336,6 +337,39 @@ class HelipadFix:
     def bearing_rad(self) -> float:
         """Direction of the pad, clockwise positive from the heading."""
         return math.atan2(self.right_m, self.forward_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObstaclePoints:
+    """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
+
+    points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
+    captured_s: float  # of the newest frame that went in
+    # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
+    # from the heading, clockwise positive, one for each column that shows them. (M,)
+    unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if self.points_m.ndim != 2 or self.points_m.shape[1] != 2:
+            raise ShapeError("obstacle points", expected="Nx2", actual=self.points_m.shape)
+
+    @property
+    def nearest_m(self) -> float:
+        """Distance from the body's centre to the nearest point, inf without any."""
+        if not len(self.points_m):
+            return math.inf
+        return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
+
+    def clearance_m(self, forward_m: float) -> float:
+        """Return the distance of the nearest point to the straight way ahead of that length."""
+        if not len(self.points_m):
+            return math.inf
+        along = np.clip(self.points_m[:, 0], 0.0, max(0.0, forward_m))
+        return float(np.hypot(self.points_m[:, 0] - along, self.points_m[:, 1]).min())
+
+    def unplaced_columns(self, half_angle_rad: float) -> int:
+        """Return how many columns show an obstacle of unknown range within a bearing of ahead."""
+        return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))
 
 
 # --- the truth, for referees only -----------------------------------------------------------------

@@ -15,6 +15,9 @@ follow from the camera's geometry, so that each asks a question in metres:
 - The *low* rectangle asks whether the carpet goes on. It spans the carpet from the nearest visible
   row to `carpet_range_m`. Boxes and the helipad stand on the carpet, so they count as carpet.
 
+A third question is asked of the memory, not of the view: a step must keep `margin_m` from every
+obstacle seen lately, because a forward-looking camera does not see what stands beside the drone.
+
 Both are as wide as the swept path with its margins, seen at the distance where it matters.
 """
 
@@ -77,6 +80,13 @@ class SegmentationRuleConfig:
     obstacle_relief: float = 0.35
     carpet_relief: float = 0.2
     max_full_turns: int = 3  # of relief
+    # From the body's centre to a remembered base: half the body's diagonal, 0.2, and as much again
+    # for drift and masks. Already nearer than that, a step must lead away.
+    margin_m: float = 0.42
+    # An obstacle of unknown range within this bearing of ahead forbids a step; further aside, the
+    # path passes it at 0.7 of its range or more.
+    unplaced_half_angle_rad: float = math.radians(45)
+    unplaced_min_columns: int = 3  # fewer are specks of the mask
     tie_ratio: float = 0.1  # halves closer than this are a tie, which the coin decides
 
     def __post_init__(self) -> None:
@@ -110,7 +120,7 @@ class SegmentationRule:
         obstacle_limit = cfg.obstacle_threshold_px * (1.0 + cfg.obstacle_relief * relief)
         if view.turning:
             obstacle_limit *= cfg.hysteresis
-        way_is_free = obstacles <= obstacle_limit
+        way_is_free = obstacles <= obstacle_limit and self._keeps_margin(view)
         carpet_goes_on = ground >= cfg.carpet_threshold_px * (1.0 - cfg.carpet_relief * relief)
         if way_is_free and carpet_goes_on:
             return Decision(forward_m=cfg.step_m, reason="clear")
@@ -125,6 +135,14 @@ class SegmentationRule:
             left, right = (np.count_nonzero(half == GROUP_CARPET) for half in high.halves(groups))
             return Decision(yaw_rad=self._turn(left, right, view.coin), reason=reason)
         return Decision(yaw_rad=math.copysign(math.pi, view.coin - 0.5), reason=reason)
+
+    def _keeps_margin(self, view: PolicyView) -> bool:
+        if view.obstacles is None:
+            return True
+        cfg, obstacles = self.config, view.obstacles
+        if obstacles.unplaced_columns(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min_columns:
+            return False
+        return obstacles.clearance_m(cfg.step_m) >= min(cfg.margin_m, obstacles.nearest_m)
 
     def _turn(self, for_left: int, for_right: int, coin: float) -> float:
         """Return a turn to the side with more votes; clockwise, to the right, is positive."""
