@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uav_bt.errors import ShapeError
+from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
 __all__ = [
@@ -29,6 +29,8 @@ __all__ = [
     "pixel_rays",
     "project",
 ]
+
+_BESIDE_RAD = math.pi / 2 - 1e-6  # from the optical axis; beyond, rays do not meet the image plane
 
 
 def camera_axes(gimbal_pitch_rad: float) -> NDArray[np.float64]:
@@ -56,6 +58,9 @@ def pixel_rays(
 
     Returns:
         (..., 3) rays of unit depth along the optical axis, in the level frame.
+
+    Raises:
+        ShapeError: the last axis is not column and row.
     """
     array = _pixels(pixels)
     x = (array[..., 0] - camera.cx_px) / camera.fx_px
@@ -78,7 +83,13 @@ def ground_points(
     Returns:
         (..., 2) metres forward and right of the point below the camera; NaN where a ray does not
         go down.
+
+    Raises:
+        ShapeError: the last axis is not column and row.
+        ValueRangeError: the camera is not above the plane.
     """
+    if not height_m > 0.0:
+        raise ValueRangeError(f"the camera must be above the plane it looks at, got {height_m} m")
     rays = pixel_rays(pixels, camera, gimbal_pitch_rad)
     down = np.where(rays[..., 2] > 1e-9, rays[..., 2], np.nan)
     return np.asarray(rays[..., :2] * (height_m / down)[..., None])
@@ -94,6 +105,9 @@ def project(points: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float) -> 
 
     Returns:
         (..., 2) pixels as (column, row); NaN for points not in front of the camera.
+
+    Raises:
+        ShapeError: the last axis is not forward, right and down.
     """
     array = np.asarray(points, dtype=np.float64)
     if array.ndim < 1 or array.shape[-1] != 3:
@@ -106,8 +120,13 @@ def project(points: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float) -> 
 
 
 def elevation_to_row(elevation_rad: float, camera: CameraModel, gimbal_pitch_rad: float) -> float:
-    """Return the row of the central column at which a ray has this elevation (negative: down)."""
-    return camera.cy_px + camera.fy_px * math.tan(gimbal_pitch_rad - elevation_rad)
+    """Return the row of the central column at which a ray has this elevation (negative: down).
+
+    A row outside the image is far outside for a ray beside or behind the camera.
+    """
+    below_axis_rad = gimbal_pitch_rad - elevation_rad
+    below_axis_rad = max(-_BESIDE_RAD, min(_BESIDE_RAD, below_axis_rad))
+    return camera.cy_px + camera.fy_px * math.tan(below_axis_rad)
 
 
 def ground_range_to_row(

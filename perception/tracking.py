@@ -14,14 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from uav_bt.types import DroneState, HelipadFix
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import BodyVelocity, DroneState, HelipadFix
 
 __all__ = ["HelipadTracker", "HelipadTrackerConfig", "Odometry", "OdometryPose"]
 
 
 @dataclass(frozen=True)
 class OdometryPose:
-    """A dead-reckoned pose: origin and axes are where the odometry began (x north-like, y right)."""
+    """A dead-reckoned pose: origin where the odometry began, x along yaw 0, y to its right."""
 
     time_s: float
     x_m: float
@@ -49,21 +50,33 @@ class Odometry:
     def __init__(self, memory_s: float = 3.0) -> None:
         self._memory_s = memory_s
         self._poses: list[OdometryPose] = []
+        self._velocity = BodyVelocity()  # of the newest pose
 
     def update(self, state: DroneState) -> OdometryPose:
-        """Add a telemetry sample (one that is not newer changes nothing) and return the pose."""
-        yaw_rad = state.attitude.yaw_rad
+        """Add a telemetry sample and return the newest pose.
+
+        A sample that is not newer, or has a velocity or yaw that is not finite, changes nothing.
+        """
+        yaw_rad, velocity = state.attitude.yaw_rad, state.velocity
+        numbers = (state.captured_s, yaw_rad, velocity.forward_mps, velocity.right_mps)
+        if not all(map(math.isfinite, numbers)):
+            return self.now or OdometryPose(state.captured_s, 0.0, 0.0, 0.0)
         if not self._poses:
+            self._velocity = velocity
             self._poses.append(OdometryPose(state.captured_s, 0.0, 0.0, yaw_rad))
             return self._poses[-1]
         last = self._poses[-1]
         dt = state.captured_s - last.time_s
         if dt <= 0.0:
             return last
-        velocity = state.velocity
-        x_m, y_m = OdometryPose(last.time_s, last.x_m, last.y_m, yaw_rad).to_world(
-            velocity.forward_mps * dt, velocity.right_mps * dt
+        # Half-way between the samples: a turn of 10 degrees a tick would bend the path otherwise.
+        turn_rad = math.remainder(yaw_rad - last.yaw_rad, 2.0 * math.pi)
+        between = OdometryPose(last.time_s, last.x_m, last.y_m, last.yaw_rad + turn_rad / 2.0)
+        x_m, y_m = between.to_world(
+            (self._velocity.forward_mps + velocity.forward_mps) / 2.0 * dt,
+            (self._velocity.right_mps + velocity.right_mps) / 2.0 * dt,
         )
+        self._velocity = velocity
         self._poses.append(OdometryPose(state.captured_s, x_m, y_m, yaw_rad))
         while self._poses[0].time_s < state.captured_s - self._memory_s:
             self._poses.pop(0)
@@ -101,6 +114,7 @@ class HelipadTrackerConfig:
     bearing_std_rad: float = 0.02  # about 3 pixels of a 224-wide class map
     range_std_ratio: float = 0.06  # of the range: a pixel of elevation weighs more far away
     floor_std_m: float = 0.03  # close up, the centroid of the H is this good
+    doubt_std_m: float = 0.3  # of a detection with confidence 0; in proportion in between
     drift_std_mps: float = 0.05  # dead reckoning's error growth while the pad is unseen
     gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
     rejections_to_restart: int = 5  # so many outliers in a row mean that the track is wrong
@@ -129,16 +143,31 @@ class HelipadTracker:
     def update(
         self, forward_m: float, right_m: float, *, captured_s: float, confidence: float
     ) -> bool:
-        """Take in a detection, metres from the body's centre at its frame's capture.
+        """Take in a detection.
+
+        Args:
+            forward_m: ahead of the body's centre when the frame was captured, level.
+            right_m: to its right.
+            captured_s: when that was.
+            confidence: 0 to 1; the less, the less the detection moves the track.
 
         Returns:
             False when the detection was rejected as an outlier (or came before any telemetry).
+
+        Raises:
+            ValueRangeError: a number is not finite, or the confidence is not within 0 and 1.
         """
+        finite = all(map(math.isfinite, (forward_m, right_m, captured_s)))
+        if not finite or not 0.0 <= confidence <= 1.0:
+            raise ValueRangeError(
+                "a detection must be finite and its confidence within 0 and 1, got "
+                f"({forward_m}, {right_m}) m at {captured_s} s, confidence {confidence}"
+            )
         pose = self._odometry.at(captured_s)
         if pose is None:
             return False
         measurement = np.array(pose.to_world(forward_m, right_m))
-        noise = self._measurement_noise(forward_m, right_m, pose.yaw_rad)
+        noise = self._measurement_noise(forward_m, right_m, pose.yaw_rad, confidence)
         if self._filter is None or self._rejected >= self._config.rejections_to_restart:
             self._start(measurement, noise)
         elif self._distance(measurement, noise) > self._config.gate:
@@ -147,7 +176,7 @@ class HelipadTracker:
         else:
             self._filter.update(measurement, R=noise)
         self._rejected = 0
-        self._seen_s = captured_s
+        self._seen_s = max(self._seen_s, captured_s)
         self._confidence = confidence
         return True
 
@@ -169,6 +198,7 @@ class HelipadTracker:
     def forget(self) -> None:
         """Drop the track; the odometry goes on."""
         self._filter = None
+        self._seen_s = -math.inf
         self._rejected = 0
 
     def _start(self, measurement: np.ndarray, noise: np.ndarray) -> None:
@@ -184,11 +214,14 @@ class HelipadTracker:
         covariance = self._filter.P + noise  # type: ignore[union-attr]
         return float(residual @ np.linalg.solve(covariance, residual))
 
-    def _measurement_noise(self, forward_m: float, right_m: float, yaw_rad: float) -> np.ndarray:
+    def _measurement_noise(
+        self, forward_m: float, right_m: float, yaw_rad: float, confidence: float
+    ) -> np.ndarray:
         cfg = self._config
-        range_m = max(math.hypot(forward_m, right_m), 1e-3)
-        along = max(cfg.floor_std_m, cfg.range_std_ratio * range_m)
-        across = max(cfg.floor_std_m, cfg.bearing_std_rad * range_m)
+        range_m = math.hypot(forward_m, right_m)
+        doubt = cfg.doubt_std_m * (1.0 - confidence)
+        along = math.hypot(doubt, max(cfg.floor_std_m, cfg.range_std_ratio * range_m))
+        across = math.hypot(doubt, max(cfg.floor_std_m, cfg.bearing_std_rad * range_m))
         direction = yaw_rad + math.atan2(right_m, forward_m)
         c, s = math.cos(direction), math.sin(direction)
         rotation = np.array([[c, -s], [s, c]])
