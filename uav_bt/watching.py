@@ -9,20 +9,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+
+from rich.console import Console
 
 from perception.classes import BOXES, CLASS_COLOURS, HELIPAD_BOX
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from uav_bt.mission.context import MissionContext
+from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.report.flight_report import FlightReport
 from uav_bt.view.canvas import Colour
 from uav_bt.view.map import LabMap, MapItem
+from uav_bt.view.status import LiveStatus
 from uav_bt.view.video import FlightVideo, FlightVideoConfig, Panes
 
-__all__ = ["Listeners", "VideoListeners", "all_of", "flight_video", "lab_map_of", "map_of_scene"]
+__all__ = [
+    "Listeners",
+    "VideoListeners",
+    "all_of",
+    "flight_video",
+    "lab_map_of",
+    "live_status",
+    "map_of_scene",
+]
 
 Listeners = Callable[[Drone, MissionContext], Sequence[TickListener]]
 
@@ -95,7 +107,8 @@ class VideoListeners:
             lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
         if report.landing_error_m is not None:
             lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
-        self._video.conclude(report.outcome.replace("_", " "), lines)
+        good = report.outcome == Outcome.SUCCESS.value
+        self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
 
 
 @contextmanager
@@ -113,3 +126,18 @@ def flight_video(path: Path, *, speed: float = 1.0, title: str = "") -> Iterator
     """
     with FlightVideo(path, config=FlightVideoConfig(speed=speed)) as video:
         yield VideoListeners(video, title)
+
+
+@contextmanager
+def live_status(console: Console | None = None) -> Iterator[Listeners]:
+    """Show the flight that is flown inside in one line that keeps up with it.
+
+    Args:
+        console: where to write; default: the standard error stream.
+    """
+    with ExitStack() as open_lines:
+
+        def make(_: Drone, context: MissionContext) -> Sequence[TickListener]:
+            return [open_lines.enter_context(LiveStatus(context.board, console=console))]
+
+        yield make

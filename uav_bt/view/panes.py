@@ -36,6 +36,7 @@ __all__ = ["Readings", "draw_camera", "draw_class_map", "draw_readings", "projec
 
 _PAD_HEIGHT_M: Final = 0.4  # the landing box; only the mark on the picture depends on it
 _PAD_RADIUS_M: Final = 0.3
+_NEAR_M: Final = 0.3  # closer to the pad than this, a mark says nothing
 _BRANCH_ROW_PX: Final = 22
 _BRANCH_INDENT_PX: Final = 14
 _BRANCH_WIDTH_PX: Final = 300
@@ -54,26 +55,22 @@ class Readings:
 
 def project_fix(
     fix: HelipadFix, frame: Frame, camera: CameraModel, pad_height_m: float = _PAD_HEIGHT_M
-) -> tuple[float, float, float] | None:
-    """Return where a fix appears in a frame.
+) -> tuple[float, float, float]:
+    """Return where a fix lies from the lens, in the camera's frame.
 
     Args:
         fix: where the helipad lies.
         frame: the picture with its telemetry.
-        camera: intrinsics at the frame's size; distortion is left out.
+        camera: how far ahead of the body's centre the lens sits.
         pad_height_m: of the pad above the carpet.
 
     Returns:
-        Column, row and depth (metres) of the pad's centre, None when it lies behind the lens.
+        Metres right, down and forward along the optical axis; the gimbal keeps the horizon level.
     """
     forward_m = fix.forward_m - camera.forward_offset_m
     below_m = frame.height_above_carpet_m - pad_height_m
     c, s = math.cos(frame.gimbal_pitch_rad), math.sin(frame.gimbal_pitch_rad)
-    depth_m = c * forward_m - s * below_m
-    if depth_m < 0.05:
-        return None
-    row = camera.cy_px + camera.fy_px * (s * forward_m + c * below_m) / depth_m
-    return camera.cx_px + camera.fx_px * fix.right_m / depth_m, row, depth_m
+    return fix.right_m, s * forward_m + c * below_m, c * forward_m - s * below_m
 
 
 def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:
@@ -99,30 +96,38 @@ def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int
 
 
 def _mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
+    if frame.height_above_carpet_m < _PAD_HEIGHT_M + _NEAR_M:
+        return  # on the pad or about to be: it fills the view
     height_px, width_px = image.shape[:2]
-    at = project_fix(fix, frame, camera)
+    right_m, down_m, depth_m = project_fix(fix, frame, camera)
     colour = ACCENT if fix.detected else INK
     words = f"helipad {fix.range_m:.2f} m"
-    if at is not None:
-        # Pixel centres are at integer coordinates in both pictures.
-        x = (at[0] + 0.5) * width_px / camera.width_px - 0.5
-        y = (at[1] + 0.5) * height_px / camera.height_px - 0.5
+    half_words_px = (text_width_px(words, 0.45) + 12) / 2
+    shown = camera.resized(width_px, height_px)
+    if depth_m > _NEAR_M:
+        x = shown.cx_px + shown.fx_px * right_m / depth_m
+        y = shown.cy_px + shown.fy_px * down_m / depth_m
         if 0 <= x < width_px and 0 <= y < height_px:
-            radius_px = camera.fx_px * width_px / camera.width_px * _PAD_RADIUS_M / at[2]
-            _reticle(image, (x, y), min(max(radius_px, 10.0), 150.0), colour)
-            tag(image, words, (round(x) + 12, round(y) - 30), colour=colour)
+            radius_px = min(max(shown.fx_px * _PAD_RADIUS_M / depth_m, 10.0), 150.0)
+            _reticle(image, (x, y), radius_px, colour)
+            at_px = (round(x - half_words_px), round(y - radius_px) - 32)
+            tag(image, words, at_px, colour=colour)
             return
-    left = fix.bearing_rad < 0
-    edge = 12.0 if left else width_px - 12.0
-    inward, middle = (14.0 if left else -14.0), height_px / 2
-    line(
-        image,
-        [(edge + inward, middle - 14), (edge, middle), (edge + inward, middle + 14)],
-        colour,
-        3,
-    )
-    wide = text_width_px(words, 0.45)
-    tag(image, words, (32 if left else width_px - 44 - wide, round(middle) - 10), colour=colour)
+    _arrow(image, math.atan2(down_m, right_m), words, colour)
+
+
+def _arrow(image: Image, angle_rad: float, words: str, colour: Colour) -> None:
+    """Point from the picture's middle to something outside; the angle is clockwise from right."""
+    height_px, width_px = image.shape[:2]
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    half_x, half_y = width_px / 2 - 16, height_px / 2 - 16
+    length = min(half_x / max(abs(c), 1e-6), half_y / max(abs(s), 1e-6))
+    x, y = width_px / 2 + c * length, height_px / 2 + s * length
+    barbs = [(x - 16 * c - 14 * k * s, y - 16 * s + 14 * k * c) for k in (1, -1)]
+    line(image, [barbs[0], (x, y), barbs[1]], colour, 3)
+    wide = text_width_px(words, 0.45) + 12
+    left = x - c * (wide / 2 + 26) - wide / 2
+    tag(image, words, (round(left), round(y - s * 34) - 10), colour=colour)
 
 
 def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> None:

@@ -18,7 +18,7 @@ from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import CameraModel
-from uav_bt.view.canvas import ACCENT, BACKDROP, DIM, INK, Image, put, text_width_px
+from uav_bt.view.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, Colour, Image, put, text_width_px
 from uav_bt.view.flown import FlownPath
 from uav_bt.view.live_map import LiveMap
 from uav_bt.view.map import LabMap
@@ -168,23 +168,22 @@ class FlightVideo:
             self._last = self._panes.draw(record, self._flown)
             self._write(self._last, slot)
 
-    def conclude(self, headline: str, lines: Sequence[str] = ()) -> None:
+    def conclude(self, headline: str, lines: Sequence[str] = (), *, good: bool = True) -> None:
         """Lay the outcome over the last picture and hold it for a moment."""
         if self._last is None or self._failure is not None:
             return
-        image = _with_outcome(self._last, headline, lines)
+        image = _with_outcome(self._last, headline, lines, ACCENT if good else ALARM)
         held = max(1, round(self._config.hold_s * self._config.frames_per_s))
-        self._write(image, self._slot + 1)
-        self._write(image, self._slot + held)
+        for _ in range(held):
+            self._write(image, self._slot + 1)
 
     def _write(self, image: Image, slot: int) -> None:
-        if slot <= self._slot:
-            return
-        try:
-            self._file.write(image, slot)
-        except FileError as error:
-            self._failure = error
         self._slot = slot
+        if self._failure is None:
+            try:
+                self._file.write(image, slot)
+            except FileError as error:
+                self._failure = error
 
     def close(self) -> None:
         """Finish the file; safe to call twice.
@@ -211,14 +210,15 @@ class FlightVideo:
             error.add_note(f"and the video: {failure}")  # what ended the flight matters more
 
 
-def _with_outcome(picture: Image, headline: str, lines: Sequence[str]) -> Image:
+def _with_outcome(picture: Image, headline: str, lines: Sequence[str], colour: Colour) -> Image:
     image = picture.copy()
-    high = 64 + 26 * len(lines)
+    high = 68 + 26 * len(lines)
     top = (_HEIGHT - high) // 2
-    image[top : top + high] //= 4
-    left = (_WIDTH - text_width_px(headline, 1.0, bold=True)) // 2
-    put(image, headline, (left, top + 42), scale=1.0, bold=True, colour=ACCENT)
+    # Over the camera and the class map: the map shows the path, the text how it ended.
+    image[top : top + high, : _HALF - _GAP // 2] //= 6
+    left = (_HALF - text_width_px(headline, 1.0, bold=True)) // 2
+    put(image, headline, (left, top + 42), scale=1.0, bold=True, colour=colour)
     for index, words in enumerate(lines):
-        left = (_WIDTH - text_width_px(words, 0.55)) // 2
-        put(image, words, (left, top + 70 + 26 * index), scale=0.55, colour=INK)
+        left = (_HALF - text_width_px(words, 0.55)) // 2
+        put(image, words, (left, top + 72 + 26 * index), scale=0.55, colour=INK)
     return image

@@ -84,13 +84,16 @@ class VideoFile:
         self._last_slot = -1
         self._failed: OSError | None = None
         try:
-            # Opened by us first: the message of a missing folder is the system's, not FFmpeg's.
+            # Before FFmpeg does: the system says better what is wrong with a folder.
             self._partial.touch()
+        except OSError as error:
+            raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+        try:
             self._container: Any = av.open(
                 str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
             )
         except OSError as error:
-            self._partial.unlink(missing_ok=True)
+            self._partial.unlink()
             raise FileError(path, f"cannot be written: {error.strerror or error}") from error
         stream: Any = self._container.add_stream(
             codec, rate=frames_per_s, options=dict(_CODECS)[codec]

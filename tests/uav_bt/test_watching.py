@@ -1,0 +1,116 @@
+"""What the displays are told about our lab, and how they are put together."""
+
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from rich.console import Console
+
+from perception.classes import CLASS_COLOURS, class_id
+from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from uav_bt import watching
+from uav_bt.board import MISSION_KEYS
+from uav_bt.errors import FileError
+from uav_bt.mission.arbiter import Proposals
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.testing import ScriptedDrone
+from uav_bt.tree import Status
+from uav_bt.types import HOVER
+
+SCENE = Scene(
+    name="small",
+    helipad=Helipad(position_m=(-1.5, -1.0), yaw_deg=90.0),
+    boxes=(BoxSpec(pattern=3, position_m=(1.0, 0.5), size_m=(0.4, 0.3, 1.9), yaw_deg=20.0),),
+)
+
+
+class SceneDrone(ScriptedDrone):
+    """Stands for the twin: it knows its scene."""
+
+    scene = SCENE
+
+
+def context_of(drone: ScriptedDrone) -> MissionContext:
+    return MissionContext(
+        board=Blackboard(drone.clock, MISSION_KEYS),
+        clock=drone.clock,
+        proposals=Proposals(),
+        policy=lambda name: pytest.fail(f"asked for policy {name}"),
+    )
+
+
+def ticks(drone: ScriptedDrone, listeners: Sequence[TickListener], count: int) -> None:
+    for index in range(count):
+        record = TickRecord(
+            index=index,
+            time_s=drone.clock.now(),
+            observation=drone.observe(),
+            tree_status=Status.RUNNING,
+            phase="explore",
+            active=("mission", "Explore"),
+            command=HOVER,
+            proposed_by=None,
+            override=None,
+            compute_s=0.0,
+            truth=None,
+        )
+        for listener in listeners:
+            listener.on_tick(record)
+        drone.clock.advance(0.1)
+
+
+def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
+    lab = watching.lab_map_of(SceneDrone())
+    assert lab.carpet_size_m == (5.0, 4.0)
+    (box,) = lab.boxes
+    assert (box.x_m, box.y_m, box.size_m) == (1.0, 0.5, (0.4, 0.3, 1.9))
+    assert box.yaw_rad == pytest.approx(math.radians(20))
+    assert box.colour == tuple(CLASS_COLOURS[class_id("box_3")])
+    assert np.allclose(box.corners(), SCENE.boxes[0].footprint.corners())
+    assert (lab.helipad.x_m, lab.helipad.y_m) == (-1.5, -1.0)
+
+
+def test_a_drone_that_knows_no_scene_has_no_map() -> None:
+    assert watching.lab_map_of(ScriptedDrone()) is None
+
+
+@pytest.mark.parametrize("drone", [SceneDrone(), ScriptedDrone()])
+def test_a_flight_inside_is_filmed(tmp_path: Path, drone: ScriptedDrone) -> None:
+    path = tmp_path / "flight.mp4"
+    with watching.flight_video(path, speed=2.0, title="small") as video:
+        ticks(drone, video(drone, context_of(drone)), 3)
+        assert not path.exists()
+    with av.open(str(path)) as container:
+        assert sum(1 for _ in container.decode(video=0)) == 3
+
+
+def test_a_video_that_cannot_be_written_is_refused_before_the_flight(tmp_path: Path) -> None:
+    with (
+        pytest.raises(FileError),
+        watching.flight_video(tmp_path / "nowhere" / "flight.mp4"),
+    ):
+        pytest.fail("flew")
+
+
+def test_a_flight_that_never_begins_leaves_no_video(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), watching.flight_video(tmp_path / "flight.mp4"):
+        raise RuntimeError("the tree was refused")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_flight_is_filmed_and_told_at_once(tmp_path: Path) -> None:
+    drone, out = SceneDrone(), io.StringIO()
+    console = Console(file=out, force_terminal=False, width=120)
+    with (
+        watching.flight_video(tmp_path / "flight.mp4") as video,
+        watching.live_status(console) as status,
+    ):
+        ticks(drone, watching.all_of(video, status)(drone, context_of(drone)), 2)
+    assert (tmp_path / "flight.mp4").stat().st_size > 0
+    assert out.getvalue().startswith("explore")
