@@ -17,6 +17,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+if __name__ == "__main__":
+    # The folder of a script comes first on the path, and `tests/uav_bt` would hide the package.
+    sys.path[0] = str(Path(__file__).resolve().parents[1])
+
 from uav_bt.clock import ManualClock
 from uav_bt.errors import UavBtError, UnknownNameError
 from uav_bt.mission.arbiter import Proposals
@@ -85,10 +89,7 @@ def mismatch(trace: dict[str, Any]) -> str | None:
             actual = {
                 "root": _NAMES[tree.tick()],
                 "events": list(Scripted.events),
-                "blackboard": {
-                    key: tree.variables.get(key)
-                    for key in expected["blackboard"]
-                },
+                "blackboard": {key: tree.variables.get(key) for key in expected["blackboard"]},
             }
             if actual != expected:
                 return f"tick {index}: expected {expected}, got {actual}"

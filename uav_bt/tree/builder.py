@@ -8,6 +8,7 @@ from typing import Final
 
 from uav_bt.errors import TreeError, did_you_mean
 from uav_bt.tree.checker import node_attributes, node_id_of
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.document import Document, label
 from uav_bt.tree.findings import Findings, Position
 from uav_bt.tree.mission_tree import child_paths
@@ -68,7 +69,7 @@ class Builder:
         try:
             plan = self._plan(root, name, f"{self._document.main}/{name}", depth=1)
         except _TooLargeError as error:
-            where = f"{self._document.path}:{main.position}"
+            where = f"{main.path}:{main.position}"
             raise TreeError(self._document.path, [f"{where}: {label(main)}: {error}"]) from error
         self._apply(overrides, plan)
         self._findings.raise_any(self._document.path)
@@ -111,11 +112,13 @@ class Builder:
         if plan.element.tag == NodeKind.SUBTREE.value:
             return
         given: dict[str, object] = dict(plan.attributes)
+        for name in CONDITION_ATTRIBUTES.intersection(given):
+            del given[name]
         _, wrong = bind_ports(self._registry[node_id_of(plan.element)].ports, given)
         for name, message in wrong.items():
             if name in attributes:
                 self._findings.add(
-                    self._document.path,
+                    plan.element.path,
                     plan.element.position,
                     f"override of '{target}': {message}",
                     label(plan.element),
@@ -126,7 +129,11 @@ class Builder:
         given: dict[str, object] = dict(plan.attributes)
         if plan.element.tag == NodeKind.SUBTREE.value:
             autoremap = SubTree.AUTOREMAP.convert(plan.element.attributes.get("_autoremap", False))
-            return SubTree(plan.name, children[0], plan.attributes, autoremap=autoremap)
+            conditions = {
+                key: given.pop(key) for key in plan.attributes if key in CONDITION_ATTRIBUTES
+            }
+            entries = {key: str(text) for key, text in given.items()}
+            return SubTree(plan.name, children[0], entries, autoremap=autoremap, **conditions)
         node = self._registry[node_id_of(plan.element)]
         if issubclass(node, ControlNode):
             return node(plan.name, children, **given)

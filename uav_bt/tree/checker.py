@@ -7,12 +7,15 @@ from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.mission.blackboard import Key
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.document import EDITOR_ATTRIBUTES, Document, check_no_text, label
 from uav_bt.tree.findings import Findings
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.script import parse_script
+from uav_bt.tree.script.expressions import Name
 from uav_bt.tree.source import Element
 
 __all__ = ["Checker", "node_attributes", "node_id_of"]
@@ -54,12 +57,12 @@ class Checker:
         self._check_recursion()
 
     def _note(self, element: Element, message: str, attribute: str = "") -> None:
-        self._findings.add(self._document.path, element.at(attribute), message, label(element))
+        self._findings.add(element.path, element.at(attribute), message, label(element))
 
     def _check_node(self, element: Element) -> None:
         for child in element.children:
             self._check_node(child)
-        check_no_text(element, self._findings, self._document.path)
+        check_no_text(element, self._findings)
         if element.attributes.get("name") == "":
             self._note(element, "attribute 'name' is empty", "name")
         if element.tag == NodeKind.SUBTREE.value:
@@ -98,7 +101,8 @@ class Checker:
         if count >= least and (most is None or count <= most):
             return
         if most == least:
-            needed = "no children" if least == 0 else "exactly one child"
+            some = "exactly one child" if least == 1 else f"exactly {least} children"
+            needed = some if least else "no children"
         else:
             needed = f"at least {least}" if most is None else f"{least} to {most} children"
         self._note(element, f"needs {needed}, has {count}")
@@ -108,22 +112,40 @@ class Checker:
     def _check_ports(self, element: Element, node: type[Node]) -> None:
         given: dict[str, object] = {}
         for name, text in node_attributes(element).items():
-            if name.startswith("_"):
-                self._refuse_underscore(element, name)
+            if name in CONDITION_ATTRIBUTES:
+                self._check_condition(element, name, text)
             else:
                 given[name] = text
-        bound, wrong = bind_ports(node.ports, given)
+        bound, wrong = bind_ports(node.ports, given, CONDITION_ATTRIBUTES)
         for name, message in wrong.items():
             self._note(element, message, name)
         for port in node.ports:
             value = bound.get(port.name)
             if isinstance(value, Reference) and value.on_board:
                 self._check_board_reference(element, port, value)
+            elif port.check is parse_script and isinstance(value, str):
+                self._check_script_names(element, port.name, value)
 
-    def _refuse_underscore(self, element: Element, name: str) -> None:
-        self._note(
-            element, f"attribute '{name}' is not supported: no conditions and scripts yet", name
-        )
+    def _check_condition(self, element: Element, name: str, text: str) -> None:
+        message = check_condition(text)
+        if message is not None:
+            self._note(element, f"attribute '{name}': {message}", name)
+        else:
+            self._check_script_names(element, name, text)
+
+    def _check_script_names(self, element: Element, attribute: str, text: str) -> None:
+        for part in parse_script(text).walk():
+            if not isinstance(part, Name) or not part.name.startswith("@"):
+                continue
+            key = self._board_keys.get(part.name[1:])
+            if key is None:
+                hint = did_you_mean(part.name[1:], self._board_keys)
+                message = f"the board has no key '{part.name[1:]}'{hint}"
+            elif not issubclass(key.type, (int, float, str)):
+                message = f"board key '{key.name}' holds {key.type.__name__}, no number and no text"
+            else:
+                continue
+            self._note(element, f"attribute '{attribute}': {message}", attribute)
 
     def _check_board_reference(self, element: Element, port: Port[Any], at: Reference) -> None:
         key = self._board_keys.get(at.key)
@@ -164,9 +186,14 @@ class Checker:
     def _check_entry(
         self, element: Element, name: str, text: str, described: frozenset[str] | None
     ) -> None:
+        if name in CONDITION_ATTRIBUTES:
+            self._check_condition(element, name, text)
+            return
         if name.startswith("_"):
-            self._refuse_underscore(element, name)
-        elif not _VARIABLE.fullmatch(name):
+            hint = did_you_mean(name, CONDITION_ATTRIBUTES)
+            self._note(element, f"unknown attribute '{name}'{hint}", name)
+            return
+        if not _VARIABLE.fullmatch(name):
             self._note(element, f"'{name}' cannot be a variable's name", name)
         elif described is not None and name not in described:
             hint = did_you_mean(name, described)

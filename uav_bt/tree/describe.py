@@ -27,7 +27,7 @@ class PortInfo:
 
     name: str
     type: str  # the Python type's name
-    default: str | None  # None: the tree file must give a value
+    default: str | None  # None: the tree file must give a value, or it is an output
     doc: str
     direction: str
     choices: tuple[str, ...] = ()
@@ -62,7 +62,7 @@ def _describe_port(port: Port[Any]) -> PortInfo:
     return PortInfo(
         name=port.name,
         type=port.type.__name__,
-        default=None if port.required else _text(port.default),
+        default=None if port.default is Port.REQUIRED else _text(port.default),
         doc=port.doc,
         direction=port.direction,
         choices=tuple(_text(choice) for choice in port.choices),
@@ -117,7 +117,7 @@ def _model(node: type[Node]) -> list[str]:
         port_tag = _PORT_TAGS[port.direction]
         attributes = f" name={quoteattr(port.name)}"
         attributes += f" type={quoteattr(_TYPE_NAMES.get(port.type, port.type.__name__))}"
-        if not port.required:
+        if port.default is not Port.REQUIRED:
             attributes += f" default={quoteattr(_text(port.default))}"
         lines.append(f"      <{port_tag}{attributes}>{escape(port.doc)}</{port_tag}>")
     return [*lines, f"    </{tag}>"]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.findings import Findings
+from uav_bt.tree.includes import Includes
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.source import Element
@@ -20,7 +20,7 @@ EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath",
 
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
 _TREE_ATTRIBUTES: Final = frozenset({"ID"})
-_ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel")
+_ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
 _KINDS: Final = {kind.value: kind for kind in NodeKind}
 _MODEL_PORTS: Final = ("input_port", "output_port", "inout_port")
 _MODEL_PORT_ATTRIBUTES: Final = frozenset({"name", "type", "default"})
@@ -43,62 +43,82 @@ def label(element: Element) -> str:
     return f"{element.tag} '{name}'" if name else element.tag
 
 
-def check_attributes(
-    element: Element, known: frozenset[str], findings: Findings, path: Path, *, hint: str = ""
-) -> None:
+def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
     """Note every attribute that the element cannot have."""
     for attribute in element.attributes:
         if attribute in known or attribute in EDITOR_ATTRIBUTES:
             continue
         findings.add(
-            path,
+            element.path,
             element.at(attribute),
-            f"unknown attribute '{attribute}'{did_you_mean(attribute, known)}{hint}",
+            f"unknown attribute '{attribute}'{did_you_mean(attribute, known)}",
             label(element),
         )
 
 
-def check_no_text(element: Element, findings: Findings, path: Path) -> None:
+def check_no_text(element: Element, findings: Findings) -> None:
     """Note text between tags, which a tree file has no place for."""
     text = element.text.strip()
     if text:
-        findings.add(path, element.position, f"unexpected text '{text[:40]}'", label(element))
+        findings.add(
+            element.path, element.position, f"unexpected text '{text[:40]}'", label(element)
+        )
 
 
-def outline(root: Element, path: Path, registry: NodeRegistry, findings: Findings) -> Document:
-    """Read the outline of a file and note what is wrong with it."""
-    document = Document(path)
+def outline(root: Element, registry: NodeRegistry, findings: Findings) -> Document:
+    """Read the outline of a file and of those it includes, and note what is wrong with them.
+
+    Raises:
+        TreeError: an included file cannot be read or is no XML.
+    """
+    document = Document(root.path)
+    included = Includes(root.path)
+    waiting = [root]
+    while waiting:
+        element = waiting.pop(0)
+        if _check_root(element, findings):
+            for child in element.children:
+                if child.tag == "include":
+                    waiting += included.read(child, findings)
+                else:
+                    _read_part(child, document, registry, findings)
+    if root.tag == "root":
+        document.main = _find_main(root, document, findings)
+    return document
+
+
+def _check_root(root: Element, findings: Findings) -> bool:
+    path = root.path
     if root.tag != "root":
         findings.add(path, root.position, f"expected the element <root>, got <{root.tag}>")
-        return document
-    check_attributes(root, _ROOT_ATTRIBUTES, findings, path)
-    check_no_text(root, findings, path)
+        return False
+    check_attributes(root, _ROOT_ATTRIBUTES, findings)
+    check_no_text(root, findings)
     version = root.attributes.get("BTCPP_format")
     if version != "4":
         got = "nothing" if version is None else f"'{version}'"
         findings.add(path, root.at("BTCPP_format"), f'expected BTCPP_format="4", got {got}', "root")
-    readers: dict[str, Callable[[Element], None]] = {
-        "BehaviorTree": lambda element: _read_tree(element, document, findings),
-        "TreeNodesModel": lambda element: _read_models(element, document, registry, findings),
-    }
-    for child in root.children:
-        reader = readers.get(child.tag)
-        if reader is None:
-            findings.add(
-                path,
-                child.position,
-                f"<{child.tag}> cannot stand in <root>{did_you_mean(child.tag, _ROOT_CHILDREN)}",
-            )
-        else:
-            reader(child)
-    document.main = _find_main(root, document, findings)
-    return document
+    return True
+
+
+def _read_part(
+    element: Element, document: Document, registry: NodeRegistry, findings: Findings
+) -> None:
+    if element.tag == "BehaviorTree":
+        _read_tree(element, document, findings)
+    elif element.tag == "TreeNodesModel":
+        _read_models(element, document, registry, findings)
+    else:
+        hint = did_you_mean(element.tag, _ROOT_CHILDREN)
+        findings.add(
+            element.path, element.position, f"<{element.tag}> cannot stand in <root>{hint}"
+        )
 
 
 def _read_tree(element: Element, document: Document, findings: Findings) -> None:
-    path = document.path
-    check_attributes(element, _TREE_ATTRIBUTES, findings, path)
-    check_no_text(element, findings, path)
+    path = element.path
+    check_attributes(element, _TREE_ATTRIBUTES, findings)
+    check_no_text(element, findings)
     tree_id = element.attributes.get("ID", "")
     if not tree_id:
         findings.add(path, element.position, "attribute 'ID' is missing", "BehaviorTree")
@@ -109,11 +129,11 @@ def _read_tree(element: Element, document: Document, findings: Findings) -> None
             path, element.position, f"needs exactly one child, has {count}", label(element)
         )
     if tree_id in document.trees:
-        first = document.trees[tree_id].position
+        first = document.trees[tree_id]
         findings.add(
             path,
             element.at("ID"),
-            f"this ID is taken by the tree at {path}:{first}",
+            f"this ID is taken by the tree at {first.path}:{first.position}",
             label(element),
         )
         return
@@ -147,8 +167,8 @@ def _find_main(root: Element, document: Document, findings: Findings) -> str:
 def _read_models(
     models: Element, document: Document, registry: NodeRegistry, findings: Findings
 ) -> None:
-    path = document.path
-    check_attributes(models, frozenset(), findings, path)
+    path = models.path
+    check_attributes(models, frozenset(), findings)
     seen: set[str] = set()
     for model in models.children:
         kind = _KINDS.get(model.tag)
@@ -159,7 +179,7 @@ def _read_models(
                 f"<{model.tag}> cannot stand in <TreeNodesModel>{did_you_mean(model.tag, _KINDS)}",
             )
             continue
-        check_attributes(model, frozenset({"ID", "editable"}), findings, path)
+        check_attributes(model, frozenset({"ID", "editable"}), findings)
         node_id = model.attributes.get("ID", "")
         if not node_id:
             findings.add(path, model.position, "attribute 'ID' is missing", model.tag)
@@ -167,15 +187,15 @@ def _read_models(
         if node_id in seen:
             findings.add(path, model.at("ID"), "described twice", label(model))
         seen.add(node_id)
-        ports = _read_model_ports(model, document, findings)
+        ports = _read_model_ports(model, findings)
         if kind is NodeKind.SUBTREE:
             document.subtree_ports[node_id] = frozenset(ports)
         elif node_id in registry:
-            _compare_model(model, ports, registry[node_id], path, findings)
+            _compare_model(model, ports, registry[node_id], findings)
 
 
-def _read_model_ports(model: Element, document: Document, findings: Findings) -> dict[str, Element]:
-    path = document.path
+def _read_model_ports(model: Element, findings: Findings) -> dict[str, Element]:
+    path = model.path
     ports: dict[str, Element] = {}
     for port in model.children:
         if port.tag not in _MODEL_PORTS:
@@ -186,7 +206,7 @@ def _read_model_ports(model: Element, document: Document, findings: Findings) ->
                 label(model),
             )
             continue
-        check_attributes(port, _MODEL_PORT_ATTRIBUTES, findings, path)
+        check_attributes(port, _MODEL_PORT_ATTRIBUTES, findings)
         name = port.attributes.get("name", "")
         if not name:
             findings.add(path, port.position, "attribute 'name' is missing", label(model))
@@ -198,8 +218,9 @@ def _read_model_ports(model: Element, document: Document, findings: Findings) ->
 
 
 def _compare_model(
-    model: Element, ports: dict[str, Element], node: type[Node], path: Path, findings: Findings
+    model: Element, ports: dict[str, Element], node: type[Node], findings: Findings
 ) -> None:
+    path = model.path
     if node.kind.value != model.tag:
         findings.add(
             path,

@@ -58,7 +58,7 @@ def parse_tree(
     path = Path(path)
     registry = NodeRegistry.installed() if registry is None else registry
     findings = Findings()
-    document = outline(parse_source(data, path), path, registry, findings)
+    document = outline(parse_source(data, path), registry, findings)
     Checker(document, registry, findings).check()
     findings.raise_any(path)
     root = Builder(document, registry, findings).build(overrides or {})

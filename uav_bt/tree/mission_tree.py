@@ -124,13 +124,16 @@ class MissionTree:
             NodeFailedError: a leaf's `terminate` raised; the first of them, when all are halted.
         """
         first: NodeFailedError | None = None
-        # The root's own halt is the engine's; the sweep catches what an exception left behind.
+        if self.root.status is not RUNNING:
+            self.root.status = IDLE  # to the engine a finished root is idle at once
+        # As the engine does: the root, which passes it on, and then each node by itself, for those
+        # that did not hear of it. `_onHalted` scripts of nodes that do not run are run, too.
+        for node in (self.root, *self.nodes()):
+            try:
+                node.halt()
+            except NodeFailedError as error:
+                first = first or error
         for node in self.nodes():
-            if node.status is RUNNING:
-                try:
-                    node.halt()
-                except NodeFailedError as error:
-                    first = first or error
             node.status = IDLE
         if first is not None:
             raise first

@@ -17,7 +17,9 @@ from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailed
 from uav_bt.mission.blackboard import Key, Reading
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Clock
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
 from uav_bt.tree.port import Port, Reference, bind_ports
+from uav_bt.tree.script import Environment
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
@@ -68,13 +70,21 @@ class Node(Behaviour):
         self._bind(given)
 
     def _bind(self, given: dict[str, object]) -> None:
-        bound, wrong = bind_ports(self.ports, given)
+        scripts = {key: str(given[key]) for key in given if key in CONDITION_ATTRIBUTES}
+        values = {key: value for key, value in given.items() if key not in scripts}
+        bound, wrong = bind_ports(self.ports, values, CONDITION_ATTRIBUTES)
+        for key, script in scripts.items():
+            message = check_condition(script)
+            if message is not None:
+                wrong[key] = f"attribute '{key}': {message}"
         if wrong:
             raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(wrong.values())}")
         self._references = {key: at for key, at in bound.items() if isinstance(at, Reference)}
         self._literals = {key: at for key, at in bound.items() if key not in self._references}
         self._variables = Variables()
         self._mission: MissionContext | None = None
+        self._conditions = Conditions(scripts) if scripts else None
+        self._environment: Environment | None = None
         self._visits: list[tuple[Node, Status]] | None = None
         self.path = self.name  # unique in its tree once the tree is made
 
@@ -101,10 +111,19 @@ class Node(Behaviour):
         """The variables of the tree that the node stands in."""
         return self._variables
 
+    @property
+    def environment(self) -> Environment:
+        """What scripts of this node see."""
+        if self._environment is None:
+            board = None if self._mission is None else self._mission.board
+            self._environment = Environment(self._variables, board)
+        return self._environment
+
     def place(self, path: str, variables: Variables) -> None:
         """Give the node its place in a tree; `MissionTree` does."""
         self.path = path
         self._variables = variables
+        self._environment = None
 
     def setup(self, mission: MissionContext | None = None, **_kwargs: Any) -> None:
         """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too.
@@ -115,6 +134,7 @@ class Node(Behaviour):
         if mission is None:
             raise MissionError(f"node '{self.path}': setup needs mission=MissionContext(...)")
         self._mission = mission
+        self._environment = None
         try:
             self._setup()
         except InputError:
@@ -161,12 +181,18 @@ class Node(Behaviour):
         return Reading(self._converted(port, entry.value), 0.0)
 
     def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key."""
-        reference = self._references[port.name]
+        """Write an output port's variable or board key; unconnected, it goes nowhere."""
+        reference = self._references.get(port.name)
+        if reference is None:
+            return  # nobody connected it
         if reference.on_board:
             self._write_board(self._board_key(reference), value)
         else:
             self._variables[reference.key] = value
+
+    def reference(self, port: Port[Any]) -> Reference | None:
+        """Return what a port refers to, or None when it has a literal or is unconnected."""
+        return self._references.get(port.name)
 
     def _declared(self, name: str) -> Port[Any]:
         for port in self.ports:
@@ -209,7 +235,7 @@ class Node(Behaviour):
             NodeFailedError: an exception came out of this node or of one below it.
         """
         try:
-            status = self._tick()
+            status = self._tick() if self._conditions is None else self._guarded(self._conditions)
         except NodeFailedError:
             raise
         except Exception as error:
@@ -220,14 +246,26 @@ class Node(Behaviour):
             self._visits.append((self, status))
         return status
 
+    def _guarded(self, conditions: Conditions) -> Status:
+        status = conditions.forestall(self.status, self.environment)
+        if status is None:
+            status = self._tick()
+        elif status is SKIPPED and self.status is RUNNING:
+            self.halt()
+        if status is SUCCESS or status is FAILURE:
+            conditions.ended(status, self.environment)
+        return status
+
     def halt(self) -> None:
         """Stop what is going on below and here; leaves that run are told.
 
         Raises:
-            NodeFailedError: a leaf's `terminate` raised.
+            NodeFailedError: a leaf's `terminate` or a script raised.
         """
         try:
             self._halt()
+            if self._conditions is not None:
+                self._conditions.halted(self.environment)
         except NodeFailedError:
             raise
         except Exception as error:

@@ -26,7 +26,12 @@ _INTEGER: Final = re.compile(r"[+-]?[0-9]+")
 _NUMBER: Final = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _TRUE: Final = frozenset({"true", "True", "TRUE", "1"})
 _FALSE: Final = frozenset({"false", "False", "FALSE", "0"})
-_TYPE_WORDS: Final = {int: "an integer", float: "a number", bool: "true or false", str: "a text"}
+_TYPE_WORDS: Final[dict[type, str]] = {
+    int: "an integer",
+    float: "a number",
+    bool: "true or false",
+    str: "a text",
+}
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,8 @@ class Port(Generic[T]):
 
     @property
     def required(self) -> bool:
-        """True when a tree file must give a value."""
-        return self.default is Port.REQUIRED
+        """True when a tree file must give a value; an output that nobody wants goes nowhere."""
+        return self.default is Port.REQUIRED and self.direction != "output"
 
     def bind(self, given: object) -> T | Reference:
         """Turn what a tree file or a Python caller gives into a checked value or a reference.
@@ -120,7 +125,7 @@ class Port(Generic[T]):
         return typed  # type: ignore[no-any-return]  # of type T by the two parsers
 
     def _parse(self, text: str) -> object:
-        if self.type is str:
+        if self.type in {str, object}:
             return text
         stripped = text.strip()
         if self.type is bool and stripped in _TRUE | _FALSE:
@@ -148,13 +153,14 @@ class Port(Generic[T]):
 
 
 def bind_ports(
-    ports: Iterable[Port[Any]], given: dict[str, object]
+    ports: Iterable[Port[Any]], given: dict[str, object], also: Iterable[str] = ()
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Bind all ports of a node at once.
 
     Args:
         ports: what the node declares.
         given: values by attribute name.
+        also: other attributes that the node may have, for suggestions.
 
     Returns:
         The bound values (or references) by port, and what is wrong by attribute.
@@ -164,10 +170,12 @@ def bind_ports(
     by_name = {port.name: port for port in ports}
     for name in given:
         if name not in by_name:
-            wrong[name] = f"unknown attribute '{name}'{did_you_mean(name, by_name)}"
+            known = [*by_name, *also]
+            wrong[name] = f"unknown attribute '{name}'{did_you_mean(name, known)}"
     for name, port in by_name.items():
-        if name not in given and port.required:
-            wrong[name] = f"attribute '{name}' is missing ({port.doc})"
+        if name not in given and port.default is Port.REQUIRED:
+            if port.required:
+                wrong[name] = f"attribute '{name}' is missing ({port.doc})"
             continue
         try:
             bound[name] = port.bind(given.get(name, port.default))

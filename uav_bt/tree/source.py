@@ -29,6 +29,7 @@ _ATTRIBUTE: Final = re.compile(rb"([^\s=<>/\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')", r
 class Element:
     """An XML element with its positions in the file."""
 
+    path: Path  # of the file
     tag: str
     attributes: dict[str, str]
     position: Position
@@ -48,8 +49,9 @@ class _RefusedError(Exception):
 
 
 class _Builder:
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, path: Path) -> None:
         self.root: Element | None = None
+        self._path = path
         self._data = data
         self._open: list[Element] = []
         self._count = 0
@@ -72,7 +74,8 @@ class _Builder:
             raise _RefusedError(f"more than {MAX_ELEMENTS} elements")
         if len(self._open) >= MAX_DEPTH:
             raise _RefusedError(f"elements are nested deeper than {MAX_DEPTH}")
-        element = Element(tag, attributes, self.here(), self._locate(attributes))
+        positions = self._locate(attributes)
+        element = Element(self._path, tag, attributes, self.here(), positions)
         if self._open:
             self._open[-1].children.append(element)
         else:
@@ -119,7 +122,7 @@ def read_source(path: Path) -> bytes:
         raise TreeError(path, [f"{path}: cannot be read: {error.strerror}"]) from error
 
 
-def parse_source(data: bytes, path: Path | str) -> Element:
+def parse_source(data: bytes, path: Path) -> Element:
     """Return the root element of a document.
 
     Raises:
@@ -127,7 +130,7 @@ def parse_source(data: bytes, path: Path | str) -> Element:
     """
     if len(data) > MAX_BYTES:
         raise TreeError(path, [f"{path}: larger than {MAX_BYTES} bytes"])
-    builder = _Builder(data)
+    builder = _Builder(data, path)
     try:
         builder.parser.Parse(data, True)
     except expat.ExpatError as error:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from pathlib import Path
 
 import pytest
 
-# The conformance runner is a script beside the packages of tests, and holds the scripted leaf.
-sys.path.insert(0, str(Path(__file__).parents[2]))
+# The conformance runner is a script beside the folders of tests, and holds the scripted leaf. Its
+# own folder must not come on the path: `tests/uav_bt` could hide the package.
+_SCRIPT = Path(__file__).parents[2] / "conformance.py"
+_SPEC = importlib.util.spec_from_file_location("conformance", _SCRIPT)
+if _SPEC is None or _SPEC.loader is None:
+    raise ImportError(f"{_SCRIPT} cannot be loaded")
+_MODULE = importlib.util.module_from_spec(_SPEC)
+sys.modules["conformance"] = _MODULE
+_SPEC.loader.exec_module(_MODULE)
 
-from tree_world import World
+from tree_world import World  # noqa: E402  # after its own import is possible
 
 
 @pytest.fixture

@@ -98,7 +98,18 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<Steer height_m="{@hight}"/>', "the board has no key 'hight'"),
         ('<Steer height_m="{@helipad}"/>', "takes float, but board key 'helipad' holds HelipadFix"),
         ('<Steer name=""/>', "attribute 'name' is empty"),
-        ('<Steer _skipIf="true"/>', "attribute '_skipIf' is not supported"),
+        ('<Steer _skipif="true"/>', "unknown attribute '_skipif'; did you mean '_skipIf'?"),
+        ('<Steer _skipIf="1 +"/>', "attribute '_skipIf': column 4: expected a value, got the end"),
+        ('<Steer _while="@hight &gt; 1"/>', "attribute '_while': the board has no key 'hight'"),
+        ('<Script code="x := @helipad"/>', "'helipad' holds HelipadFix, no number and no text"),
+        ('<Script code="x =: 1"/>', "attribute 'code': column 4: expected a value, got ':'"),
+        ('<Script code="@elapsed_s = 1"/>', "leaves write those, scripts only read"),
+        ('<Precondition if="1" else="MAYBE"><Safe/></Precondition>', "expected one of SUCCESS"),
+        ('<Switch2 variable="{v}" case_1="1" case_2="2"><Safe/></Switch2>', "needs exactly 3"),
+        ('<LoopInt queue="1;x" value="{v}"><Safe/></LoopInt>', "expected an integer, got 'x'"),
+        ('<LoopInt queue="1" value="v"><Safe/></LoopInt>', "output port needs a reference"),
+        ('<WasEntryUpdated entry="a b"/>', "expected a variable such as {x}, got 'a b'"),
+        ('<SetBlackboard value="1" output_key="a b"/>', "expected a variable's name, got 'a b'"),
         ("<Scripted/>", "attribute 'script' is missing (S success"),
         ("<Steer>text</Steer>", "unexpected text 'text'"),
         ("<Steer><Safe/></Steer>", "needs no children, has 1"),
@@ -114,7 +125,8 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
         ('<SubTree ID="Other" x="{@helipad}"/>', "use the key inside the subtree"),
         ('<SubTree ID="Other" x="{a b}"/>', "is no reference"),
-        ('<SubTree ID="Other" _onHalted="x"/>', "attribute '_onHalted' is not supported"),
+        ('<SubTree ID="Other" _onHalted="x 1"/>', "attribute '_onHalted': column 3: expected ';'"),
+        ('<SubTree ID="Other" _onHalt="x"/>', "unknown attribute '_onHalt'; did you mean '_onH"),
     ],
 )
 def test_refused_nodes(body: str, message: str) -> None:
@@ -312,3 +324,61 @@ def test_overrides_are_checked(target: str, attributes: dict[str, str], message:
     found = findings(document(BODY), **{target: attributes})
     assert message in found[0]
     assert f"override of '{target}'" in found[0]
+
+
+def test_included_files_join(tmp_path: Path) -> None:
+    """Trees of files in the folder and below are found; a file included twice is read once."""
+    (tmp_path / "parts").mkdir()
+    tree = '<BehaviorTree ID="{}"><Safe/></BehaviorTree>'
+    (tmp_path / "parts" / "a.xml").write_text(
+        f'<root BTCPP_format="4"><include path="../more.xml"/>{tree.format("A")}</root>'
+    )
+    (tmp_path / "more.xml").write_text(
+        f'<root BTCPP_format="4"><include path="parts/a.xml"/>{tree.format("B")}</root>'
+    )
+    main = tmp_path / "main.xml"
+    body = '<Sequence><SubTree ID="A"/><SubTree ID="B"/></Sequence>'
+    main.write_text(document(body, '<include path="parts/a.xml"/>'))
+    assert len(list(load_tree(main, REGISTRY).leaves())) == 2
+    (tmp_path / "more.xml").write_text('<root BTCPP_format="4"><Behavior/></root>')
+    with pytest.raises(TreeError, match=r"more\.xml:1:24: <Behavior> cannot stand in <root>"):
+        load_tree(main, REGISTRY)
+
+
+@pytest.mark.parametrize(
+    ("include", "message"),
+    [
+        ('<include path="../secret.xml"/>', "lies outside the folder"),
+        ('<include path="/etc/hostname"/>', "lies outside the folder"),
+        ('<include path="none.xml"/>', "no such file beside"),
+        ("<include/>", "needs exactly the attribute 'path'"),
+        ('<include ros_pkg="p" path="x"/>', "needs exactly the attribute 'path'"),
+    ],
+)
+def test_refused_includes(tmp_path: Path, include: str, message: str) -> None:
+    """An include stays in the folder and is there."""
+    folder = tmp_path / "trees"
+    folder.mkdir()
+    (tmp_path / "secret.xml").write_text(document("<Safe/>"))
+    main = folder / "main.xml"
+    main.write_text(document("<Safe/>", include))
+    with pytest.raises(TreeError, match=message):
+        load_tree(main, REGISTRY)
+
+
+def test_a_link_does_not_leave_the_folder(tmp_path: Path) -> None:
+    """What counts is where the file really is."""
+    folder = tmp_path / "trees"
+    folder.mkdir()
+    (tmp_path / "secret.xml").write_text(document("<Safe/>"))
+    (folder / "link.xml").symlink_to(tmp_path / "secret.xml")
+    main = folder / "main.xml"
+    main.write_text(document("<Safe/>", '<include path="link.xml"/>'))
+    with pytest.raises(TreeError, match="lies outside"):
+        load_tree(main, REGISTRY)
+
+
+def test_a_text_includes_nothing() -> None:
+    """Only a file has a folder to include from."""
+    found = findings(document("<Safe/>", '<include path="x.xml"/>'))
+    assert "only a tree that is loaded from a file" in found[0]

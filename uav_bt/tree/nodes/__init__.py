@@ -5,6 +5,16 @@ from __future__ import annotations
 from typing import Final
 
 from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.branches import (
+    IfThenElse,
+    Switch2,
+    Switch3,
+    Switch4,
+    Switch5,
+    Switch6,
+    TryCatch,
+    WhileDoElse,
+)
 from uav_bt.tree.nodes.decorators import (
     ForceFailure,
     ForceSuccess,
@@ -16,7 +26,15 @@ from uav_bt.tree.nodes.decorators import (
 )
 from uav_bt.tree.nodes.fallbacks import AsyncFallback, Fallback, ReactiveFallback
 from uav_bt.tree.nodes.leaves import AlwaysFailure, AlwaysSuccess
-from uav_bt.tree.nodes.parallel import Parallel
+from uav_bt.tree.nodes.loops import LoopBool, LoopDouble, LoopInt, LoopString
+from uav_bt.tree.nodes.parallel import Parallel, ParallelAll
+from uav_bt.tree.nodes.scripts import (
+    Precondition,
+    ScriptCondition,
+    ScriptNode,
+    SetBlackboard,
+    UnsetBlackboard,
+)
 from uav_bt.tree.nodes.sequences import (
     AsyncSequence,
     ReactiveSequence,
@@ -25,6 +43,7 @@ from uav_bt.tree.nodes.sequences import (
 )
 from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.nodes.timers import Delay, Sleep, Timeout
+from uav_bt.tree.nodes.updates import SkipUnlessUpdated, WaitValueUpdate, WasEntryUpdated
 
 __all__ = [
     "BUILTIN_NODES",
@@ -36,19 +55,40 @@ __all__ = [
     "Fallback",
     "ForceFailure",
     "ForceSuccess",
+    "IfThenElse",
     "Inverter",
     "KeepRunningUntilFailure",
+    "LoopBool",
+    "LoopDouble",
+    "LoopInt",
+    "LoopString",
     "Parallel",
+    "ParallelAll",
+    "Precondition",
     "ReactiveFallback",
     "ReactiveSequence",
     "Repeat",
     "RetryUntilSuccessful",
     "RunOnce",
+    "ScriptCondition",
+    "ScriptNode",
     "Sequence",
     "SequenceWithMemory",
+    "SetBlackboard",
+    "SkipUnlessUpdated",
     "Sleep",
     "SubTree",
+    "Switch2",
+    "Switch3",
+    "Switch4",
+    "Switch5",
+    "Switch6",
     "Timeout",
+    "TryCatch",
+    "UnsetBlackboard",
+    "WaitValueUpdate",
+    "WasEntryUpdated",
+    "WhileDoElse",
 ]
 
 BUILTIN_NODES: Final[tuple[type[Node], ...]] = (
@@ -60,17 +100,38 @@ BUILTIN_NODES: Final[tuple[type[Node], ...]] = (
     Fallback,
     ForceFailure,
     ForceSuccess,
+    IfThenElse,
     Inverter,
     KeepRunningUntilFailure,
+    LoopBool,
+    LoopDouble,
+    LoopInt,
+    LoopString,
     Parallel,
+    ParallelAll,
+    Precondition,
     ReactiveFallback,
     ReactiveSequence,
     Repeat,
     RetryUntilSuccessful,
     RunOnce,
+    ScriptCondition,
+    ScriptNode,
     Sequence,
     SequenceWithMemory,
+    SetBlackboard,
+    SkipUnlessUpdated,
     Sleep,
     SubTree,
+    Switch2,
+    Switch3,
+    Switch4,
+    Switch5,
+    Switch6,
     Timeout,
+    TryCatch,
+    UnsetBlackboard,
+    WaitValueUpdate,
+    WasEntryUpdated,
+    WhileDoElse,
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Iterable
+from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Composite
@@ -24,7 +25,7 @@ class ControlNode(Node, Composite):
 
     kind = NodeKind.CONTROL
     min_children = 1
-    max_children = None
+    max_children: ClassVar[int | None] = None
 
     def __init__(
         self, name: str | None = None, children: Iterable[Node] = (), /, **given: object

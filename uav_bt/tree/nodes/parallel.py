@@ -7,7 +7,7 @@ from uav_bt.tree.nodes.control import ControlNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = ["Parallel"]
+__all__ = ["Parallel", "ParallelAll"]
 
 
 def _threshold(count: int, children: int) -> int:
@@ -67,5 +67,45 @@ class Parallel(ControlNode):
 
     def _halt(self) -> None:
         self._successes = 0
+        self._failures = 0
+        super()._halt()
+
+
+class ParallelAll(ControlNode):
+    """Ticks all its children until all have finished; fails when too many of them failed."""
+
+    MAX_FAILURES = Port(
+        "max_failures", int, default=1, doc="so many failures fail it; -1: all, -2: all but one"
+    )
+    ports = (MAX_FAILURES,)
+
+    _failures = 0
+
+    def _tick(self) -> Status:
+        children = self.children
+        count = len(children)
+        fatal = _threshold(self.port(self.MAX_FAILURES), count)
+        if fatal > count:
+            raise MissionError(f"max_failures must not exceed the {count} children, got {fatal}")
+        self.status = RUNNING
+        skipped = 0
+        finished = 0
+        for child in children:
+            status = child.status
+            if status is not SUCCESS and status is not FAILURE:
+                status = child.execute_tick()
+                self._failures += status is FAILURE
+            skipped += status is SKIPPED
+            finished += status is SUCCESS or status is FAILURE
+        if skipped == count:
+            return SKIPPED
+        if skipped + finished < count:
+            return RUNNING
+        failed = self._failures >= fatal
+        self._failures = 0
+        self._reset_children()
+        return FAILURE if failed else SUCCESS
+
+    def _halt(self) -> None:
         self._failures = 0
         super()._halt()

@@ -40,8 +40,9 @@ class SubTree(DecoratorNode):
         entries: Mapping[str, str] | None = None,
         *,
         autoremap: bool = False,
+        **conditions: object,
     ) -> None:
-        super().__init__(name, child)
+        super().__init__(name, child, **conditions)
         self._autoremap = autoremap
         self._shared: dict[str, str] = {}
         self._constants: dict[str, str] = {}

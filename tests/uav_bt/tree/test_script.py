@@ -1,0 +1,191 @@
+"""The scripting language: what it says, and how it says no."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_bt.board import ELAPSED, HEIGHT, HELIPAD
+from uav_bt.clock import ManualClock
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.tree.script import Environment, ScriptError, parse_script
+from uav_bt.tree.variables import Variables
+
+
+def run(source: str, **variables: object) -> object:
+    """Return what a script comes to."""
+    return parse_script(source).run(Environment(_scope(variables)))
+
+
+def after(source: str, **variables: object) -> dict[str, object]:
+    """Return the variables after a script."""
+    scope = _scope(variables)
+    parse_script(source).run(Environment(scope))
+    return scope.snapshot()
+
+
+def _scope(variables: dict[str, object]) -> Variables:
+    scope = Variables()
+    for name, value in variables.items():
+        scope[name] = value
+    return scope
+
+
+@pytest.mark.parametrize(
+    ("source", "value"),
+    [
+        ("1", 1),
+        ("1.5e3", 1500.0),
+        ("0x1F", 31),
+        ("'a b'", "a b"),
+        ('"it\'s"', "it's"),
+        ("true", 1.0),
+        ("1 + 2 * 3", 7.0),
+        ("(1 + 2) * 3", 9.0),
+        ("7 - 2 - 1", 4.0),
+        ("8 / 2 / 2", 2.0),
+        ("-2 * -3", 6.0),
+        ("3 / 2", 1.5),
+        ("6 & 3 | 8", 10.0),
+        ("6 ^ 3", 5.0),
+        ("~0", -1.0),
+        ("!0 && !(1 == 2)", 1.0),
+        ("1 < 2 <= 2 != 3", 1.0),
+        ("1 < 2 > 5", 0.0),
+        ("true || false && false", 1.0),
+        ("1 + 1 == 2 && 'a' < 'b'", 1.0),
+        ("0.1 + 0.2 == 0.3", 1.0),
+        ("'3' == 3", 1.0),
+        ("'x' + 'y'", "xy"),
+        ("'n' .. 1", "n1"),
+        ("2 > 1 ? 'yes' : 'no'", "yes"),
+        ("0 ? 1 : 0 ? 2 : 3", 3),
+        ("'' ? 1 : 2", 2),
+        ("1; 2; 3", 3),
+        ("1; 2;", 2),
+        ("1 +\n 2", 3.0),
+    ],
+)
+def test_expressions(source: str, value: object) -> None:
+    """Precedence, chains, texts and numbers come to what the engine makes of them."""
+    assert run(source) == value
+
+
+@pytest.mark.parametrize(
+    ("source", "before", "result"),
+    [
+        ("x := 3", {}, {"x": 3}),
+        ("x := 1 + 1", {}, {"x": 2.0}),
+        ("x := 'a'", {}, {"x": "a"}),
+        ("x = 4", {"x": 1}, {"x": 4}),
+        ("x = 4.0", {"x": 1}, {"x": 4}),
+        ("x = 4", {"x": 1.5}, {"x": 4.0}),
+        ("x = '4'", {"x": 1}, {"x": 4}),
+        ("x += 2; x -= 1; x *= 6; x /= 3", {"x": 1}, {"x": 4}),
+        ("x += 'b'", {"x": "a"}, {"x": "ab"}),
+        ("x := y := 2", {}, {"x": 2, "y": 2}),
+        ("x = x > 1 ? 0 : x + 1", {"x": 1}, {"x": 2}),
+        ("on = 1 == 1", {"on": False}, {"on": True}),
+    ],
+)
+def test_assignments(source: str, before: dict[str, object], result: dict[str, object]) -> None:
+    """A variable keeps the type it began with."""
+    changed = after(source, **before)
+    assert changed == result
+    assert [type(value) for value in changed.values()] == [type(v) for v in result.values()]
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("", "the script is empty"),
+        ("1 +", "column 4: expected a value, got the end"),
+        ("(1", r"column 3: expected '\)', got the end"),
+        ("1 2", "column 3: expected ';', got '2'"),
+        ("a b", "column 3: expected ';', got 'b'"),
+        ("1 ? 2", "column 6: expected ':'"),
+        ("1 = 2", "column 1: only a variable can stand left of '='"),
+        ("@height = 2", "leaves write those, scripts only read"),
+        ("a $ b", r"column 3: unexpected '\$'"),
+        ("'open", "column 1: unexpected '''"),
+        ("3x", "'3x' is no number"),
+        ("__import__('os')", r"expected ';', got '\('"),
+        ("a.b", r"column 2: unexpected '\.'"),
+        ("x := [1]", r"unexpected '\['"),
+        ("(" * 50 + "1" + ")" * 50, "nested deeper than 40"),
+        ("-" * 50 + "1", "nested deeper than 40"),
+        ("+".join(["1"] * 300), "more than 200 operators"),
+        ("1" * 5000, "longer than 4000"),
+    ],
+)
+def test_refused_scripts(source: str, message: str) -> None:
+    """What is no script is refused when it is parsed, with the place."""
+    with pytest.raises(ScriptError, match=message):
+        parse_script(source)
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("cout + 1", "'cout' has no value; did you mean 'count'"),
+        ("cout += 1", "there is no variable 'cout'; make a new one with ':='"),
+        ("1 / 0", "division by zero"),
+        ("count = 1.5", "'count': the variable holds an integer, got 1.5"),
+        ("count = 'x'", "expected a number, got 'x'"),
+        ("word = 1", "the variable holds a text"),
+        ("word + 1", r"'\+' cannot be applied to a text and a number"),
+        ("-word", "'-' cannot be applied to a text"),
+        ("1 .. 2", r"'\.\.' cannot be applied to numbers"),
+        ("2 && 1", "expected true or false"),
+        ("1.5 & 1", "expected an integer"),
+        ("thing + 1", "'thing' is a list"),
+        ("thing = 1", "the variable holds list"),
+        ("1e308 * 10 - 1e308 * 10 && 1", "expected true or false"),
+        ("@height", "there is no mission board"),
+        ("9" * 400 + " + 1", "int too large"),
+    ],
+)
+def test_failing_scripts(source: str, message: str) -> None:
+    """What goes wrong while it runs is said with the script."""
+    with pytest.raises(ScriptError, match=message):
+        run(source, count=1, word="w", thing=[1])
+
+
+def test_texts_cannot_fill_the_memory() -> None:
+    """A text that doubles at each run is stopped."""
+    scope = _scope({"s": "x" * 60_000})
+    with pytest.raises(ScriptError, match="longer than 100000"):
+        parse_script("s += s").run(Environment(scope))
+
+
+def test_both_sides_are_evaluated() -> None:
+    """`&&` and `||` do not stop at the first side, as in the engine."""
+    with pytest.raises(ScriptError, match="'missing' has no value"):
+        run("false && missing")
+
+
+def test_enumerations_come_before_variables() -> None:
+    """A named integer can be used like a number."""
+    scope = _scope({"RED": 7})
+    assert parse_script("RED + 1").run(Environment(scope, enums={"RED": 2})) == 3.0
+
+
+def test_the_board_is_read_with_an_at() -> None:
+    """Numbers and texts of the board can be read, fresh ones only."""
+    clock = ManualClock()
+    board = Blackboard(clock, (ELAPSED, HEIGHT, HELIPAD))
+    board.write(ELAPSED, 91.0)
+    environment = Environment(Variables(), board)
+    assert parse_script("@elapsed_s > 90").run(environment) == 1.0
+    with pytest.raises(ScriptError, match="'@height_above_carpet_m' has no value"):
+        parse_script("@height_above_carpet_m").run(environment)
+
+
+@given(st.text(alphabet="ab1.5'\" +-*/()<>=!&|?:;@~^,{}\n\\x", max_size=40))
+def test_any_text_is_a_script_or_is_refused(source: str) -> None:
+    """Nothing but our own error comes out, whatever goes in."""
+    try:
+        run(source, a=1, b="x")
+    except ScriptError:
+        return

@@ -1,0 +1,235 @@
+"""Nodes that choose one of their branches."""
+
+from __future__ import annotations
+
+import re
+from typing import ClassVar, Final
+
+from uav_bt.errors import MissionError
+from uav_bt.tree.nodes.control import ControlNode
+from uav_bt.tree.port import Port
+from uav_bt.tree.script.values import compare_equal
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
+
+__all__ = [
+    "IfThenElse",
+    "Switch2",
+    "Switch3",
+    "Switch4",
+    "Switch5",
+    "Switch6",
+    "TryCatch",
+    "WhileDoElse",
+]
+
+_REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+class IfThenElse(ControlNode):
+    """Asks its first child once, then ticks the second (yes) or the third (no) to its end."""
+
+    min_children = 2
+    max_children = 3
+
+    _chosen = 0  # index of the branch, 0 while the condition is asked
+
+    def _tick(self) -> Status:
+        children = self.children
+        self.status = RUNNING
+        if self._chosen == 0:
+            answer = children[0].execute_tick()
+            if answer is RUNNING:
+                return RUNNING
+            if answer is SKIPPED:
+                raise MissionError("the condition must not be skipped")
+            if answer is FAILURE and len(children) == 2:
+                return FAILURE
+            self._chosen = 1 if answer is SUCCESS else 2
+        status = children[self._chosen].execute_tick()
+        if status is not RUNNING:
+            self._reset_children()
+            self._chosen = 0
+        return status
+
+    def _halt(self) -> None:
+        self._chosen = 0
+        super()._halt()
+
+
+class WhileDoElse(ControlNode):
+    """Asks its first child at every tick, and ticks the second (yes) or the third (no)."""
+
+    min_children = 2
+    max_children = 3
+
+    def _tick(self) -> Status:
+        children = self.children
+        self.status = RUNNING
+        answer = children[0].execute_tick()
+        if answer is RUNNING:
+            return RUNNING
+        if answer is SKIPPED:
+            raise MissionError("the condition must not be skipped")
+        status = FAILURE
+        if answer is SUCCESS:
+            if len(children) == 3:
+                children[2].reset()
+            status = children[1].execute_tick()
+        elif len(children) == 3:
+            children[1].reset()
+            status = children[2].execute_tick()
+        if status is not RUNNING:
+            self._reset_children()
+        return status
+
+
+def _same(variable: object, case: str) -> bool:
+    """Compare as texts, then as numbers, as the engine does."""
+    text = str(variable)
+    if text == case:
+        return True
+    if not (_REAL.fullmatch(text) and _REAL.fullmatch(case)):
+        return False
+    return compare_equal(float(text), float(case))
+
+
+class _Switch(ControlNode):
+    """Ticks the child whose case is the variable's value, or the last child."""
+
+    VARIABLE: ClassVar = Port("variable", object, doc="what is compared with the cases")
+    cases: ClassVar[tuple[Port[str], ...]] = ()
+
+    _running: int | None = None
+
+    def _tick(self) -> Status:
+        children = self.children
+        chosen = self._choose()
+        if self._running is not None and self._running != chosen:
+            children[self._running].reset()
+        status = children[chosen].execute_tick()
+        if status is RUNNING:
+            self._running = chosen
+            return RUNNING
+        self._running = None
+        if status is not SKIPPED:
+            self._reset_children()
+        return status
+
+    def _choose(self) -> int:
+        reading = self.port_reading(self.VARIABLE)
+        if reading.value is not None:
+            for index, case in enumerate(self.cases):
+                wanted = self.port_reading(case).value
+                if wanted is not None and _same(reading.value, wanted):
+                    return index
+        return len(self.cases)
+
+    def _halt(self) -> None:
+        self._running = None
+        super()._halt()
+
+
+def _cases(count: int) -> tuple[Port[str], ...]:
+    return tuple(Port(f"case_{n}", str, doc=f"value of child {n}") for n in range(1, count + 1))
+
+
+class Switch2(_Switch):
+    """Ticks the child whose case is the variable's value, or the last of its three."""
+
+    cases = _cases(2)
+    ports = (_Switch.VARIABLE, *cases)
+    min_children = max_children = 3
+
+
+class Switch3(_Switch):
+    """Ticks the child whose case is the variable's value, or the last of its four."""
+
+    cases = _cases(3)
+    ports = (_Switch.VARIABLE, *cases)
+    min_children = max_children = 4
+
+
+class Switch4(_Switch):
+    """Ticks the child whose case is the variable's value, or the last of its five."""
+
+    cases = _cases(4)
+    ports = (_Switch.VARIABLE, *cases)
+    min_children = max_children = 5
+
+
+class Switch5(_Switch):
+    """Ticks the child whose case is the variable's value, or the last of its six."""
+
+    cases = _cases(5)
+    ports = (_Switch.VARIABLE, *cases)
+    min_children = max_children = 6
+
+
+class Switch6(_Switch):
+    """Ticks the child whose case is the variable's value, or the last of its seven."""
+
+    cases = _cases(6)
+    ports = (_Switch.VARIABLE, *cases)
+    min_children = max_children = 7
+
+
+class TryCatch(ControlNode):
+    """Ticks all children but the last as a Sequence; when one fails, the last cleans up."""
+
+    CATCH_ON_HALT = Port(
+        "catch_on_halt", bool, default=False, doc="clean up also when halted (one tick of it)"
+    )
+    ports = (CATCH_ON_HALT,)
+    min_children = 2
+
+    _index = 0
+    _skipped = 0
+    _catching = False
+
+    def _tick(self) -> Status:
+        if self.status is IDLE:
+            self._skipped = 0
+            self._catching = False
+        self.status = RUNNING
+        return self._catch() if self._catching else self._try()
+
+    def _try(self) -> Status:
+        children = self.children
+        count = len(children) - 1
+        while self._index < count:
+            status = children[self._index].execute_tick()
+            if status is RUNNING:
+                return RUNNING
+            if status is FAILURE:
+                self._reset_children()
+                self._index = 0
+                self._catching = True
+                return self._catch()
+            self._index += 1
+            if status is SKIPPED:
+                self._skipped += 1
+        all_skipped = self._skipped == count
+        self._reset_children()
+        self._index = 0
+        self._skipped = 0
+        return SKIPPED if all_skipped else SUCCESS
+
+    def _catch(self) -> Status:
+        if self.children[-1].execute_tick() is RUNNING:
+            return RUNNING
+        self._reset_children()
+        self._index = 0
+        self._catching = False
+        return FAILURE
+
+    def _halt(self) -> None:
+        if self.status is not IDLE and not self._catching and self.port(self.CATCH_ON_HALT):
+            *tried, last = self.children
+            for child in tried:
+                child.reset()
+            if last.execute_tick() is RUNNING:
+                last.reset()
+        self._index = 0
+        self._skipped = 0
+        self._catching = False
+        super()._halt()

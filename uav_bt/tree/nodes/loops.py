@@ -1,0 +1,116 @@
+"""Loops over the elements of a queue."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import MutableSequence
+from typing import Any, ClassVar
+
+from uav_bt.errors import BoardAccessError
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.statuses import STATUS_NAMES, STATUSES
+from uav_bt.tree.port import Port
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, Status
+
+__all__ = ["LoopBool", "LoopDouble", "LoopInt", "LoopString"]
+
+IF_EMPTY = Port(
+    "if_empty", str, default="SUCCESS", doc="the answer when nothing is left", choices=STATUS_NAMES
+)
+
+
+def _split(value: Port[Any], text: str) -> list[Any]:
+    return [value.convert(part) for part in text.removesuffix(";").split(";")] if text else []
+
+
+def _queue(value: Port[Any]) -> Port[Any]:
+    def check(queue: object) -> None:
+        if isinstance(queue, str):
+            _split(value, queue)
+
+    doc = "elements as 1;2;3, or {variable} with a list, which is used up"
+    return Port("queue", object, doc=doc, check=check)
+
+
+def _value(kind: type) -> Port[Any]:
+    return Port("value", kind, doc="where the element goes", direction="output")
+
+
+class _Loop(DecoratorNode):
+    """Ticks its child once for each element.
+
+    A queue written as `1;2;3` is gone through again at each activation; one in a variable is used
+    up.
+    """
+
+    QUEUE: ClassVar[Port[Any]]
+    VALUE: ClassVar[Port[Any]]
+
+    def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
+        super().__init__(name, child, **given)
+        self._busy = False  # the child runs: no new element until it ends
+        self._left: MutableSequence[Any] | None = None
+
+    def _tick(self) -> Status:
+        fixed = self.QUEUE.name in self._literals
+        if self.status is IDLE:
+            self._busy = False
+            if fixed:
+                self._left = deque(self._elements(self.port(self.QUEUE)))
+        if not self._busy:
+            if not fixed:
+                self._left = self._shared_queue()
+            if not self._left:
+                return STATUSES[self.port(IF_EMPTY)]
+            element = self._left[0]
+            del self._left[0]
+            self.set_port(self.VALUE, element)
+        if self.status is IDLE:
+            self.status = RUNNING
+        status = self.child.execute_tick()
+        self._busy = status is RUNNING
+        return FAILURE if status is FAILURE else RUNNING
+
+    def _elements(self, text: str) -> list[Any]:
+        return _split(self.VALUE, text)
+
+    def _shared_queue(self) -> MutableSequence[Any] | None:
+        value = self.port_reading(self.QUEUE).value
+        if value is None or isinstance(value, MutableSequence):
+            return value
+        raise BoardAccessError(
+            f"node '{self.path}', port 'queue': expected a list, got {type(value).__name__}"
+        )
+
+
+class LoopBool(_Loop):
+    """Ticks its child once for each element of a queue of truth values."""
+
+    VALUE = _value(bool)
+    QUEUE = _queue(VALUE)
+    ports = (QUEUE, IF_EMPTY, VALUE)
+
+
+class LoopDouble(_Loop):
+    """Ticks its child once for each element of a queue of numbers."""
+
+    VALUE = _value(float)
+    QUEUE = _queue(VALUE)
+    ports = (QUEUE, IF_EMPTY, VALUE)
+
+
+class LoopInt(_Loop):
+    """Ticks its child once for each element of a queue of integers."""
+
+    VALUE = _value(int)
+    QUEUE = _queue(VALUE)
+    ports = (QUEUE, IF_EMPTY, VALUE)
+
+
+class LoopString(_Loop):
+    """Ticks its child once for each element of a queue of texts."""
+
+    VALUE = _value(str)
+    QUEUE = _queue(VALUE)
+    ports = (QUEUE, IF_EMPTY, VALUE)

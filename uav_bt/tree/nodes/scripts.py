@@ -1,0 +1,125 @@
+"""Nodes that run scripts and write variables."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.statuses import STATUS_NAMES, STATUSES
+from uav_bt.tree.port import Port, parse_reference
+from uav_bt.tree.script import Script, parse_script
+from uav_bt.tree.script.values import assigned, truth
+from uav_bt.tree.status import FAILURE, SUCCESS, Status
+
+__all__ = ["Precondition", "ScriptCondition", "ScriptNode", "SetBlackboard", "UnsetBlackboard"]
+
+_VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
+
+
+def _check_variable(text: str) -> None:
+    if parse_reference(text, "") is None and not _VARIABLE.fullmatch(text):
+        raise ValueError(f"expected a variable's name, got '{text}'")
+
+
+class _Code:
+    """A script port's value, parsed again only when its text has changed."""
+
+    def __init__(self) -> None:
+        self._script: Script | None = None
+
+    def of(self, text: str) -> Script:
+        """Return the parsed script."""
+        if self._script is None or self._script.source != text:
+            self._script = parse_script(text)
+        return self._script
+
+
+class ScriptNode(Leaf):
+    """Runs a script and succeeds."""
+
+    node_id = "Script"
+    CODE = Port("code", str, doc="statements, separated by ';'", check=parse_script)
+    ports = (CODE,)
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name, **given)
+        self._code = _Code()
+
+    def update(self) -> Status:
+        """Run the script."""
+        self._code.of(self.port(self.CODE)).run(self.environment)
+        return SUCCESS
+
+
+class ScriptCondition(Leaf):
+    """Succeeds when its script comes to true, fails when to false."""
+
+    CODE = Port("code", str, doc="a script that ends in true or false", check=parse_script)
+    ports = (CODE,)
+    condition = True
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name, **given)
+        self._code = _Code()
+
+    def update(self) -> Status:
+        """Run the script and judge."""
+        result = self._code.of(self.port(self.CODE)).run(self.environment)
+        return SUCCESS if truth(result) else FAILURE
+
+
+class Precondition(DecoratorNode):
+    """Asks a script before it starts its child, and answers something else when that says no."""
+
+    IF = Port("if", str, doc="a script that ends in true or false", check=parse_script)
+    ELSE = Port("else", str, default="FAILURE", doc="the answer otherwise", choices=STATUS_NAMES)
+    ports = (IF, ELSE)
+
+    _started = False
+
+    def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
+        super().__init__(name, child, **given)
+        self._code = _Code()
+
+    def _tick(self) -> Status:
+        if not self._started:
+            script = self._code.of(self.port(self.IF))
+            self._started = truth(script.run(self.environment))
+            if not self._started:
+                return STATUSES[self.port(self.ELSE)]
+        status = self.child.execute_tick()
+        if status is SUCCESS or status is FAILURE:
+            self._started = False
+        return status
+
+
+class SetBlackboard(Leaf):
+    """Writes a variable of the tree: a text, or a copy of another variable."""
+
+    VALUE = Port("value", object, doc="the value, or {variable} to copy it")
+    OUTPUT_KEY = Port("output_key", str, doc="the variable's name", check=_check_variable)
+    ports = (VALUE, OUTPUT_KEY)
+
+    def update(self) -> Status:
+        """Write the variable, in the type it has when it exists."""
+        key = self.port(self.OUTPUT_KEY)
+        value = self.port(self.VALUE)
+        if isinstance(value, (int, float, str)):
+            value = assigned(self.variables.get(key), value)
+        self.variables[key] = value
+        return SUCCESS
+
+
+class UnsetBlackboard(Leaf):
+    """Removes a variable of the tree."""
+
+    KEY = Port("key", str, doc="the variable's name", check=_check_variable)
+    ports = (KEY,)
+
+    def update(self) -> Status:
+        """Remove it; one that does not exist is fine."""
+        del self.variables[self.port(self.KEY)]
+        return SUCCESS

@@ -1,0 +1,95 @@
+"""Nodes that look whether a variable was written since they last looked."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.port import Port
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
+
+__all__ = ["SkipUnlessUpdated", "WaitValueUpdate", "WasEntryUpdated"]
+
+
+def _check_entry(text: object) -> None:
+    if not isinstance(text, str) or not text.replace(".", "_").replace("-", "_").isidentifier():
+        raise ValueError(f"expected a variable such as {{x}}, got '{text}'")
+
+
+ENTRY = Port("entry", object, doc="the variable, as {name}", check=_check_entry)
+
+
+class _Watch:
+    """Remembers how a variable, or a key of the board, was found at the last look."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._seen: object = None
+
+    def updated(self) -> bool:
+        """Return whether it was written since the last look."""
+        now = self._look()
+        if now is None:
+            return False
+        before, self._seen = self._seen, now
+        return before != now
+
+    def _look(self) -> object:
+        reference = self._node.reference(ENTRY)
+        if reference is not None and reference.on_board:
+            held = self._node.mission.board.snapshot().get(reference.key)
+            # The board does not count: a value written again is another object, or captured later.
+            return None if held is None else (id(held[0]), held[1])
+        key = self._node.port(ENTRY) if reference is None else reference.key
+        entry = self._node.variables.entry(str(key))
+        return None if entry is None else entry.writes
+
+
+class WasEntryUpdated(Leaf):
+    """Succeeds when the variable was written since this node last looked."""
+
+    ports = (ENTRY,)
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name, **given)
+        self._watch = _Watch(self)
+
+    def update(self) -> Status:
+        """Look."""
+        return SUCCESS if self._watch.updated() else FAILURE
+
+
+class _UnlessUpdated(DecoratorNode):
+    ports = (ENTRY,)
+    _otherwise: ClassVar[Status]
+
+    _busy = False  # the child runs, and is ticked without looking
+
+    def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
+        super().__init__(name, child, **given)
+        self._watch = _Watch(self)
+
+    def _tick(self) -> Status:
+        if not self._busy and not self._watch.updated():
+            return self._otherwise
+        status = self.child.execute_tick()
+        self._busy = status is RUNNING
+        return status
+
+    def _halt(self) -> None:
+        # As the engine has it: the halt is not passed on to the child.
+        self._busy = False
+
+
+class SkipUnlessUpdated(_UnlessUpdated):
+    """Ticks its child when the variable was written since the last time, else skips."""
+
+    _otherwise = SKIPPED
+
+
+class WaitValueUpdate(_UnlessUpdated):
+    """Ticks its child when the variable was written since the last time, else waits."""
+
+    _otherwise = RUNNING

@@ -1,0 +1,243 @@
+"""What scripts are made of, and what each part comes to."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from uav_bt.tree.script.environment import Environment
+from uav_bt.tree.script.values import (
+    MAX_TEXT,
+    ScriptError,
+    Value,
+    compare_equal,
+    number,
+    truth,
+)
+
+__all__ = [
+    "Assignment",
+    "Binary",
+    "Comparison",
+    "Conditional",
+    "Expression",
+    "Literal",
+    "Name",
+    "Unary",
+]
+
+
+class Expression:
+    """A part of a script."""
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Return what it comes to.
+
+        Raises:
+            ScriptError: it comes to nothing.
+        """
+        raise NotImplementedError
+
+    def parts(self) -> tuple[Expression, ...]:
+        """Return the parts it is made of."""
+        return ()
+
+    def walk(self) -> Iterator[Expression]:
+        """Iterate over this and all its parts."""
+        yield self
+        for part in self.parts():
+            yield from part.walk()
+
+
+@dataclass(frozen=True)
+class Literal(Expression):
+    """A number or a text."""
+
+    value: Value
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Return it."""
+        del environment
+        return self.value
+
+
+@dataclass(frozen=True)
+class Name(Expression):
+    """A variable, an enumeration's member, or with `@` a key of the mission board."""
+
+    name: str
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Return what it stands for."""
+        return environment.read(self.name)
+
+
+_UNARY: Final[dict[str, Callable[[float], float]]] = {
+    "-": operator.neg,
+    "!": lambda value: float(not value),
+    "~": lambda value: float(~_integer(value)),
+}
+
+
+@dataclass(frozen=True)
+class Unary(Expression):
+    """`-x`, `!x` or `~x`."""
+
+    sign: str
+    operand: Expression
+
+    def parts(self) -> tuple[Expression, ...]:
+        """Return the operand."""
+        return (self.operand,)
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Apply the sign; texts have none."""
+        value = self.operand.evaluate(environment)
+        if isinstance(value, str):
+            raise ScriptError(f"'{self.sign}' cannot be applied to a text")
+        return _UNARY[self.sign](float(value))
+
+
+def _divided(left: float, right: float) -> float:
+    if right == 0.0:
+        raise ScriptError("division by zero")
+    return left / right
+
+
+def _integer(value: float) -> int:
+    if not float(value).is_integer():
+        raise ScriptError(f"expected an integer, got {value}")
+    return int(value)
+
+
+_BINARY: Final[dict[str, Callable[[float, float], float]]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": _divided,
+    "&": lambda left, right: float(_integer(left) & _integer(right)),
+    "|": lambda left, right: float(_integer(left) | _integer(right)),
+    "^": lambda left, right: float(_integer(left) ^ _integer(right)),
+    # Both sides are always evaluated, as the engine does.
+    "&&": lambda left, right: float(truth(left) & truth(right)),
+    "||": lambda left, right: float(truth(left) | truth(right)),
+}
+
+
+def _computed(sign: str, left: Value, right: Value) -> Value:
+    texts = isinstance(left, str) + isinstance(right, str)
+    if (sign == ".." and texts) or (sign == "+" and texts == 2):
+        joined = f"{left}{right}"
+        if len(joined) > MAX_TEXT:
+            raise ScriptError(f"a text grows longer than {MAX_TEXT} characters")
+        return joined
+    if texts or sign == "..":
+        kinds = "a text and a number" if texts == 1 else "texts" if texts else "numbers"
+        raise ScriptError(f"'{sign}' cannot be applied to {kinds}")
+    return _BINARY[sign](float(left), float(right))
+
+
+@dataclass(frozen=True)
+class Binary(Expression):
+    """Two operands and what joins them."""
+
+    sign: str
+    left: Expression
+    right: Expression
+
+    def parts(self) -> tuple[Expression, ...]:
+        """Return both operands."""
+        return self.left, self.right
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Evaluate both, then join them."""
+        left = self.left.evaluate(environment)
+        return _computed(self.sign, left, self.right.evaluate(environment))
+
+
+_COMPARISONS: Final[dict[str, Callable[[float, float], bool]]] = {
+    "==": compare_equal,
+    "!=": lambda left, right: not compare_equal(left, right),
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+_TEXT_COMPARISONS: Final[dict[str, Callable[[str, str], bool]]] = {
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+
+
+@dataclass(frozen=True)
+class Comparison(Expression):
+    """A chain such as `1 < x <= 3`: 1 when all of it holds, else 0."""
+
+    first: Expression
+    rest: tuple[tuple[str, Expression], ...]
+
+    def parts(self) -> tuple[Expression, ...]:
+        """Return all operands."""
+        return (self.first, *(operand for _, operand in self.rest))
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Compare link by link; what follows a false one is not evaluated."""
+        left = self.first.evaluate(environment)
+        for sign, operand in self.rest:
+            right = operand.evaluate(environment)
+            if isinstance(left, str) and isinstance(right, str):
+                holds = _TEXT_COMPARISONS[sign](left, right)
+            else:
+                holds = _COMPARISONS[sign](number(left), number(right))
+            if not holds:
+                return 0.0
+            left = right
+        return 1.0
+
+
+@dataclass(frozen=True)
+class Conditional(Expression):
+    """`condition ? then : otherwise`."""
+
+    condition: Expression
+    then: Expression
+    otherwise: Expression
+
+    def parts(self) -> tuple[Expression, ...]:
+        """Return all three."""
+        return self.condition, self.then, self.otherwise
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Evaluate the condition and one of the two."""
+        value = self.condition.evaluate(environment)
+        chosen = value != "" if isinstance(value, str) else value != 0
+        return (self.then if chosen else self.otherwise).evaluate(environment)
+
+
+@dataclass(frozen=True)
+class Assignment(Expression):
+    """`:=` makes or changes a variable, `=` and `+=` and the like change one that exists."""
+
+    name: str
+    sign: str
+    value: Expression
+
+    def parts(self) -> tuple[Expression, ...]:
+        """Return the right side."""
+        return (self.value,)
+
+    def evaluate(self, environment: Environment) -> Value:
+        """Write the variable and return what it holds."""
+        if self.sign != ":=" and not environment.holds(self.name):
+            raise ScriptError(f"there is no variable '{self.name}'; make a new one with ':='")
+        value = self.value.evaluate(environment)
+        if self.sign not in {":=", "="}:
+            value = _computed(self.sign[0], environment.read(self.name), value)
+        kept: Value = environment.write(self.name, value)
+        return kept

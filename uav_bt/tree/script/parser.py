@@ -1,0 +1,201 @@
+"""From words to expressions: an operator-precedence parser.
+
+Weakest to strongest: assignment, `? :`, `||`, `&&`, comparisons (which chain), `| ^`, `&`,
+`+ - ..`, `* /`, then `- ! ~` before an operand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from uav_bt.tree.script.environment import Environment
+from uav_bt.tree.script.expressions import (
+    Assignment,
+    Binary,
+    Comparison,
+    Conditional,
+    Expression,
+    Literal,
+    Name,
+    Unary,
+)
+from uav_bt.tree.script.lexer import Token, tokenize
+from uav_bt.tree.script.values import ScriptError, Value
+
+__all__ = ["MAX_NESTING", "Script", "parse_script"]
+
+MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
+
+_ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
+_COMPARISONS: Final = frozenset({"==", "!=", "<", "<=", ">", ">="})
+_STRENGTHS: Final = (
+    ("||",),
+    ("&&",),
+    _COMPARISONS,
+    ("|", "^"),
+    ("&",),
+    ("+", "-", ".."),
+    ("*", "/"),
+)
+_STRENGTH: Final = {sign: level for level, signs in enumerate(_STRENGTHS, 1) for sign in signs}
+_COMPARISON: Final = _STRENGTH["=="]
+_MAX_OPERATORS: Final = 200  # in one script; each may be a level of the expression
+
+
+@dataclass(frozen=True)
+class Script:
+    """A parsed script."""
+
+    source: str
+    statements: tuple[Expression, ...]
+
+    def run(self, environment: Environment) -> Value:
+        """Run all statements and return what the last one comes to.
+
+        Raises:
+            ScriptError: one of them fails.
+        """
+        result: Value = 0
+        try:
+            for statement in self.statements:
+                result = statement.evaluate(environment)
+        except (ScriptError, OverflowError) as error:
+            raise ScriptError(f"script '{self.source}': {error}") from error
+        return result
+
+    def walk(self) -> Iterator[Expression]:
+        """Iterate over all parts."""
+        for statement in self.statements:
+            yield from statement.walk()
+
+
+def parse_script(source: str) -> Script:
+    """Parse a script.
+
+    Raises:
+        ScriptError: it is none; the message says where and what was expected.
+    """
+    parser = _Parser(tokenize(source))
+    return Script(source, tuple(parser.statements()))
+
+
+class _Parser:
+    def __init__(self, tokens: list[Token]) -> None:
+        self._tokens = tokens
+        self._at = 0
+        self._nesting = 0
+        self._operators = 0
+
+    @property
+    def _next(self) -> Token:
+        return self._tokens[self._at]
+
+    def _take(self) -> Token:
+        token = self._next
+        self._at += 1
+        return token
+
+    def _is(self, *signs: str) -> bool:
+        return self._next.kind == "operator" and self._next.text in signs
+
+    def _fail(self, expected: str) -> ScriptError:
+        token = self._next
+        got = token.text if token.kind == "end" else f"'{token.text}'"
+        return ScriptError(f"column {token.column}: expected {expected}, got {got}")
+
+    def _expect(self, sign: str) -> None:
+        if not self._is(sign):
+            raise self._fail(f"'{sign}'")
+        self._take()
+
+    def statements(self) -> Iterator[Expression]:
+        """Parse everything."""
+        empty = True
+        while self._next.kind != "end":
+            yield self._assignment()
+            empty = False
+            if self._next.kind != "end":
+                self._expect(";")
+        if empty:
+            raise ScriptError("the script is empty")
+
+    def _nested(self, parse: Callable[[], Expression]) -> Expression:
+        self._nesting += 1
+        if self._nesting > MAX_NESTING:
+            raise ScriptError(f"column {self._next.column}: nested deeper than {MAX_NESTING}")
+        inner = parse()
+        self._nesting -= 1
+        return inner
+
+    def _assignment(self) -> Expression:
+        column = self._next.column
+        left = self._conditional()
+        if not self._is(*_ASSIGNMENTS):
+            return left
+        sign = self._take().text
+        if not isinstance(left, Name):
+            raise ScriptError(f"column {column}: only a variable can stand left of '{sign}'")
+        if left.name.startswith("@"):
+            raise ScriptError(
+                f"column {column}: '{left.name}' is a board key; leaves write those, scripts only "
+                "read"
+            )
+        return Assignment(left.name, sign, self._nested(self._assignment))
+
+    def _conditional(self) -> Expression:
+        condition = self._infix(1)
+        if not self._is("?"):
+            return condition
+        self._take()
+        then = self._nested(self._assignment)
+        self._expect(":")
+        return Conditional(condition, then, self._nested(self._conditional))
+
+    def _infix(self, weakest: int) -> Expression:
+        left = self._operand()
+        while self._next.kind == "operator":
+            strength = _STRENGTH.get(self._next.text, 0)
+            if strength < weakest:
+                break
+            self._operators += 1
+            if self._operators > _MAX_OPERATORS:
+                raise ScriptError(f"more than {_MAX_OPERATORS} operators in one script")
+            if strength == _COMPARISON:
+                left = self._comparison(left)
+            else:
+                left = Binary(self._take().text, left, self._infix(strength + 1))
+        return left
+
+    def _comparison(self, first: Expression) -> Expression:
+        rest: list[tuple[str, Expression]] = []
+        while self._is(*_COMPARISONS):
+            rest.append((self._take().text, self._infix(_COMPARISON + 1)))
+        return Comparison(first, tuple(rest))
+
+    def _operand(self) -> Expression:
+        token = self._next
+        if self._is("-", "!", "~"):
+            self._take()
+            return Unary(token.text, self._nested(self._operand))
+        if self._is("("):
+            self._take()
+            inner = self._nested(self._assignment)
+            self._expect(")")
+            return inner
+        if token.kind in {"end", "operator"}:
+            raise self._fail("a value")
+        return _atom(self._take())
+
+
+def _atom(token: Token) -> Expression:
+    if token.kind == "real":
+        return Literal(float(token.text))
+    if token.kind == "integer":
+        return Literal(int(token.text, 16 if token.text[:2] in {"0x", "0X"} else 10))
+    if token.kind == "text":
+        return Literal(token.text[1:-1])
+    if token.text in {"true", "false"}:
+        return Literal(1.0 if token.text == "true" else 0.0)
+    return Name(token.text)
