@@ -34,8 +34,8 @@ _REACH_M = 0.5  # how far the reference may run ahead of the drone
 
 _SETTLE_S = 0.2  # a movement is done once it has been at its goal for so long
 _SETTLE_LIMIT_S = 3.0  # or so long after its reference arrived, in whatever wind
-_SETTLED_M = 0.06
-_SETTLED_MPS = 0.10
+_SETTLED_M = 0.08
+_SETTLED_MPS = 0.12
 _SETTLED_RAD = 0.035
 
 _DESCENT_MPS = 0.5  # landing speed, high up

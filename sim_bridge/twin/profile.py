@@ -43,8 +43,8 @@ class Profile:
     # What disturbs it.
     wind_std_mps2: float = 0.12  # m/s2, each axis, of an Ornstein-Uhlenbeck acceleration
     wind_time_s: float = 1.5  # s, its correlation time: gusts of rotor wash in a closed room
-    drift_std_mps: float = 0.02  # m/s, each horizontal axis, of the optical flow's velocity error
-    drift_time_s: float = 8.0  # s, its correlation time
+    drift_std_mps: float = 0.008  # m/s, each horizontal axis, of the optical flow's velocity error
+    drift_time_s: float = 4.0  # s, its correlation time: 0.25 m of wandering a minute
     yaw_drift_std_rad: float = 0.02  # rad, slow error of the heading estimate
     yaw_drift_time_s: float = 30.0  # s, its correlation time
 
@@ -133,8 +133,8 @@ _NAMED = {
         compute_latency_s=0.05,
         command_latency_s=0.12,
         video_latency_s=0.28,
-        wind_std_mps2=0.3,
-        drift_std_mps=0.05,
+        wind_std_mps2=0.2,
+        drift_std_mps=0.02,
         yaw_drift_std_rad=0.05,
         altimeter_bias_std_m=0.05,
         altimeter_noise_std_m=0.03,

@@ -64,3 +64,17 @@ def test_a_flight_repeats_in_another_process(first: str) -> None:
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"},
     )
     assert done.stdout.strip() == first
+
+
+def test_two_twins_in_one_process_do_not_meet(first: str) -> None:
+    """A flight is the same while another twin flies and draws in between."""
+    other = create_drone(DroneOptions(seed=9, image_size_px=(320, 180), scene="val-a"))
+    other.connect()
+
+    def disturb() -> None:
+        other.send(Command(movement=TakeOff()))
+        other.clock.sleep_until(other.clock.now() + 0.1)
+        other.observe()
+
+    assert flight_digest(5, pause=disturb) == first
+    other.disconnect()

@@ -323,3 +323,20 @@ def test_bad_options_are_refused_before_anything_is_built() -> None:
         create_drone(DroneOptions(seed=-1))
     with pytest.raises(ValueRangeError, match="16:9"):
         create_drone(DroneOptions(image_size_px=(640, 480)))
+
+
+@pytest.mark.parametrize(("profile", "reach_m"), [("lab", 0.35), ("harsh", 0.9)])
+def test_a_hover_wanders_but_not_away(make_twin: MakeTwin, profile: str, reach_m: float) -> None:
+    """Half a minute's hover drifts visibly, within reason, and telemetry is noisy but close."""
+    drone = make_twin(profile=profile, airborne=True)
+    start = truth(drone).pose
+    far = 0.0
+    altitude_errors = []
+    for _ in range(30):
+        state = fly(drone, Hover(), 1.0).state
+        now = truth(drone).pose
+        far = max(far, math.hypot(now.x_m - start.x_m, now.y_m - start.y_m))
+        altitude_errors.append(state.height_above_carpet_m - now.z_m)
+    assert 0.01 < far < reach_m
+    assert 0.003 < np.std(altitude_errors) < 0.1
+    assert np.abs(altitude_errors).max() < 0.25
