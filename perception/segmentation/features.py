@@ -1,0 +1,138 @@
+"""The teacher's view of a picture: hue, saturation and value histograms of square patches.
+
+Mocanu et al. (arXiv 2510.16624, first level): a 40x40 patch in HSV becomes 90 hue, 64 saturation
+and 36 value bins, concatenated to 190 numbers. They do not give the bin edges; ours, for OpenCV's
+8-bit HSV, are: hue (0 to 179) in bins of two, saturation in bins of four, and value
+``v * 36 // 256``
+(bins of seven or eight levels). Counts are divided by the patch's pixels, so each of the three
+histograms sums to one whatever the patch's size.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ShapeError, ValueRangeError
+
+__all__ = [
+    "FEATURE_COUNT",
+    "HUE_BINS",
+    "SATURATION_BINS",
+    "VALUE_BINS",
+    "channel_tables",
+    "hsv_of",
+    "patch_features",
+    "patch_slices",
+]
+
+HUE_BINS: Final = 90
+SATURATION_BINS: Final = 64
+VALUE_BINS: Final = 36
+FEATURE_COUNT: Final = HUE_BINS + SATURATION_BINS + VALUE_BINS
+
+_LEVELS: Final = np.arange(256)
+# Feature index of every 8-bit level of each channel. OpenCV never gives a hue above 179; the clip
+# keeps the table total.
+_BIN_OF_LEVEL: Final = np.stack(
+    [
+        np.minimum(_LEVELS // 2, HUE_BINS - 1),
+        HUE_BINS + _LEVELS // 4,
+        HUE_BINS + SATURATION_BINS + _LEVELS * VALUE_BINS // 256,
+    ],
+    axis=1,
+)
+
+
+def hsv_of(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the 8-bit HSV picture, (H, W, 3), of an RGB picture.
+
+    Args:
+        rgb: (H, W, 3) uint8.
+
+    Raises:
+        ShapeError: the picture is not (H, W, 3).
+        ValueRangeError: the picture is not uint8.
+    """
+    if rgb.ndim != 3 or rgb.shape[2] != 3:
+        raise ShapeError("picture", expected="HxWx3", actual=rgb.shape)
+    if rgb.dtype != np.uint8:
+        raise ValueRangeError(f"a picture must be uint8, got {rgb.dtype}")
+    return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
+
+
+def channel_tables(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weight of each 8-bit level of each channel.
+
+    A linear model on the histograms of a patch is a sum over its pixels, and a pixel adds the
+    weights of its three bins; this table gives them without binning the picture first.
+
+    Args:
+        weights: (190,) weights of a linear model.
+
+    Returns:
+        (256, 3) float64, by level and channel (hue, saturation, value).
+
+    Raises:
+        ShapeError: there are not 190 weights.
+    """
+    if weights.shape != (FEATURE_COUNT,):
+        raise ShapeError("weights", expected=str(FEATURE_COUNT), actual=weights.shape)
+    return np.asarray(weights[_BIN_OF_LEVEL], dtype=np.float64)
+
+
+def patch_slices(
+    x: int, y: int, *, patch_px: int, width_px: int, height_px: int
+) -> tuple[slice, slice]:
+    """Return rows and columns of the patch of a pixel.
+
+    An even window has no middle pixel: it starts ``patch_px // 2`` before its pixel. Near the
+    picture's border the window is shifted inwards, so that it is always whole and never holds
+    invented pixels.
+
+    Raises:
+        ValueRangeError: the pixel lies outside the picture, or the picture is smaller than a patch.
+    """
+    if patch_px > min(width_px, height_px):
+        raise ValueRangeError(
+            f"a picture of {width_px}x{height_px} is smaller than a patch of {patch_px} pixels"
+        )
+    if not (0 <= x < width_px and 0 <= y < height_px):
+        raise ValueRangeError(f"pixel ({x}, {y}) lies outside the {width_px}x{height_px} picture")
+    left = min(max(x - patch_px // 2, 0), width_px - patch_px)
+    top = min(max(y - patch_px // 2, 0), height_px - patch_px)
+    return slice(top, top + patch_px), slice(left, left + patch_px)
+
+
+def patch_features(
+    hsv: NDArray[np.uint8], points: NDArray[np.int64], patch_px: int
+) -> NDArray[np.float64]:
+    """Return the normalised histograms of the patches around points.
+
+    Args:
+        hsv: (H, W, 3) uint8 as `hsv_of` gives it.
+        points: (N, 2) pixel coordinates, x then y.
+        patch_px: side of the patches, pixels.
+
+    Returns:
+        (N, 190) float64; each row sums to three.
+
+    Raises:
+        ShapeError: the points are not (N, 2).
+        ValueRangeError: a point lies outside the picture.
+    """
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ShapeError("points", expected="Nx2", actual=points.shape)
+    height_px, width_px = hsv.shape[:2]
+    channels = np.arange(3)
+    features = np.empty((len(points), FEATURE_COUNT), dtype=np.float64)
+    for row, (x, y) in enumerate(points.tolist()):
+        rows, columns = patch_slices(
+            x, y, patch_px=patch_px, width_px=width_px, height_px=height_px
+        )
+        bins = _BIN_OF_LEVEL[hsv[rows, columns], channels]
+        features[row] = np.bincount(bins.ravel(), minlength=FEATURE_COUNT)
+    return features / float(patch_px * patch_px)

@@ -1,0 +1,190 @@
+"""Segmenters for flight: any ONNX network on the CPU, and the teacher itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.segmentation.mapping import ClassMapping
+from perception.segmentation.refine import RefineConfig, refined_ids
+from perception.segmentation.teacher import Teacher, load_teacher
+from perception.weights_io import SHIPPED_WEIGHTS
+from uav_bt.errors import ValueRangeError, WeightsError
+from uav_bt.types import ClassMap, Frame
+
+__all__ = ["OnnxSegmenter", "TeacherSegmenter", "shipped_teacher", "shipped_unet"]
+
+_SHIPPED_UNET: Final = SHIPPED_WEIGHTS / "unet.onnx"
+_SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
+
+
+class OnnxSegmenter:
+    """A segmentation network in an ONNX file, run by OpenVINO.
+
+    The network has one picture as input, of a fixed size, and one output: class scores
+    (1, C, h, w) or class numbers (1, h, w) or (1, 1, h, w). The same frame always gives the same
+    class map, also with other work beside it.
+    """
+
+    def __init__(
+        self, path: Path, mapping: ClassMapping | None = None, *, threads: int = 1
+    ) -> None:
+        """Load and compile the network.
+
+        Args:
+            path: the ONNX file.
+            mapping: what its classes mean; None for a network that speaks our seventeen.
+            threads: of inference.
+
+        Raises:
+            WeightsError: the file is absent or damaged, or the network is no segmentation network.
+            ValueRangeError: the mapping names a class that the network does not have.
+        """
+        if threads < 1:
+            raise ValueRangeError(f"inference needs at least one thread, got {threads}")
+        self._path = path
+        self._mapping = ClassMapping.identity() if mapping is None else mapping
+        model = _read(path)
+        self._size = self._input_size(model)
+        self._output_rank = len(model.output(0).get_partial_shape())
+        self._request = _compile(model, threads).create_infer_request()
+        grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
+        output = self._run(grey)
+        scores = output.ndim == 4 and output.shape[1] > 1
+        if output.ndim not in (3, 4) or output.shape[0] != 1:
+            raise WeightsError(path, f"the output must be 1xCxHxW or 1xHxW, got {output.shape}")
+        self._classes = output.shape[1] if scores else None
+        # Class numbers do not say how many there can be: the table then covers what is mapped.
+        count = self._classes or max(self._mapping.classes) + 1
+        self._table = self._mapping.table(count)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height that frames are resized to."""
+        return self._size
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the class map of a frame, at the size of the network's output.
+
+        Raises:
+            WeightsError: the network answered with something that is not a number.
+        """
+        return ClassMap(ids=self.ids(frame.image), captured_s=frame.captured_s)
+
+    def ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return class ids, (h, w) uint8, of a picture, (H, W, 3) uint8 RGB."""
+        output = self._run(_shrunk(rgb, self._size))
+        if not np.isfinite(output).all():
+            raise WeightsError(self._path, "the network's answer holds NaN or infinity")
+        if self._classes is not None:
+            return np.asarray(self._table[output[0].argmax(axis=0)], dtype=np.uint8)
+        numbers = output.reshape(output.shape[-2:]).astype(np.int64)
+        known = (numbers >= 0) & (numbers < len(self._table))
+        ours = self._table[np.where(known, numbers, 0)]
+        return np.where(known, ours, np.uint8(self._mapping.default))
+
+    def _run(self, rgb: NDArray[np.uint8]) -> NDArray[Any]:
+        wanted = self._mapping.input
+        mean, scale = np.array([wanted.mean, wanted.scale], dtype=np.float32)
+        picture = (rgb.astype(np.float32) - mean) / scale
+        if wanted.colours == "bgr":
+            picture = picture[..., ::-1]
+        if wanted.layout == "nchw":
+            picture = picture.transpose(2, 0, 1)
+        self._request.infer([np.ascontiguousarray(picture[None])])
+        return np.asarray(self._request.get_output_tensor(0).data)
+
+    def _input_size(self, model: Any) -> tuple[int, int]:
+        if len(model.inputs) != 1 or not model.outputs:
+            raise WeightsError(
+                self._path, f"the network must have one input, it has {len(model.inputs)}"
+            )
+        shape = model.input(0).get_partial_shape()
+        if shape.is_dynamic and len(shape) == 4 and shape[0].is_dynamic:
+            shape[0] = 1
+            model.reshape(shape)
+        planar = self._mapping.input.layout == "nchw"
+        wanted = "1x3xHxW" if planar else "1xHxWx3"
+        if shape.is_dynamic or len(shape) != 4 or shape[1 if planar else 3] != 3 or shape[0] != 1:
+            raise WeightsError(self._path, f"the input must be {wanted} of fixed size, got {shape}")
+        height, width = (shape[2], shape[3]) if planar else (shape[1], shape[2])
+        return width.get_length(), height.get_length()
+
+
+class TeacherSegmenter:
+    """The teacher in flight: slow, but nothing stands between the picks and the class map."""
+
+    def __init__(
+        self,
+        teacher: Teacher,
+        refine: RefineConfig | None = None,
+        *,
+        size_px: tuple[int, int] = (224, 112),
+    ) -> None:
+        """Keep the teacher.
+
+        Args:
+            teacher: the trained teacher.
+            refine: how to sharpen its borders; None uses the defaults.
+            size_px: width and height of the class maps; that of the U-Net's by default.
+        """
+        self._teacher = teacher
+        self._refine = RefineConfig() if refine is None else refine
+        self._size = size_px
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the class map of a frame."""
+        ids = refined_ids(self._teacher, self._teacher.resized(frame.image), self._refine)
+        small = cv2.resize(ids, self._size, interpolation=cv2.INTER_NEAREST_EXACT)
+        return ClassMap(ids=np.asarray(small, dtype=np.uint8), captured_s=frame.captured_s)
+
+
+def shipped_unet(*, threads: int = 1) -> OnnxSegmenter:
+    """Return the segmentation U-Net that comes with the package."""
+    return OnnxSegmenter(_SHIPPED_UNET, threads=threads)
+
+
+def shipped_teacher() -> TeacherSegmenter:
+    """Return the teacher that comes with the package."""
+    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER))
+
+
+def _read(path: Path) -> Any:
+    # Imported here: a mission that flies on something else need not wait for it.
+    import openvino  # noqa: PLC0415
+
+    if not path.is_file():
+        raise WeightsError(
+            path, "there is no such network; `uav-bt train segmentation` makes the shipped one"
+        )
+    try:
+        return openvino.Core().read_model(path)
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
+
+
+def _compile(model: Any, threads: int) -> Any:
+    import openvino  # noqa: PLC0415
+
+    settings = {
+        "PERFORMANCE_HINT": "LATENCY",
+        "NUM_STREAMS": 1,
+        "INFERENCE_NUM_THREADS": threads,
+        # Some virtual machines announce bfloat16 units that they do not let one use; and class maps
+        # must not depend on the machine's favourite precision.
+        "INFERENCE_PRECISION_HINT": "f32",
+        # Pinned, the workers of a campaign would all sit on the same core.
+        "ENABLE_CPU_PINNING": False,
+    }
+    return openvino.Core().compile_model(model, "CPU", settings)
+
+
+def _shrunk(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if rgb.shape[1::-1] == size:
+        return rgb
+    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

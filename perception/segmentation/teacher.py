@@ -1,0 +1,207 @@
+"""The teacher: a one-vs-rest linear SVM on colour histograms, exact for every window of a picture.
+
+Mocanu et al. (arXiv 2510.16624) walk a grid of 40x40 patches and classify each. A linear model on
+the histograms of a patch is a sum over the patch's pixels, and a pixel contributes the weights of
+its three bins. So one table look-up and one box sum give a class's score for *every* window, equal
+to scikit-learn's ``decision_function`` on that patch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.classes import CLASS_COUNT, CLASS_NAMES
+from perception.segmentation.features import FEATURE_COUNT, channel_tables, hsv_of
+from perception.segmentation.palette import COLOUR_COUNT, palette_of_counts
+from perception.segmentation.picks import PickedPatches
+from perception.weights_io import read_weights, write_weights
+from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
+
+__all__ = ["Teacher", "TeacherConfig", "fit_teacher", "load_teacher", "save_teacher"]
+
+_KIND: Final = "hsv-histogram-svm"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeacherConfig:
+    """The teacher's numbers; the defaults are the paper's where it gives them."""
+
+    width_px: int = 1152  # 30 % of 4K (3840x2160), the size the pictures are shrunk to
+    height_px: int = 648
+    patch_px: int = 40  # side of a patch at that size
+    cost: float = 0.1  # the SVM's C; the paper is silent, chosen on the validation scenes
+    max_iterations: int = 20000  # of liblinear, far above what it needs
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.patch_px <= min(self.width_px, self.height_px):
+            raise ValueRangeError(
+                f"a patch of {self.patch_px} pixels does not fit {self.width_px}x{self.height_px}"
+            )
+        if self.cost <= 0.0 or self.max_iterations < 1:
+            raise ValueRangeError(
+                f"cost and max_iterations must be positive, got {self.cost}, {self.max_iterations}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Teacher:
+    """The trained linear model: a score for each class is ``weights @ features + bias``."""
+
+    weights: NDArray[np.float64]  # (17, 190)
+    bias: NDArray[np.float64]  # (17,); -inf for a class without picks, which so never wins
+    config: TeacherConfig = field(default_factory=TeacherConfig)
+    palette: NDArray[np.float32] | None = None  # (17, 32768), `palette`; for sharp borders only
+
+    def __post_init__(self) -> None:
+        if self.weights.shape != (CLASS_COUNT, FEATURE_COUNT):
+            raise ShapeError("weights", expected="17x190", actual=self.weights.shape)
+        if self.bias.shape != (CLASS_COUNT,):
+            raise ShapeError("bias", expected="17", actual=self.bias.shape)
+        wanted = (CLASS_COUNT, COLOUR_COUNT)
+        if self.palette is not None and self.palette.shape != wanted:
+            raise ShapeError("palette", expected="17x32768", actual=self.palette.shape)
+
+    @property
+    def known(self) -> tuple[int, ...]:
+        """The classes that had picks."""
+        return tuple(np.flatnonzero(np.isfinite(self.bias)).tolist())
+
+    def resized(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the picture at the teacher's size (area interpolation when it shrinks)."""
+        size = (self.config.width_px, self.config.height_px)
+        if rgb.shape[1::-1] == size:
+            return rgb
+        shrinks = rgb.shape[1] >= size[0]
+        interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+        return np.asarray(cv2.resize(rgb, size, interpolation=interpolation), dtype=np.uint8)
+
+    def scores(
+        self, hsv: NDArray[np.uint8], *, window_px: int | None = None
+    ) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """Yield, class by class, the score of the window around every pixel.
+
+        Windows near the border are shifted inwards (`features.patch_slices`).
+
+        Args:
+            hsv: (H, W, 3) uint8.
+            window_px: side of the windows; None is the patch's side the model was trained on.
+
+        Yields:
+            Class id and its (H, W) float64 scores, for the classes that had picks.
+        """
+        side = self.config.patch_px if window_px is None else window_px
+        height_px, width_px = hsv.shape[:2]
+        if side > min(height_px, width_px):
+            raise ValueRangeError(
+                f"a picture of {width_px}x{height_px} is smaller than a window of {side} pixels"
+            )
+        hue, saturation, value = cv2.split(hsv)
+        inner = np.empty((height_px - side + 1, width_px - side + 1))
+        before, after = side // 2, side - 1 - side // 2
+        for class_id in self.known:
+            table = channel_tables(self.weights[class_id])
+            pixel = cv2.LUT(hue, table[:, 0])
+            cv2.add(pixel, cv2.LUT(saturation, table[:, 1]), pixel)
+            cv2.add(pixel, cv2.LUT(value, table[:, 2]), pixel)
+            total = cv2.integral(pixel, sdepth=cv2.CV_64F)
+            np.subtract(total[side:, side:], total[:-side, side:], out=inner)
+            np.subtract(inner, total[side:, :-side], out=inner)
+            np.add(inner, total[:-side, :-side], out=inner)
+            np.divide(inner, side * side, out=inner)
+            np.add(inner, self.bias[class_id], out=inner)
+            yield class_id, np.pad(inner, ((before, after), (before, after)), mode="edge")
+
+    def window_ids(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+        """Return the best class of every window and its score.
+
+        Args:
+            rgb: (H, W, 3) uint8, at the teacher's size.
+
+        Returns:
+            (H, W) uint8 class ids and (H, W) float64 scores.
+        """
+        hsv = hsv_of(rgb)
+        best = np.full(hsv.shape[:2], -np.inf)
+        ids = np.zeros(hsv.shape[:2], dtype=np.uint8)
+        for class_id, scores in self.scores(hsv):
+            better = scores > best
+            np.copyto(best, scores, where=better)
+            np.putmask(ids, better, np.uint8(class_id))
+        return ids, best
+
+
+# --- training and files ---------------------------------------------------------------------------
+
+
+def fit_teacher(patches: PickedPatches, config: TeacherConfig, *, seed: int = 0) -> Teacher:
+    """Train the one-vs-rest linear SVM and count the palette.
+
+    Args:
+        patches: what the picks show; at least two classes.
+        config: the teacher's numbers.
+        seed: of liblinear's coordinate order.
+
+    Returns:
+        The teacher; classes without a pick never win.
+
+    Raises:
+        ValueRangeError: fewer than two classes.
+    """
+    # Imported here: flying needs the teacher's arithmetic, not scikit-learn's start-up time.
+    from sklearn.multiclass import OneVsRestClassifier  # noqa: PLC0415
+    from sklearn.svm import LinearSVC  # noqa: PLC0415
+
+    present = np.unique(patches.labels)
+    if len(present) < 2:
+        raise ValueRangeError(f"a teacher needs picks of two classes at least, got {len(present)}")
+    svm = LinearSVC(C=config.cost, max_iter=config.max_iterations, random_state=seed)
+    model = OneVsRestClassifier(svm).fit(patches.features, patches.labels)
+    weights = np.zeros((CLASS_COUNT, FEATURE_COUNT))
+    bias = np.full(CLASS_COUNT, -np.inf)
+    if len(present) == 2:  # scikit-learn keeps one machine, whose positive side is the second class
+        only = model.estimators_[0]
+        weights[present] = np.stack([-only.coef_[0], only.coef_[0]])
+        bias[present] = (-only.intercept_[0], only.intercept_[0])
+    else:
+        for class_id, machine in zip(present, model.estimators_, strict=True):
+            weights[class_id] = machine.coef_[0]
+            bias[class_id] = machine.intercept_[0]
+    palette = palette_of_counts(patches.colour_counts)
+    return Teacher(weights=weights, bias=bias, config=config, palette=palette)
+
+
+def save_teacher(path: Path, teacher: Teacher) -> None:
+    """Write the teacher as safetensors, whole or not at all."""
+    tensors: dict[str, NDArray[Any]] = {"weights": teacher.weights, "bias": teacher.bias}
+    if teacher.palette is not None:
+        tensors["palette"] = teacher.palette.astype(np.float16)  # to 0.4 % of a pixel's likelihood
+    write_weights(
+        path,
+        tensors,
+        kind=_KIND,
+        details={"config": asdict(teacher.config), "classes": list(CLASS_NAMES)},
+    )
+
+
+def load_teacher(path: Path) -> Teacher:
+    """Read a teacher.
+
+    Raises:
+        WeightsError: the file is absent, damaged or something else.
+    """
+    tensors, details = read_weights(path, kind=_KIND, cure="`uav-bt train teacher` makes one")
+    try:
+        config = TeacherConfig(**details["config"])
+        palette = tensors["palette"].astype(np.float32) if "palette" in tensors else None
+        return Teacher(
+            weights=tensors["weights"], bias=tensors["bias"], config=config, palette=palette
+        )
+    except (KeyError, TypeError, ValueRangeError, ShapeError) as error:
+        raise WeightsError(path, f"is not a whole teacher ({error!r}); train it anew") from error
