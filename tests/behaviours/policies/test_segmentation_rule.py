@@ -1,0 +1,395 @@
+"""The segmentation rule on ray-cast class maps of known geometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from behaviours.policies.segmentation_rule import (
+    Rectangle,
+    SegmentationRule,
+    SegmentationRuleConfig,
+)
+from perception.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX
+from perception.geometry import ground_points, pixel_rays
+from uav_bt.errors import ValueRangeError
+from uav_bt.protocols import PolicyView
+from uav_bt.types import CameraModel, ClassMap, ObstaclePoints
+
+# The ANAFI's video, resized to the network's size.
+CAMERA = CameraModel(
+    width_px=640, height_px=360, fx_px=465.6, fy_px=465.6, cx_px=319.5, cy_px=179.5
+).resized(224, 112)
+PITCH_RAD = math.radians(-28)
+HEIGHT_M = 1.5
+FOR_EVER = 1e3
+HIGH_M = 2.2  # of a box that reaches above the flight altitude
+
+# Fixed here, so that tuning the defaults does not change what these tests ask.
+CONFIG = SegmentationRuleConfig(
+    step_m=0.3,
+    turn_rad=math.radians(30),
+    obstacle_threshold_px=900.0,
+    carpet_threshold_px=1600.0,
+    obstacle_range_m=1.9,
+    obstacle_half_angle_rad=math.radians(22),
+    carpet_range_m=1.75,
+    carpet_half_angle_rad=math.radians(18),
+    hysteresis=0.75,
+    obstacle_relief=0.35,
+    carpet_relief=0.2,
+    max_full_turns=3,
+    margin_m=0.42,
+    tie_ratio=0.1,
+)
+RULE = SegmentationRule(CONFIG)
+
+Box = tuple[float, float, float]  # front face: metres ahead of the camera, its left and right ends
+
+
+def cast(
+    boxes: Sequence[Box] = (),
+    *,
+    carpet_m: float = FOR_EVER,
+    slant: float = 0.0,
+    camera: CameraModel = CAMERA,
+    pitch_rad: float = PITCH_RAD,
+    height_m: float = HEIGHT_M,
+    thing: int = BOXES[2],
+) -> NDArray[np.uint8]:
+    """Ray-cast boxes' fronts and carpet as far as forward + slant * right < carpet_m."""
+    rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
+    pixels = np.stack([columns, rows], axis=-1)
+    ground = ground_points(pixels, camera, pitch_rad, height_m)
+    ids = np.full(rows.shape, BACKGROUND, dtype=np.uint8)
+    ids[ground[..., 0] + slant * ground[..., 1] < carpet_m] = CARPET
+    rays = pixel_rays(pixels, camera, pitch_rad)
+    for ahead_m, left_m, right_m in boxes:
+        scale = ahead_m / rays[..., 0]
+        across, down = scale * rays[..., 1], scale * rays[..., 2]
+        hit = (across >= left_m) & (across <= right_m)
+        ids[hit & (down <= height_m) & (down >= height_m - HIGH_M)] = thing
+    return ids
+
+
+def view(
+    ids: NDArray[np.uint8], *, camera: CameraModel = CAMERA, coin: float = 0.9, turning: int = 0
+) -> PolicyView:
+    return PolicyView(
+        class_map=ClassMap(ids=ids, captured_s=0.0),
+        camera=camera,
+        gimbal_pitch_rad=PITCH_RAD,
+        height_above_carpet_m=HEIGHT_M,
+        turning=turning,
+        coin=coin,
+    )
+
+
+# --- the rule's table -----------------------------------------------------------------------------
+
+
+def test_open_carpet_is_advanced_over() -> None:
+    """Carpet without end and nothing on it: a step ahead, no turn."""
+    decision = RULE.decide(view(cast()))
+
+    assert (decision.forward_m, decision.yaw_rad, decision.reason) == (0.3, 0.0, "clear")
+    assert not decision.blocked
+
+
+@pytest.mark.parametrize(("left_m", "right_m", "side"), [(-0.9, 0.1, 1), (-0.1, 0.9, -1)])
+def test_a_box_is_turned_away_from(left_m: float, right_m: float, side: int) -> None:
+    """A near box more to the left turns the drone to the right, and the other way round."""
+    decision = RULE.decide(view(cast([(1.2, left_m, right_m)])))
+
+    assert decision.blocked
+    assert decision.reason == "obstacle"
+    assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
+
+
+@pytest.mark.parametrize(("coin", "side"), [(0.1, -1), (0.9, 1)])
+def test_a_box_dead_ahead_is_left_to_the_coin(coin: float, side: int) -> None:
+    """Halves that differ by less than a tenth are a tie."""
+    decision = RULE.decide(view(cast([(1.2, -0.4, 0.4)]), coin=coin))
+
+    assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
+
+
+@pytest.mark.parametrize(("slant", "side"), [(0.6, -1), (-0.6, 1)])
+def test_the_carpets_edge_is_turned_along(slant: float, side: int) -> None:
+    """Where the carpet ends aslant, the turn goes to where more of it lies."""
+    decision = RULE.decide(view(cast(carpet_m=1.35, slant=slant)))
+
+    assert decision.blocked
+    assert decision.reason == "edge"
+    assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
+
+
+@pytest.mark.parametrize(("coin", "side"), [(0.1, -1), (0.9, 1)])
+def test_a_corner_is_turned_round_in(coin: float, side: int) -> None:
+    """An obstacle and no carpet: right about, which way the coin says."""
+    ids = cast(carpet_m=0.0)
+    ids[:, 80:120] = BOXES[0]
+
+    decision = RULE.decide(view(ids, coin=coin))
+
+    assert decision.reason == "corner"
+    assert decision.yaw_rad == pytest.approx(side * math.pi)
+
+
+def test_what_stands_on_the_carpet_counts_as_carpet() -> None:
+    """A box or the pad in view hides carpet that is there all the same."""
+    narrow_strip = cast(carpet_m=1.3)
+    assert RULE.decide(view(narrow_strip)).reason == "edge"
+
+    behind_a_pad = np.where(narrow_strip == BACKGROUND, HELIPAD_BOX, narrow_strip).astype(np.uint8)
+
+    assert RULE.decide(view(behind_a_pad)).reason == "clear"
+
+
+def test_the_pad_is_no_obstacle() -> None:
+    """What would block the way as a box does not as the pad: the drone flies above it."""
+    front = [(1.2, -0.4, 0.4)]
+
+    assert RULE.decide(view(cast(front))).blocked
+    assert not RULE.decide(view(cast(front, thing=HELIPAD_BOX))).blocked
+
+
+def test_only_boxes_within_range_block() -> None:
+    """A wall based beyond `obstacle_range_m` does not reach into the rectangle; nearer, it does."""
+    wide = 3.0
+
+    assert not RULE.decide(view(cast([(2.0, -wide, wide)]))).blocked
+    assert RULE.decide(view(cast([(1.5, -wide, wide)]))).blocked
+
+
+def test_boxes_beside_the_way_do_not_block() -> None:
+    """A box a metre aside is passed."""
+    assert not RULE.decide(view(cast([(1.3, 1.0, 1.6)]))).blocked
+    assert not RULE.decide(view(cast([(1.3, -1.6, -1.0)]))).blocked
+
+
+# --- thresholds -----------------------------------------------------------------------------------
+
+
+def with_obstacle_pixels(count: int, camera: CameraModel = CAMERA) -> NDArray[np.uint8]:
+    """Open carpet with so many obstacle pixels in the high rectangle, from its lower left up."""
+    ids = cast(camera=camera)
+    high, _ = RULE.rectangles(view(ids, camera=camera))
+    region = high.of(ids)
+    rows, columns = np.divmod(np.arange(count), region.shape[1])
+    region[region.shape[0] - 1 - rows, columns] = BOXES[0]
+    return ids
+
+
+def test_the_obstacle_threshold_is_exact() -> None:
+    """900 pixels are still free, 901 are not."""
+    assert not RULE.decide(view(with_obstacle_pixels(900))).blocked
+    assert RULE.decide(view(with_obstacle_pixels(901))).blocked
+
+
+@pytest.mark.parametrize("turning", [1, -1])
+def test_leaving_a_turn_takes_a_freer_way(turning: int) -> None:
+    """Under way in a turn the threshold is three quarters of 900: no dithering around it."""
+    assert RULE.decide(view(with_obstacle_pixels(676), turning=turning)).blocked
+    assert not RULE.decide(view(with_obstacle_pixels(675), turning=turning)).blocked
+
+
+@pytest.mark.parametrize(
+    ("size_px", "share"), [((112, 56), 0.25), ((448, 224), 4.0), ((640, 360), 640 * 360 / 25088)]
+)
+def test_thresholds_scale_with_the_map(size_px: tuple[int, int], share: float) -> None:
+    """A map of another size is judged by the same share of its pixels."""
+    camera = CAMERA.resized(*size_px)
+    limit = math.floor(900 * share)
+
+    assert not RULE.decide(view(with_obstacle_pixels(limit, camera), camera=camera)).blocked
+    assert RULE.decide(view(with_obstacle_pixels(limit + 1, camera), camera=camera)).blocked
+
+
+@pytest.mark.parametrize("size_px", [(112, 56), (448, 224), (640, 360)])
+@pytest.mark.parametrize(
+    ("boxes", "carpet_m"),
+    [
+        ([], FOR_EVER),
+        ([(1.2, -0.9, 0.1)], FOR_EVER),
+        ([(1.3, 1.0, 1.6)], FOR_EVER),
+        ([], 1.2),
+        ([(1.6, -2.0, 2.0)], FOR_EVER),
+    ],
+)
+def test_the_decision_does_not_depend_on_the_map_size(
+    size_px: tuple[int, int], boxes: Sequence[Box], carpet_m: float
+) -> None:
+    """The same scene at another resolution gives the same decision."""
+    camera = CAMERA.resized(*size_px)
+    other = RULE.decide(view(cast(boxes, carpet_m=carpet_m, camera=camera), camera=camera))
+
+    assert other == RULE.decide(view(cast(boxes, carpet_m=carpet_m)))
+
+
+# --- the turn under way ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("turning", [1, -1])
+@pytest.mark.parametrize(
+    ("boxes", "carpet_m"),
+    [([(1.2, -0.9, 0.1)], FOR_EVER), ([(1.2, -0.1, 0.9)], FOR_EVER), ([], 1.0), ([], 0.0)],
+)
+def test_a_turn_keeps_its_direction(turning: int, boxes: Sequence[Box], carpet_m: float) -> None:
+    """Whatever comes into view, a turn under way goes on the same way until the way is free."""
+    decision = RULE.decide(view(cast(boxes, carpet_m=carpet_m), turning=turning))
+
+    assert decision.yaw_rad == pytest.approx(turning * CONFIG.turn_rad)
+
+
+@pytest.mark.parametrize("turning", [1, -1])
+def test_a_turn_ends_when_the_way_is_free(turning: int) -> None:
+    """Open carpet ends it."""
+    assert not RULE.decide(view(cast(), turning=turning)).blocked
+
+
+def test_full_turns_in_vain_lower_the_demands() -> None:
+    """After each full turn a little more obstacle and less carpet will do, up to a limit."""
+    crowded = view(with_obstacle_pixels(1200))
+    assert RULE.decide(crowded).blocked
+    assert not RULE.decide(replace(crowded, full_turns=1)).blocked
+
+    very_crowded = view(with_obstacle_pixels(1900))  # 900 * (1 + 3 * 0.35) = 1845
+    assert RULE.decide(replace(very_crowded, full_turns=3)).blocked
+    assert RULE.decide(replace(very_crowded, full_turns=100)).blocked
+
+
+# --- what is remembered ---------------------------------------------------------------------------
+
+
+def remembered(*points: tuple[float, float], unplaced_deg: Sequence[float] = ()) -> PolicyView:
+    """Open carpet, and points remembered: forward and right of the body's centre."""
+    return replace(
+        view(cast()),
+        obstacles=ObstaclePoints(
+            points_m=np.array(points, dtype=np.float64).reshape(-1, 2),
+            captured_s=0.0,
+            unplaced_rad=np.radians(unplaced_deg),
+        ),
+    )
+
+
+def test_nothing_remembered_does_not_block() -> None:
+    """An empty memory, and a tree without one, leave it to the view."""
+    assert not RULE.decide(remembered()).blocked
+    assert not RULE.decide(view(cast())).blocked
+
+
+@pytest.mark.parametrize("right_m", [0.41, -0.41])
+def test_a_step_keeps_its_margin_from_what_left_the_view(right_m: float) -> None:
+    """An obstacle beside where the step would end blocks it, a little further aside does not."""
+    assert RULE.decide(remembered((0.3, right_m))).blocked
+    assert not RULE.decide(remembered((0.3, right_m + math.copysign(0.02, right_m)))).blocked
+
+
+def test_too_near_already_a_step_may_lead_away() -> None:
+    """Inside the margin, a step that comes no nearer is free; one that does is not."""
+    assert not RULE.decide(remembered((-0.1, 0.3))).blocked
+    assert RULE.decide(remembered((0.1, 0.3))).blocked
+
+
+def test_an_obstacle_of_unknown_range_ahead_blocks() -> None:
+    """A few columns of it do; specks, and what lies far aside, do not."""
+    assert RULE.decide(remembered(unplaced_deg=[10, 11, 12, 13])).blocked
+    assert not RULE.decide(remembered(unplaced_deg=[10])).blocked
+    assert not RULE.decide(remembered(unplaced_deg=[80, 81, 82, 83])).blocked
+
+
+# --- the rectangles -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pitch_deg", [-40, -28, -20])
+@pytest.mark.parametrize("height_m", [0.8, 1.5, 2.0])
+@pytest.mark.parametrize("size_px", [(224, 112), (640, 360)])
+def test_the_rectangles_follow_pitch_and_height(
+    pitch_deg: float, height_m: float, size_px: tuple[int, int]
+) -> None:
+    """Their upper edges see the carpet at the configured ranges, their sides the angles."""
+    camera = CAMERA.resized(*size_px)
+    look = replace(
+        view(cast(camera=camera), camera=camera),
+        gimbal_pitch_rad=math.radians(pitch_deg),
+        height_above_carpet_m=height_m,
+    )
+    cfg = CONFIG
+    for rectangle, range_m, half_angle_rad in zip(
+        RULE.rectangles(look),
+        (cfg.obstacle_range_m, cfg.carpet_range_m),
+        (cfg.obstacle_half_angle_rad, cfg.carpet_half_angle_rad),
+        strict=True,
+    ):
+        assert rectangle.bottom == camera.height_px
+        rows = [rectangle.top - 0.5, rectangle.top + 0.5]
+        edge = ground_points(
+            [(camera.cx_px, row) for row in rows], camera, math.radians(pitch_deg), height_m
+        )[:, 0]
+        clipped = rectangle.top in {0, camera.height_px - 1}
+        assert clipped or edge[1] <= range_m <= edge[0]
+        for column in (rectangle.left, rectangle.right - 1):
+            angle = math.atan(abs(column - camera.cx_px) / camera.fx_px)
+            assert angle == pytest.approx(half_angle_rad, abs=1.0 / camera.fx_px)
+
+
+@pytest.mark.parametrize("pitch_deg", [-90, -60, 0, 30])
+@pytest.mark.parametrize("height_m", [0.0, 0.1, 3.0])
+def test_the_rectangles_never_leave_the_map(pitch_deg: float, height_m: float) -> None:
+    """Whatever pitch and height: inside the map and not empty."""
+    look = replace(
+        view(cast()), gimbal_pitch_rad=math.radians(pitch_deg), height_above_carpet_m=height_m
+    )
+    for rectangle in RULE.rectangles(look):
+        assert 0 <= rectangle.top < rectangle.bottom <= CAMERA.height_px
+        assert 0 <= rectangle.left < rectangle.right <= CAMERA.width_px
+    RULE.decide(look)
+
+
+def test_a_rectangle_and_its_halves() -> None:
+    """Halves split the region without overlap; regions are views."""
+    image = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    rectangle = Rectangle(top=2, bottom=5, left=1, right=7)
+
+    left, right = rectangle.halves(image)
+
+    assert np.array_equal(np.hstack([left, right]), rectangle.of(image))
+    assert left.shape == right.shape == (3, 3)
+    assert np.shares_memory(rectangle.of(image), image)
+
+
+# --- manners --------------------------------------------------------------------------------------
+
+
+def test_the_rule_is_pure() -> None:
+    """The same view gives the same decision, and is left as it was."""
+    look = view(cast([(1.2, -0.4, 0.4)]))
+    before = look.class_map.ids.copy()
+
+    assert RULE.decide(look) == RULE.decide(look)
+    assert np.array_equal(look.class_map.ids, before)
+
+
+def test_refuses_an_unknown_class() -> None:
+    """A map with ids beyond the seventeen is a mistake upstream, not background."""
+    ids = cast()
+    ids[0, 0] = 17
+
+    with pytest.raises(ValueRangeError, match="class ids"):
+        RULE.decide(view(ids))
+
+
+@pytest.mark.parametrize(
+    "bad", [{"step_m": 0.0}, {"step_m": -0.1}, {"turn_rad": 0.0}, {"turn_rad": 4.0}]
+)
+def test_refuses_a_step_or_turn_that_is_none(bad: dict[str, float]) -> None:
+    """A policy that never moves would fly for ever."""
+    with pytest.raises(ValueRangeError, match="step and turn"):
+        SegmentationRuleConfig(**bad)
