@@ -29,7 +29,7 @@ _HALF_WIDTH_M = 0.38
 _LOOK_AHEAD_M = 1.3
 # An obstacle of unknown range this near to ahead is in the way.
 _UNPLACED_RAD = math.radians(30)
-_UNPLACED_COLUMNS = 3
+_UNPLACED_MIN = 2
 # What stands this much before the pad's centre, or behind it, is not in the way to it.
 _BEFORE_PAD_M = 0.35
 _DETOUR_STEPS = 2
@@ -148,7 +148,7 @@ class ReturnToBase(SteeringLeaf):
         if obstacles is None:
             return False  # nothing is known about the way: do not go it
         end_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
-        if obstacles.unplaced_columns(_UNPLACED_RAD) >= _UNPLACED_COLUMNS:
+        if obstacles.unplaced_within(_UNPLACED_RAD) >= _UNPLACED_MIN:
             return False
         clearance_m = obstacles.clearance_m(end_m)
         # Already nearer than the margin, the way must lead away.

@@ -1,25 +1,32 @@
 """Remember where obstacles stand after they have left the view.
 
 A forward-looking camera does not see what is beside the drone, nor the carpet nearer than about
-1.2 m. But a box stands still, and its base was seen from further away: the lowest obstacle pixel of
-a column meets the carpet there. Those points are kept in the dead-reckoned frame for a while, and
+1.2 m. But a box stands still, and its base was seen from further away: the lowest obstacle pixel on
+a bearing meets the carpet there. Those points are kept in the dead-reckoned frame for a while, and
 forgotten where the carpet is seen again. What reaches down to the image's lower edge and is not
 explained by such a point has an unknown range; its bearing is reported apart.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import GROUP_CARPET, GROUP_OBSTACLE, group_of
-from perception.geometry import ground_points, project
+from perception.geometry import project
 from perception.tracking import Odometry, OdometryPose
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
 
-__all__ = ["ObstacleMemory", "ObstacleMemoryConfig", "hidden_bases", "visible_bases"]
+__all__ = ["Bases", "ObstacleMemory", "ObstacleMemoryConfig", "find_bases"]
+
+# The view is scanned along bearings, not along columns: away from the image's centre a vertical edge
+# leans, and the lowest obstacle pixel of a column may lie half-way up a box.
+_BEARING_STEP_RAD = math.radians(1.0)
+_ELEVATION_STEP_RAD = math.radians(0.5)
+_HIGHEST_RAD = math.radians(-8.0)  # carpet seen flatter than this is beyond the lab
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,70 +36,87 @@ class ObstacleMemoryConfig:
     max_age_s: float = 15.0  # dead reckoning has gone astray by a decimetre or so by then
     max_range_m: float = 3.0  # a pixel of the base's row weighs too much further away
     cell_m: float = 0.05  # one point is kept in each cell
-    min_run_px: int = 4  # obstacle pixels above a base, of a 112-row map; fewer are specks
-    # A column is explained by a remembered base this near in bearing, not further than the carpet it
+    min_run: int = 4  # half degrees of obstacle above a base; fewer are specks of the mask
+    # A bearing is explained by a remembered base this near to it, not further than the carpet it
     # hides plus this much.
-    explain_rad: float = 0.17
+    explain_rad: float = 0.12
     explain_m: float = 0.3
     min_pitch_rad: float = -1.0  # looking further down, roofs are nearer than bases
 
 
-def visible_bases(
+@dataclass(frozen=True)
+class Bases:
+    """Where obstacles meet the carpet, from the point below the camera."""
+
+    placed_m: NDArray[np.float64]  # (N, 2) forward, right
+    # (M, 2): the nearest carpet in view on bearings where an obstacle hides it: the obstacle stands
+    # somewhere before it, since a vertical edge keeps its bearing.
+    hidden_m: NDArray[np.float64]
+
+
+def find_bases(
     groups: NDArray[np.uint8],
     camera: CameraModel,
     gimbal_pitch_rad: float,
     height_m: float,
     *,
-    min_run_px: int,
-) -> NDArray[np.float64]:
-    """Return where obstacles in view meet the carpet.
+    min_run: int = 4,
+) -> Bases:
+    """Scan a group map along bearings for the first obstacle on the carpet.
 
     Args:
         groups: (H, W) group ids.
         camera: intrinsics at that size.
         gimbal_pitch_rad: when the frame was captured.
         height_m: of the camera above the carpet.
-        min_run_px: obstacle pixels that must stand above a base.
-
-    Returns:
-        (N, 2) metres forward and right of the point below the camera; a column whose obstacle goes
-        down to the image's lower edge shows no base and gives no point.
+        min_run: samples of obstacle (half degrees) that must stand above a base.
     """
-    obstacle = groups == GROUP_OBSTACLE
-    last = obstacle.shape[0] - 1
-    columns = np.flatnonzero(obstacle.any(axis=0))
-    lowest = last - obstacle[::-1, columns].argmax(axis=0)
-    above = np.maximum(lowest - (min_run_px - 1), 0)
-    solid = obstacle[above, columns] & (lowest < last - 1)
-    columns, lowest = columns[solid], lowest[solid]
-    below = groups[lowest + 1, columns]
-    # On the background below an obstacle there is no carpet to meet: it is seen across the edge.
-    stands = below == GROUP_CARPET
-    pixels = np.stack([columns[stands], lowest[stands]], axis=-1)
-    return ground_points(pixels, camera, gimbal_pitch_rad, max(height_m, 0.05))
+    height_px, width_px = groups.shape
+    half_view = math.atan2(width_px / 2, camera.fx_px)
+    lowest = gimbal_pitch_rad - math.atan2(height_px / 2, camera.fy_px)
+    # At the lower edge the same columns span wider bearings than at the image's centre.
+    widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
+    bearings = np.arange(-widest, widest, _BEARING_STEP_RAD)
+    elevations = np.arange(lowest, min(_HIGHEST_RAD, gimbal_pitch_rad + 0.6), _ELEVATION_STEP_RAD)
+    ranges = max(height_m, 0.05) / np.tan(-elevations)
+    ground = np.empty((bearings.size, elevations.size, 3))
+    ground[..., 0] = np.cos(bearings)[:, None] * ranges
+    ground[..., 1] = np.sin(bearings)[:, None] * ranges
+    ground[..., 2] = max(height_m, 0.05)
+    pixels = np.rint(project(ground, camera, gimbal_pitch_rad))
+    columns, rows = pixels[..., 0], pixels[..., 1]
+    inside = (columns >= 0) & (columns < width_px) & (rows >= 0) & (rows < height_px)
+    sampled = np.where(
+        inside,
+        groups[
+            np.clip(rows, 0, height_px - 1).astype(int),
+            np.clip(columns, 0, width_px - 1).astype(int),
+        ],
+        _OUTSIDE,
+    )
+    return _first_obstacles(sampled, ground[..., :2], min_run)
 
 
-def hidden_bases(
-    groups: NDArray[np.uint8], camera: CameraModel, gimbal_pitch_rad: float, height_m: float
-) -> NDArray[np.float64]:
-    """Return the nearest visible carpet that obstacles hide down to the image's lower edge.
+_OUTSIDE = 255
 
-    Such an obstacle stands somewhere between the drone and the point returned, on its bearing: a
-    vertical line keeps its bearing.
 
-    Args:
-        groups: (H, W) group ids.
-        camera: intrinsics at that size.
-        gimbal_pitch_rad: when the frame was captured.
-        height_m: of the camera above the carpet.
-
-    Returns:
-        (N, 2) metres forward and right of the point below the camera.
-    """
-    last = groups.shape[0] - 1
-    columns = np.flatnonzero((groups[last - 1 :] == GROUP_OBSTACLE).all(axis=0))
-    pixels = np.stack([columns, np.full_like(columns, last)], axis=-1)
-    return ground_points(pixels, camera, gimbal_pitch_rad, max(height_m, 0.05))
+def _first_obstacles(
+    sampled: NDArray[np.uint8], ground: NDArray[np.float64], min_run: int
+) -> Bases:
+    """Find the nearest run of obstacle on each bearing; samples go from near to far."""
+    obstacle = sampled == GROUP_OBSTACLE
+    solid = obstacle.copy()
+    for shift in range(1, min_run):
+        solid[:, :-shift] &= obstacle[:, shift:]
+        solid[:, -shift:] = False
+    rows = np.flatnonzero(solid.any(axis=1))
+    first = solid[rows].argmax(axis=1)
+    before = np.where(first > 0, sampled[rows, np.maximum(first - 1, 0)], _OUTSIDE)
+    stands = before == GROUP_CARPET
+    hides = before == _OUTSIDE
+    return Bases(
+        placed_m=ground[rows[stands], first[stands]], hidden_m=ground[rows[hides], first[hides]]
+    )
 
 
 class ObstacleMemory:
@@ -128,15 +152,17 @@ class ObstacleMemory:
         groups = group_of(class_map.ids)
         self._forget_where_carpet_shows(groups, pose, frame, camera)
         cfg = self._config
-        run_px = max(1, round(cfg.min_run_px * groups.shape[0] / 112))
-        bases = visible_bases(
-            groups, camera, frame.gimbal_pitch_rad, frame.height_above_carpet_m, min_run_px=run_px
+        bases = find_bases(
+            groups,
+            camera,
+            frame.gimbal_pitch_rad,
+            frame.height_above_carpet_m,
+            min_run=cfg.min_run,
         )
-        bases[:, 0] += camera.forward_offset_m
-        near = np.hypot(bases[:, 0], bases[:, 1]) <= cfg.max_range_m
-        self._add(_to_odometry(bases[near], pose), frame.captured_s)
-        hidden = hidden_bases(groups, camera, frame.gimbal_pitch_rad, frame.height_above_carpet_m)
-        hidden[:, 0] += camera.forward_offset_m
+        offset = np.array([camera.forward_offset_m, 0.0])
+        placed, hidden = bases.placed_m + offset, bases.hidden_m + offset
+        near = np.hypot(placed[:, 0], placed[:, 1]) <= cfg.max_range_m
+        self._add(_to_odometry(placed[near], pose), frame.captured_s)
         self._unplaced_rad = self._unexplained(hidden, pose) + pose.yaw_rad
 
     def points(self) -> ObstaclePoints:

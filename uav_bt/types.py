@@ -346,7 +346,7 @@ class ObstaclePoints:
     points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
     captured_s: float  # of the newest frame that went in
     # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
-    # from the heading, clockwise positive, one for each column that shows them. (M,)
+    # from the heading, clockwise positive, one for each degree that shows them. (M,)
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
@@ -367,8 +367,8 @@ class ObstaclePoints:
         along = np.clip(self.points_m[:, 0], 0.0, max(0.0, forward_m))
         return float(np.hypot(self.points_m[:, 0] - along, self.points_m[:, 1]).min())
 
-    def unplaced_columns(self, half_angle_rad: float) -> int:
-        """Return how many columns show an obstacle of unknown range within a bearing of ahead."""
+    def unplaced_within(self, half_angle_rad: float) -> int:
+        """Return how many bearings of ahead show an obstacle of unknown range."""
         return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))
 
 

@@ -86,7 +86,7 @@ class SegmentationRuleConfig:
     # An obstacle of unknown range within this bearing of ahead forbids a step; further aside, the
     # path passes it at 0.7 of its range or more.
     unplaced_half_angle_rad: float = math.radians(45)
-    unplaced_min_columns: int = 3  # fewer are specks of the mask
+    unplaced_min: int = 2  # fewer are specks of the mask
     tie_ratio: float = 0.1  # halves closer than this are a tie, which the coin decides
 
     def __post_init__(self) -> None:
@@ -140,7 +140,7 @@ class SegmentationRule:
         if view.obstacles is None:
             return True
         cfg, obstacles = self.config, view.obstacles
-        if obstacles.unplaced_columns(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min_columns:
+        if obstacles.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
             return False
         return obstacles.clearance_m(cfg.step_m) >= min(cfg.margin_m, obstacles.nearest_m)
 
