@@ -1,0 +1,100 @@
+"""What the leaves' tests share: a policy that says what it is told, and a world that moves on."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.classes import CARPET
+from uav_bt.board import CLASS_MAP, STATE
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Leaf, Status
+from uav_bt.types import Attitude, ClassMap, DroneState, FlyingState, MovementStatus
+
+__all__ = [
+    "ADVANCE",
+    "TURN_LEFT",
+    "TURN_RIGHT",
+    "Says",
+    "carpet",
+    "halted_proposals",
+    "live",
+    "show",
+    "steering_bench",
+]
+
+ADVANCE = Decision(forward_m=0.3, reason="clear")
+TURN_RIGHT = Decision(yaw_rad=0.5, reason="obstacle")
+TURN_LEFT = Decision(yaw_rad=-0.5, reason="obstacle")
+
+
+class Says:
+    """A policy that gives its decisions in turn, the last one for ever, and keeps the views."""
+
+    def __init__(self, *decisions: Decision) -> None:
+        self.decisions = list(decisions)
+        self.views: list[PolicyView] = []
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Return the next decision."""
+        self.views.append(view)
+        return self.decisions.pop(0) if len(self.decisions) > 1 else self.decisions[0]
+
+
+def carpet() -> NDArray[np.uint8]:
+    """Return a class map of nothing but carpet."""
+    return np.full((18, 32), CARPET, dtype=np.uint8)
+
+
+def steering_bench(leaf: type[Leaf], policy: Says, **attributes: object) -> LeafBench:
+    """Return a bench for a leaf that moves under this policy."""
+    bench = LeafBench(leaf, policy="says", **attributes)
+    bench.policies["says"] = policy
+    return bench
+
+
+def show(
+    bench: LeafBench,
+    *,
+    seconds: float = 0.1,
+    flying: FlyingState = FlyingState.HOVERING,
+    height_m: float = 1.5,
+    yaw_rad: float = 0.0,
+    gimbal_deg: float = -30.0,
+    movement: MovementStatus | None = None,
+    ids: NDArray[np.uint8] | None = None,
+) -> None:
+    """Let time pass and write a world of now on the board, all of it fresh."""
+    bench.clock.advance(seconds)
+    bench.observe(
+        DroneState(
+            captured_s=bench.clock.now(),
+            flying=flying,
+            attitude=Attitude(yaw_rad=yaw_rad),
+            altitude_m=height_m,
+            height_m=height_m,
+            height_above_carpet_m=height_m,
+            gimbal_pitch_rad=math.radians(gimbal_deg),
+            movement=movement,
+        )
+    )
+    shown = carpet() if ids is None else ids
+    bench.board[CLASS_MAP] = ClassMap(ids=shown, captured_s=bench.clock.now())
+
+
+def live(bench: LeafBench, **world: Any) -> Status:
+    """Show the leaf a world of now, and tick it."""
+    show(bench, **world)
+    return bench.tick()
+
+
+def halted_proposals(bench: LeafBench) -> tuple[object, object]:
+    """Halt the leaf at the start of a tick; return what the halting proposed."""
+    assert STATE in bench.board
+    bench.proposals.clear()
+    bench.halt()
+    return bench.proposed, bench.pointed

@@ -1,0 +1,157 @@
+"""Avoid: one steady turn, one way, until the way is free."""
+
+from __future__ import annotations
+
+import pytest
+from leaf_world import (
+    ADVANCE,
+    TURN_LEFT,
+    TURN_RIGHT,
+    Says,
+    halted_proposals,
+    live,
+    steering_bench,
+)
+
+from behaviours.avoid import Avoid
+from uav_bt.board import HELD_TURN, STATE
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import HeldTurn, Velocity
+
+
+def turning(policy: Says) -> LeafBench:
+    """Return a bench whose leaf has just begun to turn."""
+    bench = steering_bench(Avoid, policy)
+    assert live(bench) is Status.RUNNING
+    assert bench.proposed is None
+    assert live(bench, seconds=0.3) is Status.RUNNING
+    return bench
+
+
+def rate(bench: LeafBench) -> float:
+    """Return the proposed yaw rate of a turn on the spot."""
+    proposed = bench.proposed
+    assert isinstance(proposed, Velocity)
+    assert proposed == Velocity(yaw_rate_radps=proposed.yaw_rate_radps)
+    return proposed.yaw_rate_radps
+
+
+def test_a_free_way_is_success_at_once() -> None:
+    """As soon as it has a view of now; nothing is proposed."""
+    bench = steering_bench(Avoid, Says(ADVANCE))
+    live(bench)
+
+    assert live(bench, seconds=0.3) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+@pytest.mark.parametrize(("decision", "side"), [(TURN_RIGHT, 1), (TURN_LEFT, -1)])
+def test_turns_on_the_spot_as_the_policy_says(decision: object, side: int) -> None:
+    """Clockwise is positive."""
+    bench = turning(Says(decision))  # type: ignore[arg-type]
+
+    assert side * rate(bench) > 0.3
+
+
+def test_the_turn_is_held() -> None:
+    """Once begun it goes on the same way, even if the policy would now go the other."""
+    policy = Says(TURN_RIGHT, TURN_LEFT)
+    bench = turning(policy)
+    for tick in range(1, 5):
+        live(bench, yaw_rad=0.07 * tick)
+        assert rate(bench) > 0.3
+
+    assert [view.turning for view in policy.views] == [0, 1, 1, 1, 1]
+
+
+def test_a_free_way_counts_only_after_the_least_turn() -> None:
+    """What the policy asked for must have been turned; then a free way is success."""
+    bench = turning(Says(TURN_RIGHT, ADVANCE))
+    assert live(bench, yaw_rad=0.2) is Status.RUNNING
+    assert live(bench, yaw_rad=0.45) is Status.RUNNING
+    assert (
+        live(bench, yaw_rad=0.55) is Status.RUNNING
+    )  # here it finds out that it has turned enough
+    assert live(bench, yaw_rad=0.60) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_turning_back_does_not_count_as_turned() -> None:
+    """A gust that turns the drone back must be turned again."""
+    bench = turning(Says(TURN_RIGHT, ADVANCE))
+    live(bench, yaw_rad=0.4)
+    live(bench, yaw_rad=0.1)
+    assert live(bench, yaw_rad=0.45) is Status.RUNNING
+    assert live(bench, yaw_rad=0.48) is Status.RUNNING
+    live(bench, yaw_rad=0.55)
+    assert live(bench, yaw_rad=0.56) is Status.SUCCESS
+
+
+def test_the_turn_is_counted_across_the_wrap() -> None:
+    """From 175 to -170 degrees it has turned 15, not 345."""
+    bench = steering_bench(Avoid, Says(TURN_RIGHT, ADVANCE))
+    live(bench, yaw_rad=3.05)
+    live(bench, seconds=0.3, yaw_rad=3.05)
+    assert live(bench, yaw_rad=-3.1) is Status.RUNNING
+    assert live(bench, yaw_rad=-3.1) is Status.RUNNING
+    live(bench, yaw_rad=-2.6)
+
+    assert live(bench, yaw_rad=-2.6) is Status.SUCCESS
+
+
+def test_without_telemetry_it_stops() -> None:
+    """Nothing is proposed, so the drone hovers."""
+    bench = turning(Says(TURN_RIGHT))
+    del bench.board[STATE]
+
+    assert bench.tick(advance_s=0.1) is Status.RUNNING
+    assert bench.proposed is None
+
+
+def test_without_a_view_it_neither_turns_nor_ends() -> None:
+    """Before the first view of now it waits."""
+    policy = Says(ADVANCE)
+    bench = steering_bench(Avoid, policy)
+    for _ in range(2):
+        assert live(bench, seconds=0.05) is Status.RUNNING
+        assert bench.proposed is None
+    assert policy.views == []
+
+
+def test_full_turns_in_vain_are_counted_for_the_policy() -> None:
+    """Two times round, and the policy is told; an advance would start the count again."""
+    policy = Says(TURN_RIGHT)
+    bench = turning(policy)
+    for tick in range(1, 45):
+        live(bench, yaw_rad=(0.3 * tick + 3.0) % 6.283 - 3.0)
+
+    assert policy.views[0].full_turns == 0
+    assert policy.views[-1].full_turns == 2
+
+
+def test_halted_it_commands_nothing_and_holds_its_turn() -> None:
+    """Begun again without an advance between, it goes on the same way: no dithering."""
+    policy = Says(TURN_RIGHT, TURN_LEFT)
+    bench = turning(policy)
+    assert halted_proposals(bench) == (None, None)
+
+    live(bench)
+    assert bench.proposed is None
+    live(bench, seconds=0.3)
+    assert rate(bench) > 0.3
+    assert policy.views[-1].turning == 1
+
+
+def test_after_an_advance_the_policy_chooses_again() -> None:
+    """Whoever advances forgets the held turn."""
+    policy = Says(TURN_RIGHT, TURN_LEFT)
+    bench = turning(policy)
+    bench.halt()
+    bench.board[HELD_TURN] = HeldTurn()
+
+    live(bench)
+    live(bench, seconds=0.3)
+
+    assert policy.views[-1].turning == 0
+    assert rate(bench) < -0.3
