@@ -27,6 +27,7 @@ __all__ = [
     "hsv_of",
     "patch_features",
     "patch_slices",
+    "window_means",
 ]
 
 HUE_BINS: Final = 90
@@ -105,6 +106,33 @@ def patch_slices(
     left = min(max(x - patch_px // 2, 0), width_px - patch_px)
     top = min(max(y - patch_px // 2, 0), height_px - patch_px)
     return slice(top, top + patch_px), slice(left, left + patch_px)
+
+
+def window_means(plane: NDArray[np.float64], side_px: int) -> NDArray[np.float64]:
+    """Return the mean over the window of every pixel, windows placed as `patch_slices` places them.
+
+    Args:
+        plane: (H, W) float64.
+        side_px: side of the windows.
+
+    Returns:
+        (H, W) float64.
+
+    Raises:
+        ValueRangeError: the plane is smaller than a window.
+    """
+    height_px, width_px = plane.shape
+    if side_px > min(height_px, width_px):
+        raise ValueRangeError(
+            f"a picture of {width_px}x{height_px} is smaller than a window of {side_px} pixels"
+        )
+    total = cv2.integral(plane, sdepth=cv2.CV_64F)
+    inner = np.subtract(total[side_px:, side_px:], total[:-side_px, side_px:])
+    np.subtract(inner, total[side_px:, :-side_px], out=inner)
+    np.add(inner, total[:-side_px, :-side_px], out=inner)
+    np.divide(inner, side_px * side_px, out=inner)
+    before, after = side_px // 2, side_px - 1 - side_px // 2
+    return np.pad(inner, ((before, after), (before, after)), mode="edge")
 
 
 def patch_features(

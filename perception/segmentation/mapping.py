@@ -98,7 +98,7 @@ class ClassMapping:
         beyond = [number for number in self.classes if number >= count]
         if beyond:
             raise ValueRangeError(
-                f"the mapping names class {beyond[0]}, the network has classes 0 to {count - 1}"
+                f"the mapping names class {max(beyond)}, the network has classes 0 to {count - 1}"
             )
         table = np.full(count, self.default, dtype=np.uint8)
         for theirs, ours in self.classes.items():

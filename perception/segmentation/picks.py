@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, cast, get_args
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import CLASS_COUNT, CLASS_NAMES
-from perception.segmentation.features import hsv_of, patch_features, patch_slices
+from perception.segmentation.features import hsv_of, patch_features, patch_slices, window_means
 from perception.segmentation.palette import COLOUR_COUNT, count_colours
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
 
@@ -252,13 +251,7 @@ def draw_picks(
 def _site(
     name: str, mask: NDArray[np.bool_], rng: np.random.Generator, *, patch_px: int, purity: float
 ) -> _Site:
-    share = cv2.boxFilter(
-        mask.astype(np.float32),
-        cv2.CV_32F,
-        (patch_px, patch_px),
-        anchor=(patch_px // 2, patch_px // 2),
-        borderType=cv2.BORDER_REPLICATE,
-    )
+    share = window_means(mask.astype(np.float64), patch_px)
     share[~mask] = 0.0  # a person clicks on the thing itself
     best = float(share.max())
     points = np.argwhere(share >= min(purity, 0.95 * best))[:, ::-1].astype(np.int64)

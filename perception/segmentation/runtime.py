@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.segmentation.mapping import ClassMapping
+from perception.segmentation.mapping import ClassMapping, read_mapping
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, load_teacher
 from perception.weights_io import SHIPPED_WEIGHTS
@@ -31,26 +31,27 @@ class OnnxSegmenter:
     """
 
     def __init__(
-        self, path: Path, mapping: ClassMapping | None = None, *, threads: int = 1
+        self, path: Path, mapping: ClassMapping | Path | None = None, *, threads: int = 1
     ) -> None:
         """Load and compile the network.
 
         Args:
             path: the ONNX file.
-            mapping: what its classes mean; None for a network that speaks our seventeen.
+            mapping: what its classes mean, or the file that says so; None for a network that speaks
+                our seventeen.
             threads: of inference.
 
         Raises:
             WeightsError: the file is absent or damaged, or the network is no segmentation network.
+            FileError: the mapping's file is absent or malformed.
             ValueRangeError: the mapping names a class that the network does not have.
         """
         if threads < 1:
             raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         self._path = path
-        self._mapping = ClassMapping.identity() if mapping is None else mapping
+        self._mapping = _mapping_of(mapping)
         model = _read(path)
         self._size = self._input_size(model)
-        self._output_rank = len(model.output(0).get_partial_shape())
         self._request = _compile(model, threads).create_infer_request()
         grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
         output = self._run(grey)
@@ -151,6 +152,12 @@ def shipped_unet(*, threads: int = 1) -> OnnxSegmenter:
 def shipped_teacher() -> TeacherSegmenter:
     """Return the teacher that comes with the package."""
     return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER))
+
+
+def _mapping_of(mapping: ClassMapping | Path | None) -> ClassMapping:
+    if mapping is None:
+        return ClassMapping.identity()
+    return read_mapping(mapping) if isinstance(mapping, Path) else mapping
 
 
 def _read(path: Path) -> Any:

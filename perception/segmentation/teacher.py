@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import CLASS_COUNT, CLASS_NAMES
-from perception.segmentation.features import FEATURE_COUNT, channel_tables, hsv_of
+from perception.segmentation.features import FEATURE_COUNT, channel_tables, hsv_of, window_means
 from perception.segmentation.palette import COLOUR_COUNT, palette_of_counts
 from perception.segmentation.picks import PickedPatches
 from perception.weights_io import read_weights, write_weights
@@ -97,26 +97,15 @@ class Teacher:
             Class id and its (H, W) float64 scores, for the classes that had picks.
         """
         side = self.config.patch_px if window_px is None else window_px
-        height_px, width_px = hsv.shape[:2]
-        if side > min(height_px, width_px):
-            raise ValueRangeError(
-                f"a picture of {width_px}x{height_px} is smaller than a window of {side} pixels"
-            )
         hue, saturation, value = cv2.split(hsv)
-        inner = np.empty((height_px - side + 1, width_px - side + 1))
-        before, after = side // 2, side - 1 - side // 2
         for class_id in self.known:
             table = channel_tables(self.weights[class_id])
             pixel = cv2.LUT(hue, table[:, 0])
             cv2.add(pixel, cv2.LUT(saturation, table[:, 1]), pixel)
             cv2.add(pixel, cv2.LUT(value, table[:, 2]), pixel)
-            total = cv2.integral(pixel, sdepth=cv2.CV_64F)
-            np.subtract(total[side:, side:], total[:-side, side:], out=inner)
-            np.subtract(inner, total[side:, :-side], out=inner)
-            np.add(inner, total[:-side, :-side], out=inner)
-            np.divide(inner, side * side, out=inner)
-            np.add(inner, self.bias[class_id], out=inner)
-            yield class_id, np.pad(inner, ((before, after), (before, after)), mode="edge")
+            scores = window_means(np.asarray(pixel, dtype=np.float64), side)
+            np.add(scores, self.bias[class_id], out=scores)
+            yield class_id, scores
 
     def window_ids(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         """Return the best class of every window and its score.

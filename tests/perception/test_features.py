@@ -1,0 +1,51 @@
+"""Patches as 190 numbers."""
+
+import numpy as np
+import pytest
+
+from perception.segmentation import features
+from uav_bt.errors import ShapeError, ValueRangeError
+
+
+def test_one_colour_fills_one_bin_of_each_histogram() -> None:
+    hsv = np.full((40, 40, 3), (179, 255, 128), dtype=np.uint8)
+    (row,) = features.patch_features(hsv, np.array([[20, 20]]), 40)
+    assert row.shape == (190,)
+    assert np.flatnonzero(row).tolist() == [89, 90 + 63, 154 + 18]
+    assert row.sum() == pytest.approx(3.0)
+
+
+def test_every_level_has_a_bin_and_every_bin_a_level() -> None:
+    reached = features.channel_tables(np.arange(190, dtype=np.float64))
+    assert set(reached[:180, 0]) == set(range(90))
+    assert set(reached[:, 1]) == set(range(90, 154))
+    assert set(reached[:, 2]) == set(range(154, 190))
+
+
+def test_a_patch_starts_half_its_side_before_its_pixel() -> None:
+    rows, columns = features.patch_slices(50, 40, patch_px=40, width_px=100, height_px=90)
+    assert (columns.start, columns.stop, rows.start, rows.stop) == (30, 70, 20, 60)
+
+
+@pytest.mark.parametrize(("x", "y", "left", "top"), [(0, 0, 0, 0), (99, 89, 60, 50)])
+def test_a_patch_at_the_border_is_shifted_inwards_whole(
+    x: int, y: int, left: int, top: int
+) -> None:
+    rows, columns = features.patch_slices(x, y, patch_px=40, width_px=100, height_px=90)
+    assert (columns.start, rows.start) == (left, top)
+    assert columns.stop - columns.start == rows.stop - rows.start == 40
+
+
+def test_bad_input_is_refused_with_what_was_expected() -> None:
+    with pytest.raises(ValueRangeError, match="outside the 100x90"):
+        features.patch_slices(100, 0, patch_px=40, width_px=100, height_px=90)
+    with pytest.raises(ValueRangeError, match="smaller than a patch of 40"):
+        features.patch_slices(0, 0, patch_px=40, width_px=39, height_px=90)
+    with pytest.raises(ShapeError, match="HxWx3, got 5x5"):
+        features.hsv_of(np.zeros((5, 5), dtype=np.uint8))
+    with pytest.raises(ValueRangeError, match="uint8, got float64"):
+        features.hsv_of(np.zeros((5, 5, 3)))  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match="must be 190"):
+        features.channel_tables(np.zeros(189))
+    with pytest.raises(ShapeError, match="Nx2"):
+        features.patch_features(np.zeros((50, 50, 3), np.uint8), np.zeros((1, 3), np.int64), 40)

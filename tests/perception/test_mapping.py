@@ -1,0 +1,68 @@
+"""What a foreign network's classes mean here."""
+
+from pathlib import Path
+
+import pytest
+
+from perception.segmentation.mapping import ClassMapping, InputFormat, read_mapping
+from uav_bt.errors import FileError, ValueRangeError
+
+
+def _read(tmp_path: Path, text: str) -> ClassMapping:
+    path = tmp_path / "foreign.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_mapping(path)
+
+
+def test_class_names_and_groups_become_ids(tmp_path: Path) -> None:
+    mapping = _read(tmp_path, "classes: {0: background, 3: obstacle, 4: roof_2, 7: helipad}")
+    assert mapping.table(9).tolist() == [0, 0, 0, 4, 13, 0, 0, 3, 0]
+
+
+def test_unlisted_classes_take_the_default(tmp_path: Path) -> None:
+    mapping = _read(tmp_path, "default: obstacle\nclasses: {1: carpet}")
+    assert mapping.table(3).tolist() == [4, 1, 4]
+
+
+def test_json_is_as_good_as_yaml(tmp_path: Path) -> None:
+    mapping = _read(
+        tmp_path,
+        '{"classes": {"2": "carpet"}, "input": {"mean": [1, 2, 3], "scale": [4, 5, 6.5],'
+        ' "colours": "bgr", "layout": "nhwc"}}',
+    )
+    assert mapping.table(3)[2] == 1
+    assert mapping.input == InputFormat(
+        mean=(1.0, 2.0, 3.0), scale=(4.0, 5.0, 6.5), colours="bgr", layout="nhwc"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("classes: {0: carpte}", "unknown class 'carpte'; did you mean 'carpet'"),
+        ("clases: {0: carpet}", "knows no 'clases'; did you mean 'classes'"),
+        ("classes: [carpet]", "must list class numbers"),
+        ("classes: {}", "at least one class"),
+        ("classes: {a: carpet}", "must be whole, got 'a'"),
+        ("classes: {-1: carpet}", "within 0 and 65535, got -1"),
+        ("classes: {0: carpet}\ninput: {mean: 3}", "list of three numbers"),
+        ("classes: {0: carpet}\ninput: {scale: [1, 0, 1]}", "none of them zero"),
+        ("classes: {0: carpet}\ninput: {layout: chw}", "nchw or nhwc"),
+        ("classes: {0: carpet", "foreign.yaml:1: is not YAML"),
+        ("- 1", "must be a YAML mapping, got list"),
+        ("classes: {0: !!python/object/apply:os.getcwd []}", "is not YAML"),
+    ],
+)
+def test_a_bad_mapping_is_refused_with_the_reason(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(FileError, match=message):
+        _read(tmp_path, text)
+
+
+def test_an_absent_mapping_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="no such class mapping"):
+        read_mapping(tmp_path / "none.yaml")
+
+
+def test_a_class_the_network_does_not_have_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 9"):
+        ClassMapping.identity().table(10)
