@@ -103,7 +103,7 @@ class ReturnToBase(SteeringLeaf):
         if self.moving(state):
             return False
         decision = self.decide()
-        if self._direction != 0:
+        if self._turning:
             if decision is None or decision.blocked or not self.turn_is_complete:
                 self.keep_turning(state, decision)
             else:

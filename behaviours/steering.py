@@ -12,11 +12,11 @@ import math
 import numpy as np
 
 from behaviours.movement import Mover, Progress
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, OBSTACLES, PHASE, STATE, TURNED
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import ClassMap, DroneState, Frame, Velocity
+from uav_bt.types import ClassMap, DroneState, Frame, HeldTurn, Velocity
 
 __all__ = ["FLIGHT_HEIGHT", "POLICY", "SteeringLeaf"]
 
@@ -25,8 +25,8 @@ FLIGHT_HEIGHT = Port("height_m", float, default=1.5, doc="flight height above th
 
 # Less than this is the altimeter's noise; more is corrected with the next advance.
 _ALTITUDE_SLACK_M = 0.08
-# A steady turn: in the 0.25 s between a frame's capture and its effect it goes on by 10 degrees.
-_YAW_RATE_RADPS = 0.7
+# A steady turn: between a frame's capture and its effect, 0.3 s, it goes on by 10 degrees.
+_YAW_RATE_RADPS = 0.6
 # After a turn the airframe swings on for this long; a step begun earlier would go astray.
 _SETTLE_S = 0.2
 
@@ -35,8 +35,8 @@ class SteeringLeaf(Leaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     ports = (POLICY, FLIGHT_HEIGHT)
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES, TURNED)
-    writes = (PHASE, TURNED)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES, HELD_TURN)
+    writes = (PHASE, HELD_TURN)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy; raises UnknownNameError for a name that nobody registered."""
@@ -67,7 +67,7 @@ class SteeringLeaf(Leaf):
 
     def move(self, state: DroneState, decision: Decision) -> None:
         """Start an advance, correcting the altitude on the way."""
-        self.write(TURNED, 0.0)
+        self.write(HELD_TURN, HeldTurn())
         error_m = state.height_above_carpet_m - self.port_value("height_m")
         self.propose(
             self._mover.start(
@@ -88,7 +88,7 @@ class SteeringLeaf(Leaf):
         self._forget_turn()
 
     def _forget_turn(self) -> None:
-        self._direction = 0  # of the turn under way: +1 clockwise, -1 counter-clockwise, 0 none
+        self._turning = False
         self._to_turn_rad = 0.0  # the least it must turn before a free way counts
         self._last_yaw_rad = math.nan
 
@@ -97,25 +97,33 @@ class SteeringLeaf(Leaf):
         """True when the drone has turned as far as the policy asked, or no turn is under way."""
         return self._to_turn_rad <= 0.0
 
+    @property
+    def held_turn(self) -> HeldTurn:
+        """The turn held since the last advance, by whichever leaf."""
+        return self.read(HELD_TURN).value or HeldTurn()
+
     def keep_turning(self, state: DroneState, decision: Decision | None) -> None:
         """Begin a turn as the policy decided, or go on with the one under way."""
-        yaw_rad = state.attitude.yaw_rad
-        if self._direction == 0:
+        yaw_rad, held = state.attitude.yaw_rad, self.held_turn
+        if not self._turning:
             if decision is None or not decision.blocked:
                 return
-            self._direction = 1 if decision.yaw_rad > 0.0 else -1
+            self._turning = True
             self._to_turn_rad = abs(decision.yaw_rad)
             self._last_yaw_rad = yaw_rad
+        direction = held.direction
+        if direction == 0 and decision is not None:
+            direction = 1 if decision.yaw_rad > 0.0 else -1
         turned_rad = math.remainder(yaw_rad - self._last_yaw_rad, 2.0 * math.pi)
-        self._to_turn_rad -= self._direction * turned_rad
-        self.write(TURNED, self._turned_so_far() + abs(turned_rad))
+        self._to_turn_rad -= direction * turned_rad
         self._last_yaw_rad = yaw_rad
+        self.write(
+            HELD_TURN,
+            HeldTurn(direction=direction, turned_rad=held.turned_rad + abs(turned_rad)),
+        )
         # What is seen while turning counts at once: the turn goes the same way for any of it.
         self._view_from_s = -math.inf
-        self.propose(Velocity(yaw_rate_radps=self._direction * _YAW_RATE_RADPS))
-
-    def _turned_so_far(self) -> float:
-        return self.read(TURNED).value or 0.0
+        self.propose(Velocity(yaw_rate_radps=direction * _YAW_RATE_RADPS))
 
     # --- looking ----------------------------------------------------------------------------------
 
@@ -137,6 +145,7 @@ class SteeringLeaf(Leaf):
             return None
         frame, class_map = view
         height_px, width_px = class_map.ids.shape
+        held = self.held_turn
         decision = self._policy.decide(
             PolicyView(
                 class_map=class_map,
@@ -144,8 +153,8 @@ class SteeringLeaf(Leaf):
                 gimbal_pitch_rad=frame.gimbal_pitch_rad,
                 height_above_carpet_m=frame.height_above_carpet_m,
                 obstacles=self.read(OBSTACLES).value,
-                turning=self._direction,
-                full_turns=int(self._turned_so_far() / (2.0 * math.pi)),
+                turning=held.direction,
+                full_turns=held.full_turns,
                 coin=float(self._rng.random()),
             )
         )

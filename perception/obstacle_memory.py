@@ -4,7 +4,8 @@ A forward-looking camera does not see what is beside the drone, nor the carpet n
 1.2 m. But a box stands still, and its base was seen from further away: the lowest obstacle pixel on
 a bearing meets the carpet there. Those points are kept in the dead-reckoned frame for a while, and
 forgotten where the carpet is seen again. What reaches down to the image's lower edge and is not
-explained by such a point has an unknown range; its bearing is reported apart.
+explained by such a point has an unknown range: its bearing is reported apart, and for a while it is
+assumed to stand anywhere on that bearing.
 """
 
 from __future__ import annotations
@@ -33,7 +34,11 @@ _HIGHEST_RAD = math.radians(-8.0)  # carpet seen flatter than this is beyond the
 class ObstacleMemoryConfig:
     """What is remembered, and for how long."""
 
-    max_age_s: float = 15.0  # dead reckoning has gone astray by a decimetre or so by then
+    max_age_s: float = 30.0  # dead reckoning has gone astray by two decimetres or so by then
+    # An obstacle of unknown range is assumed at each of these until carpet is seen there; not
+    # nearer than the first, where it would touch the body already.
+    assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
+    assumed_age_s: float = 10.0
     max_range_m: float = 3.0  # a pixel of the base's row weighs too much further away
     cell_m: float = 0.05  # one point is kept in each cell
     min_run: int = 4  # half degrees of obstacle above a base; fewer are specks of the mask
@@ -126,15 +131,15 @@ class ObstacleMemory:
         self._config = config or ObstacleMemoryConfig()
         self._odometry = Odometry()
         self._points = np.empty((0, 2))  # odometry frame
-        self._seen_s = np.empty(0)
+        self._until_s = np.empty(0)
         self._newest_s = -np.inf
         self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
 
     def predict(self, state: DroneState) -> None:
         """Follow the drone's own motion up to a telemetry sample."""
         now = self._odometry.update(state)
-        keep = self._seen_s >= now.time_s - self._config.max_age_s
-        self._points, self._seen_s = self._points[keep], self._seen_s[keep]
+        keep = self._until_s >= now.time_s
+        self._points, self._until_s = self._points[keep], self._until_s[keep]
 
     def update(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
         """Take in a class map.
@@ -162,8 +167,12 @@ class ObstacleMemory:
         offset = np.array([camera.forward_offset_m, 0.0])
         placed, hidden = bases.placed_m + offset, bases.hidden_m + offset
         near = np.hypot(placed[:, 0], placed[:, 1]) <= cfg.max_range_m
-        self._add(_to_odometry(placed[near], pose), frame.captured_s)
-        self._unplaced_rad = self._unexplained(hidden, pose) + pose.yaw_rad
+        self._add(_to_odometry(placed[near], pose), frame.captured_s + cfg.max_age_s)
+        unexplained = self._unexplained(hidden, pose, frame.captured_s)
+        self._unplaced_rad = unexplained + pose.yaw_rad
+        rays = np.stack([np.cos(unexplained), np.sin(unexplained)], axis=-1)
+        assumed = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
+        self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s)
 
     def points(self) -> ObstaclePoints:
         """Return what is remembered, from where the drone is now."""
@@ -206,10 +215,15 @@ class ObstacleMemory:
         shows_carpet = np.zeros(len(local), dtype=bool)
         columns, rows = np.rint(pixels[inside]).astype(int).T
         shows_carpet[inside] = groups[rows, columns] == GROUP_CARPET
-        self._points, self._seen_s = self._points[~shows_carpet], self._seen_s[~shows_carpet]
+        self._points, self._until_s = self._points[~shows_carpet], self._until_s[~shows_carpet]
 
-    def _unexplained(self, hidden: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:
-        """Return the bearings, from the pose's heading, of what no remembered base explains."""
+    def _unexplained(
+        self, hidden: NDArray[np.float64], pose: OdometryPose, time_s: float
+    ) -> NDArray[np.float64]:
+        """Return the bearings, from the pose's heading, of what no remembered base explains.
+
+        What does explain one is still there: it is remembered afresh.
+        """
         bearings = np.arctan2(hidden[:, 1], hidden[:, 0])
         if not len(hidden) or not len(self._points):
             return bearings
@@ -217,17 +231,24 @@ class ObstacleMemory:
         known_bearings = np.arctan2(local[:, 1], local[:, 0])
         known_ranges = np.hypot(local[:, 0], local[:, 1])
         limits = np.hypot(hidden[:, 0], hidden[:, 1]) + self._config.explain_m
-        near = np.abs(bearings[:, None] - known_bearings) < self._config.explain_rad
-        explained = (near & (known_ranges <= limits[:, None])).any(axis=1)
-        return np.asarray(bearings[~explained])
+        seen_as_base = self._until_s > time_s + self._config.assumed_age_s
+        explains = (
+            (np.abs(bearings[:, None] - known_bearings) < self._config.explain_rad)
+            & (known_ranges <= limits[:, None])
+            & seen_as_base
+        )
+        self._until_s[explains.any(axis=0)] = time_s + self._config.max_age_s
+        return np.asarray(bearings[~explains.any(axis=1)])
 
-    def _add(self, points: NDArray[np.float64], time_s: float) -> None:
-        # Newest first, so that `unique` keeps the newest point of a cell.
+    def _add(self, points: NDArray[np.float64], until_s: float) -> None:
+        # Longest-lived first, so that `unique` keeps that point of a cell.
         merged = np.vstack([points, self._points])
-        seen_s = np.concatenate([np.full(len(points), time_s), self._seen_s])
+        expiries = np.concatenate([np.full(len(points), until_s), self._until_s])
+        order = np.argsort(-expiries, kind="stable")
+        merged, expiries = merged[order], expiries[order]
         cells = np.floor(merged / self._config.cell_m).astype(np.int64)
         _, first = np.unique(cells, axis=0, return_index=True)
-        self._points, self._seen_s = merged[first], seen_s[first]
+        self._points, self._until_s = merged[first], expiries[first]
 
 
 def _to_odometry(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:

@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Any, Final
 
 from uav_bt.mission.blackboard import Key
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HelipadFix, ObstaclePoints
+from uav_bt.types import (
+    CameraModel,
+    ClassMap,
+    DroneState,
+    Frame,
+    HeldTurn,
+    HelipadFix,
+    ObstaclePoints,
+)
 
 __all__ = [
     "CAMERA",
@@ -13,12 +21,12 @@ __all__ = [
     "ELAPSED",
     "FRAME",
     "HEIGHT",
+    "HELD_TURN",
     "HELIPAD",
     "MISSION_KEYS",
     "OBSTACLES",
     "PHASE",
     "STATE",
-    "TURNED",
 ]
 
 # A frame is old when the drone has flown blind for longer than one 30 cm step takes to start.
@@ -70,11 +78,10 @@ PHASE: Final = Key(
     writer="mission leaves",
 )
 
-TURNED: Final = Key(
-    "turned_rad",
-    float,
-    "how far the drone has turned since its last advance",
-    unit="rad",
+HELD_TURN: Final = Key(
+    "held_turn",
+    HeldTurn,
+    "the turn held since the last advance",
     writer="Explore, Avoid, ReturnToBase",
 )
 
@@ -88,5 +95,5 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     HELIPAD,
     OBSTACLES,
     PHASE,
-    TURNED,
+    HELD_TURN,
 )

@@ -30,6 +30,7 @@ __all__ = [
     "FlyingState",
     "Frame",
     "GimbalTo",
+    "HeldTurn",
     "HelipadFix",
     "Hover",
     "Land",
@@ -315,6 +316,19 @@ class Corridor:
     nearest_m: float  # nearest intrusion from the body's centre; inf when there is none
     nearest_side: Literal["left", "right", "front", "up", "down"] | None
     time_to_impact_s: float  # at the present speed; inf when nothing is ahead
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldTurn:
+    """A turn on the spot that is held in one direction until the drone advances again."""
+
+    direction: int = 0  # +1 clockwise, -1 counter-clockwise, 0 none
+    turned_rad: float = 0.0  # since the last advance, both ways added up
+
+    @property
+    def full_turns(self) -> int:
+        """How many full turns found no free way."""
+        return int(self.turned_rad / (2.0 * math.pi))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -68,7 +68,7 @@ class SegmentationRuleConfig:
     turn_rad: float = math.radians(30)  # one correction; a third of the view
     obstacle_threshold_px: float = 900.0  # of a 224x112 map, as in the paper
     carpet_threshold_px: float = 1600.0  # likewise
-    obstacle_range_m: float = 1.9  # from the camera: boxes based beyond this are not in the way
+    obstacle_range_m: float = 1.6  # from the camera: boxes based beyond this are not in the way
     # From the image's centre. A side 0.4 m beside the path, 1.2 m ahead, is seen 14 degrees out; the
     # 8 degrees more are the 26 columns that it takes to reach the threshold.
     obstacle_half_angle_rad: float = math.radians(22)
