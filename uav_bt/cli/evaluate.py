@@ -1,0 +1,127 @@
+"""`uav-bt evaluate`: how good a network is, measured against the twin's truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from uav_bt.cli.options import output_option, seed_option, views_option
+from uav_bt.cli.progress import progress_bars
+
+if TYPE_CHECKING:
+    from perception.segmentation.evaluation import SegmentationScore
+
+__all__ = ["evaluate"]
+
+
+@click.group()
+def evaluate() -> None:
+    """Measure what perception is worth."""
+
+
+@evaluate.command()
+@click.option(
+    "--model",
+    default="unet",
+    show_default=True,
+    help="'unet', 'teacher', a teacher's .safetensors file, or an ONNX network.",
+)
+@click.option(
+    "--classes",
+    type=click.Path(path_type=Path),
+    help="Class-mapping file of a foreign ONNX network.",
+)
+@views_option(100)
+@seed_option(2)
+@output_option("--out", "Write the scores there too, as JSON.")
+def segmentation(
+    *,
+    model: str,
+    classes: Path | None,
+    scenes: tuple[str, ...],
+    views: int,
+    seed: int,
+    out: Path | None,
+) -> None:
+    """Score a segmentation against the twin's exact class ids; on the testing scenes by default.
+
+    The score is the intersection over union over all pixels, by class and by navigation group.
+    """
+    from uav_bt import training  # noqa: PLC0415 - late, for --help
+
+    segment = _segmenter(model, classes)
+    plan = training.ViewPlan(scenes=scenes or training.TESTING_SCENES, views=views, seed=seed)
+    with progress_bars() as advance:
+        score = training.evaluate_segmentation(segment, plan, advance=advance)
+    result = {"model": model, "scenes": list(plan.scenes), "views": views, "seed": seed}
+    result |= _figures(score)
+    _show(result)
+    if out is not None:
+        out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        click.echo(f"scores: {out}")
+
+
+def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:
+    import numpy as np  # noqa: PLC0415 - late, for --help
+
+    from perception.segmentation import runtime  # noqa: PLC0415
+    from perception.segmentation.teacher import load_teacher  # noqa: PLC0415
+    from uav_bt.types import Frame  # noqa: PLC0415
+
+    if classes is not None and not model.endswith(".onnx"):
+        raise click.UsageError("--classes belongs to an ONNX network")
+    if model == "unet":
+        return runtime.shipped_unet(threads=2).ids
+    if model != "teacher" and not model.endswith(".safetensors"):
+        return runtime.OnnxSegmenter(Path(model), mapping=classes, threads=2).ids
+    teacher = (
+        runtime.shipped_teacher()
+        if model == "teacher"
+        else runtime.TeacherSegmenter(load_teacher(Path(model)))
+    )
+
+    def segment(rgb: Any) -> Any:
+        frame = Frame(
+            image=np.asarray(rgb, dtype=np.uint8), index=0, captured_s=0.0, gimbal_pitch_rad=0.0
+        )
+        return teacher.segment(frame).ids
+
+    return segment
+
+
+def _figures(score: SegmentationScore) -> dict[str, Any]:
+    from perception.classes import CLASS_NAMES, GROUP_NAMES  # noqa: PLC0415 - late, for --help
+
+    return {
+        "pictures": score.pictures,
+        "accuracy": round(score.accuracy, 4),
+        "group_miou": round(score.group_miou, 4),
+        "miou": round(score.miou, 4),
+        "group_iou": _by_name(GROUP_NAMES, score.group_iou),
+        "class_iou": _by_name(CLASS_NAMES, score.iou),
+    }
+
+
+def _by_name(names: Any, values: Any) -> dict[str, float | None]:
+    # A class that no picture shows has no score: it is not a number, and equals nothing.
+    return {
+        name: round(float(value), 4) if value == value else None  # noqa: PLR0124
+        for name, value in zip(names, values, strict=True)
+    }
+
+
+def _show(result: dict[str, Any]) -> None:
+    click.echo(
+        f"{result['model']} on {result['pictures']} pictures of {', '.join(result['scenes'])}"
+    )
+    click.echo(f"  pixels right      {result['accuracy']:.4f}")
+    click.echo(f"  mIoU, 4 groups    {result['group_miou']:.4f}")
+    click.echo(f"  mIoU, 17 classes  {result['miou']:.4f}")
+    for title in ("group_iou", "class_iou"):
+        click.echo(f"  {title.replace('_', ', ').replace('iou', 'IoU')}")
+        for name, value in result[title].items():
+            click.echo(f"    {name:<16}{'-' if value is None else format(value, '.4f')}")

@@ -1,0 +1,114 @@
+"""`uav-bt fly`: fly a mission, watch it, keep its report."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from uav_bt.cli.options import node_policies, output_option, picture_size, seed_option
+from uav_bt.errors import MissionError
+
+__all__ = ["fly"]
+
+
+@click.command()
+@click.argument("tree")
+@click.option("--scene", metavar="SCENE", help="The twin's lab: a shipped scene or a YAML file.")
+@seed_option()
+@click.option(
+    "--drone",
+    metavar="NAME[:ADDRESS]",
+    default="twin",
+    show_default=True,
+    help="The drone that flies.",
+)
+@click.option(
+    "--profile",
+    default="lab",
+    show_default=True,
+    help="How imperfect the twin is: ideal, lab or harsh.",
+)
+@click.option(
+    "--policy",
+    "policies",
+    metavar="NODE=NAME",
+    multiple=True,
+    callback=node_policies,
+    help="Let a node, by name or path, use another leaf policy. Repeatable.",
+)
+@output_option("--report", "Write the flight's report there, as JSON.")
+@output_option("--video", "Film the flight: an mp4 file.")
+@click.option("--realtime", is_flag=True, help="Let the twin keep pace with the clock on the wall.")
+@click.option(
+    "--image-size",
+    metavar="WxH",
+    callback=picture_size,
+    default="640x360",
+    show_default=True,
+    help="Of the camera's pictures, 16:9.",
+)
+@click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Of the networks' inference.",
+)
+@click.pass_context
+def fly(
+    ctx: click.Context,
+    *,
+    tree: str,
+    scene: str | None,
+    seed: int,
+    drone: str,
+    profile: str,
+    policies: dict[str, str],
+    report: Path | None,
+    video: Path | None,
+    realtime: bool,
+    image_size: tuple[int, int],
+    threads: int,
+) -> None:
+    """Fly a mission.
+
+    TREE is a tree file, or the name of a mission that ships with uav-bt. Ctrl-C lands the drone and the report is still written. Exits with 0 when the mission succeeded,
+    with 1 when it did not, and with 2 when nothing was flown because something given was refused.
+    """
+    if report is not None and report == video:
+        raise click.UsageError("--report and --video name the same file")
+
+    from rich.console import Console  # noqa: PLC0415 - `--help` need not wait for all of these
+
+    from uav_bt import app, watching  # noqa: PLC0415
+    from uav_bt.mission.judge import Outcome  # noqa: PLC0415
+    from uav_bt.view.status import summary  # noqa: PLC0415
+
+    options = app.FlightOptions(
+        scene=scene,
+        seed=seed,
+        drone=drone,
+        profile=profile,
+        policies=policies,
+        image_size_px=image_size,
+        realtime=realtime,
+        inference_threads=threads,
+    )
+    with ExitStack() as stack:
+        watchers: list[watching.Listeners] = [stack.enter_context(watching.live_status())]
+        film = None
+        if video is not None:
+            title = f"{Path(tree).stem}, {scene or drone}, seed {seed}"
+            film = stack.enter_context(watching.flight_video(video, title=title))
+            watchers.append(film)
+        flown = app.fly(tree, options, report=report, listeners=watching.all_of(*watchers))
+        if film is not None:
+            film.conclude(flown)
+    Console().print(summary(flown))
+    for what, path in (("report", report), ("video", video)):
+        if path is not None:
+            click.echo(f"{what}: {path}")
+    if flown.outcome != Outcome.SUCCESS.value:
+        ctx.exit(MissionError.exit_code)

@@ -1,0 +1,106 @@
+"""Options that several commands take, and what checks their values."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+__all__ = ["node_policies", "output_option", "picture_size", "seed_option", "views_option"]
+
+_Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+def picture_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
+    """Return width and height in pixels of a WIDTHxHEIGHT.
+
+    Raises:
+        BadParameter: it is none.
+    """
+    match = re.fullmatch(r"([1-9]\d{0,4})[xX]([1-9]\d{0,4})", value)
+    if match is None:
+        raise click.BadParameter(f"expected a size such as 640x360, got '{value}'", ctx, param)
+    return int(match[1]), int(match[2])
+
+
+def node_policies(
+    ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
+) -> dict[str, str]:
+    """Return policies' names by node of several NODE=NAME.
+
+    Raises:
+        BadParameter: one is malformed, or two are about the same node.
+    """
+    policies: dict[str, str] = {}
+    for value in values:
+        node, _, policy = value.rpartition("=")
+        if not (node and policy):
+            raise click.BadParameter(
+                f"expected NODE=NAME, such as Explore=segmentation, got '{value}'", ctx, param
+            )
+        if node in policies:
+            raise click.BadParameter(f"node '{node}' is given two policies", ctx, param)
+        policies[node] = policy
+    return policies
+
+
+def _writable(ctx: click.Context, param: click.Parameter, value: Path | None) -> Path | None:
+    """Refuse, before any work is done, a file whose folder is absent or does not let us write."""
+    if value is None:
+        return None
+    if not value.parent.is_dir():
+        raise click.BadParameter(
+            f"folder '{value.parent}' does not exist; create it first", ctx, param
+        )
+    if not os.access(value.parent, os.W_OK):
+        raise click.BadParameter(f"folder '{value.parent}' cannot be written to", ctx, param)
+    return value
+
+
+def output_option(name: str, help_: str) -> _Decorator:
+    """Return an option for a file that will be written."""
+    return click.option(
+        name,
+        metavar="FILE",
+        type=click.Path(dir_okay=False, writable=True, path_type=Path),
+        callback=_writable,
+        help=help_,
+    )
+
+
+def seed_option(default: int = 0) -> _Decorator:
+    """Return the option for the seed."""
+    return click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        default=default,
+        show_default=True,
+        help="Of everything random.",
+    )
+
+
+def views_option(default: int) -> _Decorator:
+    """Return the options that say which pictures of the twin are taken."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        scenes = click.option(
+            "--scene",
+            "scenes",
+            metavar="SCENE",
+            multiple=True,
+            help="Take pictures of this scene, by name or file, not of the usual ones. Repeatable.",
+        )
+        views = click.option(
+            "--views",
+            type=click.IntRange(min=1),
+            default=default,
+            show_default=True,
+            help="Pictures of each scene.",
+        )
+        return scenes(views(command))
+
+    return decorate

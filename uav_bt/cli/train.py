@@ -1,0 +1,165 @@
+"""`uav-bt train`: make the weights that missions fly on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+import click
+
+from uav_bt.cli.options import output_option, seed_option, views_option
+from uav_bt.cli.progress import need, progress_bars
+
+__all__ = ["train"]
+
+_RUNS: Final = Path("runs")  # where results go by default; git does not look there
+
+
+@click.group()
+def train() -> None:
+    """Train the networks that missions fly on."""
+
+
+@train.command()
+@output_option("--out", f"The safetensors file; {_RUNS}/teacher.safetensors if not given.")
+@click.option(
+    "--picks",
+    type=click.Path(path_type=Path),
+    help="Learn from the picks of this file instead of drawing them from the twin.",
+)
+@click.option(
+    "--photographs",
+    type=click.Path(path_type=Path),
+    help="The folder of the photographs that --picks is about; the twin's pictures if not given.",
+)
+@views_option(60)
+@seed_option()
+@click.option(
+    "--total",
+    type=click.IntRange(min=1),
+    default=6500,
+    show_default=True,
+    help="Picks that are drawn in all.",
+)
+def teacher(
+    *,
+    out: Path | None,
+    picks: Path | None,
+    photographs: Path | None,
+    scenes: tuple[str, ...],
+    views: int,
+    seed: int,
+    total: int,
+) -> None:
+    """Train the teacher on picks: drawn from the twin, or clicked by a person."""
+    weights = out or _RUNS / "teacher.safetensors"
+    if photographs is not None and picks is None:
+        raise click.UsageError("--photographs needs --picks: what was clicked on them")
+    from perception.segmentation.picks import read_picks  # noqa: PLC0415 - late, for --help
+    from perception.segmentation.teacher import TeacherConfig, save_teacher  # noqa: PLC0415
+    from uav_bt import training  # noqa: PLC0415
+
+    config = TeacherConfig()
+    if picks is not None and photographs is not None:
+        trained = training.train_teacher_on_photographs(picks, photographs, config)
+    else:
+        plan = training.ViewPlan(scenes=scenes or training.TRAINING_SCENES, views=views, seed=seed)
+        chosen = read_picks(picks) if picks is not None else None
+        with progress_bars() as advance:
+            if chosen is None:
+                chosen = training.draw_twin_picks(plan, config, total=total, advance=advance)
+            trained = training.train_teacher(chosen, plan, config, advance=advance)
+    save_teacher(weights, trained)
+    click.echo(f"teacher of {len(trained.known)} classes: {weights}")
+
+
+@train.command()
+@output_option("--out", f"The safetensors file; {_RUNS}/unet.safetensors if not given.")
+@click.option(
+    "--teacher",
+    "teacher_path",
+    type=click.Path(path_type=Path),
+    help="Whose masks are learnt; the shipped teacher's if not given.",
+)
+@click.option(
+    "--run",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=_RUNS / "segmentation",
+    show_default=True,
+    help="Where masks and checkpoint are kept: the same command again goes on from there.",
+)
+@views_option(875)
+@seed_option(1)
+@click.option(
+    "--steps", type=click.IntRange(min=1), default=4000, show_default=True, help="Of training."
+)
+@click.option(
+    "--loss",
+    type=click.Choice(["cross_entropy", "bce_dice"]),
+    default="cross_entropy",
+    show_default=True,
+    help="What is minimised.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Processes that make masks.",
+)
+def segmentation(
+    *,
+    out: Path | None,
+    teacher_path: Path | None,
+    run: Path,
+    scenes: tuple[str, ...],
+    views: int,
+    seed: int,
+    steps: int,
+    loss: str,
+    workers: int,
+) -> None:
+    """Train the U-Net on the teacher's masks.
+
+    Writes a safetensors file and, beside it, the ONNX file made from it. A mission flies on the
+    latter when its tree says <Segment model="FILE.onnx"/>.
+    """
+    need("train", "torch", "onnx")
+    weights = out or _RUNS / "unet.safetensors"
+    if weights.suffix != ".safetensors":
+        raise click.UsageError(f"--out must end in .safetensors, got '{weights}'")
+    from perception.segmentation.teacher import load_teacher  # noqa: PLC0415 - late, for --help
+    from perception.segmentation.training import TrainingConfig  # noqa: PLC0415
+    from uav_bt import training  # noqa: PLC0415
+
+    teacher_path = training.SHIPPED_TEACHER if teacher_path is None else teacher_path
+    load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
+    plan = training.StudentPlan(
+        views=training.ViewPlan(scenes=scenes or training.TRAINING_SCENES, views=views, seed=seed)
+    )
+    config = TrainingConfig(steps=steps, loss=loss)  # type: ignore[arg-type]  # click checked it
+    with progress_bars() as advance:
+        pictures = training.label_pictures(
+            teacher_path,
+            plan,
+            run / f"masks-{_fingerprint(plan, teacher_path)}",
+            workers=workers,
+            advance=advance,
+        )
+        training.train_segmentation(
+            pictures,
+            weights,
+            config=config,
+            checkpoint=run / "checkpoint.safetensors",
+            advance=advance,
+        )
+    click.echo(f"segmentation U-Net: {weights} and {weights.with_suffix('.onnx')}")
+
+
+def _fingerprint(plan: object, teacher_path: Path) -> str:
+    """Return a name for the masks of a plan, so that other masks are never taken for them."""
+    about = json.dumps(asdict(plan), sort_keys=True)  # type: ignore[call-overload]  # a dataclass
+    return hashlib.sha256(about.encode() + teacher_path.read_bytes()).hexdigest()[:12]
