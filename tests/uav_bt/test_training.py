@@ -1,0 +1,158 @@
+"""Training and evaluation on pictures of the twin, in small."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from perception.classes import CARPET
+from perception.segmentation.picks import Pick, write_picks
+from perception.segmentation.refine import RefineConfig
+from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
+from perception.segmentation.teacher import Teacher, TeacherConfig, load_teacher, save_teacher
+from perception.segmentation.training import TrainingConfig
+from uav_bt import training
+from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
+
+SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
+PLAN = training.ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def picks() -> list[Pick]:
+    return training.draw_twin_picks(PLAN, SMALL, total=1200)
+
+
+@pytest.fixture(scope="module")
+def teacher(picks: list[Pick]) -> Teacher:
+    return training.train_teacher(picks, PLAN, SMALL)
+
+
+def test_a_plan_gives_the_same_pictures_whichever_scenes_stand_beside() -> None:
+    plan = replace(PLAN, views=2)
+    both = list(training.twin_views(plan))
+    alone = list(training.twin_views(replace(plan, scenes=("train-b",))))
+    assert [name for name, _, _ in both] == [
+        "train-a-00000.png",
+        "train-a-00001.png",
+        "train-b-00000.png",
+        "train-b-00001.png",
+    ]
+    for (name, rgb, ids), (other_name, other_rgb, other_ids) in zip(both[2:], alone, strict=True):
+        assert name == other_name
+        np.testing.assert_array_equal(rgb, other_rgb)
+        np.testing.assert_array_equal(ids, other_ids)
+
+
+def test_another_seed_gives_other_pictures() -> None:
+    (_, first, _), (_, second, _) = (
+        next(training.twin_views(replace(PLAN, seed=seed))) for seed in (0, 1)
+    )
+    assert (first != second).mean() > 0.5
+
+
+def test_picks_are_drawn_from_every_scene(picks: list[Pick]) -> None:
+    assert 1000 < len(picks) < 1600
+    assert {pick.image[:7] for pick in picks} == {"train-a", "train-b"}
+    assert {pick.origin for pick in picks} == {"simulated"}
+
+
+def test_the_teacher_learns_the_twins_patterns(teacher: Teacher) -> None:
+    plan = replace(PLAN, scenes=("val-a",), views=10)
+    score = training.evaluate_segmentation(lambda rgb: teacher.window_ids(rgb)[0], plan)
+    assert score.pictures == 10
+    assert score.group_miou > 0.8
+
+
+def test_labelling_keeps_what_is_done_and_training_writes_both_files(
+    teacher: Teacher, tmp_path: Path
+) -> None:
+    weights = tmp_path / "teacher.safetensors"
+    save_teacher(weights, teacher)
+    plan = training.StudentPlan(
+        views=replace(PLAN, views=3), refine=RefineConfig(rounds=1), size_px=(64, 32)
+    )
+    told: list[tuple[str, int, int]] = []
+    folder = tmp_path / "labels"
+    rgb, ids = training.label_pictures(weights, plan, folder, advance=lambda *now: told.append(now))
+    assert rgb.shape == (6, 32, 64, 3)
+    assert ids.shape == (6, 32, 64)
+    assert told[-1] == ("labels", 2, 2)
+    first = folder / "labels-train-a.npz"
+    made = first.stat().st_mtime_ns
+    (folder / "labels-train-b.npz").unlink()
+    again, _ = training.label_pictures(weights, plan, folder)
+    np.testing.assert_array_equal(again, rgb)
+    assert first.stat().st_mtime_ns == made
+
+    steps: list[int] = []
+    training.train_segmentation(
+        (rgb, ids),
+        tmp_path / "unet.safetensors",
+        config=TrainingConfig(steps=2, batch=2),
+        checkpoint=tmp_path / "run.safetensors",
+        advance=lambda _stage, done, _total: steps.append(done),
+    )
+    assert steps == [1, 2]
+    assert OnnxSegmenter(tmp_path / "unet.onnx").ids(rgb[0]).shape == (32, 64)
+
+
+def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_path: Path) -> None:
+    """Pictures twice as large, with picks in their own pixels."""
+    large: list[Pick] = []
+    for name, rgb, _ in training.twin_views(PLAN):
+        mine = [pick for pick in picks if pick.image == name]
+        if mine:
+            big = cv2.resize(rgb, (640, 360), interpolation=cv2.INTER_NEAREST)
+            cv2.imwrite(str(tmp_path / name), big[..., ::-1])
+            large += [replace(pick, x=2 * pick.x, y=2 * pick.y, origin="hand") for pick in mine]
+    write_picks(tmp_path / "picks.csv", large)
+    learned = training.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
+    same = training.train_teacher(picks, PLAN, SMALL)
+    assert learned.known == same.known
+    score = training.evaluate_segmentation(
+        lambda rgb: learned.window_ids(rgb)[0], replace(PLAN, scenes=("val-a",), views=6)
+    )
+    assert score.group_iou[CARPET] > 0.9
+
+
+def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
+    write_picks(tmp_path / "picks.csv", [Pick(image="none.png", x=1, y=1, class_id=1)])
+    with pytest.raises(FileError, match=r"none\.png: is no readable picture"):
+        training.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
+
+
+def test_bad_plans_are_refused() -> None:
+    with pytest.raises(ValueRangeError, match="a scene and a positive count"):
+        training.ViewPlan(scenes=())
+    with pytest.raises(ValueRangeError, match="within 0 and 1"):
+        training.ViewPlan(facing_pad=1.5)
+    with pytest.raises(UnknownNameError, match="unknown scene 'train-z'"):
+        next(training.twin_views(replace(PLAN, scenes=("train-z",))))
+
+
+def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
+    plan = training.ViewPlan(
+        scenes=training.VALIDATION_SCENES,
+        views=15,
+        size_px=(640, 360),
+        truth_size_px=(224, 112),
+        seed=5,
+    )
+    assert training.evaluate_segmentation(shipped_unet().ids, plan).group_miou >= 0.93
+
+
+def test_the_shipped_teacher_knows_all_classes() -> None:
+    assert load_teacher(training.SHIPPED_TEACHER).known == tuple(range(17))
