@@ -18,10 +18,12 @@ class Avoid(SteeringLeaf):
     def update(self) -> Status:
         """Look, and go on turning or be done."""
         state = self.state()
-        if state is None:
+        if state is None or self.moving(state):
             return Status.RUNNING
         decision = self.decide()
         if decision is not None and not decision.blocked and self.turn_is_complete:
             return Status.SUCCESS
-        self.keep_turning(state, decision)
+        # The turn itself takes seconds in which the drone drifts: first clear an intrusion.
+        if decision is None or not self.make_room():
+            self.keep_turning(state, decision)
         return Status.RUNNING

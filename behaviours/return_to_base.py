@@ -25,7 +25,7 @@ _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
 _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
 # The way to the pad must be this wide, half, from the body's centre, this far ahead.
-_HALF_WIDTH_M = 0.38
+_HALF_WIDTH_M = 0.42
 _LOOK_AHEAD_M = 1.3
 # An obstacle of unknown range this near to ahead is in the way.
 _UNPLACED_RAD = math.radians(30)
@@ -110,6 +110,8 @@ class ReturnToBase(SteeringLeaf):
                 self.look_afresh()  # the turn has worked: settle, look once more, advance
             return False
         if decision is None:
+            return False
+        if decision.blocked and self.make_room():
             return False
         if decision.blocked:
             self.keep_turning(state, decision)

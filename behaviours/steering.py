@@ -25,6 +25,9 @@ FLIGHT_HEIGHT = Port("height_m", float, default=1.5, doc="flight height above th
 
 # Less than this is the altimeter's noise; more is corrected with the next advance.
 _ALTITUDE_SLACK_M = 0.08
+# An obstacle this near to the body's centre, half of whose diagonal is 0.2 m, is an intrusion.
+_TOO_NEAR_M = 0.38
+_ROOM_STEP_M = 0.15
 # A steady turn: between a frame's capture and its effect, 0.3 s, it goes on by 10 degrees.
 _YAW_RATE_RADPS = 0.6
 # After a turn the airframe swings on for this long; a step begun earlier would go astray.
@@ -78,6 +81,27 @@ class SteeringLeaf(Leaf):
                 down_m=error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0,
             )
         )
+
+    def make_room(self) -> bool:
+        """Start a step away from an obstacle that is too near; False when there is no need.
+
+        Or no way: the step must lead away from everything remembered.
+        """
+        obstacles = self.read(OBSTACLES).value
+        if obstacles is None or obstacles.nearest_m >= _TOO_NEAR_M:
+            return False
+        distances = np.hypot(obstacles.points_m[:, 0], obstacles.points_m[:, 1])
+        forward_m, right_m = obstacles.points_m[distances.argmin()]
+        away = -_ROOM_STEP_M / max(obstacles.nearest_m, 0.05)
+        forward_m, right_m = float(away * forward_m), float(away * right_m)
+        if obstacles.clearance_towards_m(forward_m, right_m) < obstacles.nearest_m - 0.01:
+            return False
+        self.propose(
+            self._mover.start(
+                self.mission.proposals, self.clock.now(), forward_m=forward_m, right_m=right_m
+            )
+        )
+        return True
 
     # --- turning ----------------------------------------------------------------------------------
 

@@ -381,6 +381,17 @@ class ObstaclePoints:
         along = np.clip(self.points_m[:, 0], 0.0, max(0.0, forward_m))
         return float(np.hypot(self.points_m[:, 0] - along, self.points_m[:, 1]).min())
 
+    def clearance_towards_m(self, forward_m: float, right_m: float) -> float:
+        """Return the distance of the nearest point to the straight way to a place."""
+        length_m = math.hypot(forward_m, right_m)
+        if not len(self.points_m) or length_m == 0.0:
+            return self.nearest_m
+        c, s = forward_m / length_m, right_m / length_m
+        turned = ObstaclePoints(
+            points_m=self.points_m @ np.array([[c, -s], [s, c]]), captured_s=self.captured_s
+        )
+        return turned.clearance_m(length_m)
+
     def unplaced_within(self, half_angle_rad: float) -> int:
         """Return how many bearings of ahead show an obstacle of unknown range."""
         return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))

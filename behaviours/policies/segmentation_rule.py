@@ -80,9 +80,10 @@ class SegmentationRuleConfig:
     obstacle_relief: float = 0.35
     carpet_relief: float = 0.2
     max_full_turns: int = 3  # of relief
-    # From the body's centre to a remembered base: half the body's diagonal, 0.2, and as much again
+    # From the body's centre to a remembered base: half the body's diagonal is 0.2, the rest is
     # for drift and masks. Already nearer than that, a step must lead away.
-    margin_m: float = 0.42
+    margin_m: float = 0.55
+    margin_relief_m: float = 0.06  # less of it after each full turn without a free way
     # An obstacle of unknown range within this bearing of ahead forbids a step; further aside, the
     # path passes it at 0.7 of its range or more.
     unplaced_half_angle_rad: float = math.radians(45)
@@ -120,7 +121,7 @@ class SegmentationRule:
         obstacle_limit = cfg.obstacle_threshold_px * (1.0 + cfg.obstacle_relief * relief)
         if view.turning:
             obstacle_limit *= cfg.hysteresis
-        way_is_free = obstacles <= obstacle_limit and self._keeps_margin(view)
+        way_is_free = obstacles <= obstacle_limit and self._keeps_margin(view, relief)
         carpet_goes_on = ground >= cfg.carpet_threshold_px * (1.0 - cfg.carpet_relief * relief)
         if way_is_free and carpet_goes_on:
             return Decision(forward_m=cfg.step_m, reason="clear")
@@ -136,13 +137,14 @@ class SegmentationRule:
             return Decision(yaw_rad=self._turn(left, right, view.coin), reason=reason)
         return Decision(yaw_rad=math.copysign(math.pi, view.coin - 0.5), reason=reason)
 
-    def _keeps_margin(self, view: PolicyView) -> bool:
+    def _keeps_margin(self, view: PolicyView, relief: int) -> bool:
         if view.obstacles is None:
             return True
         cfg, obstacles = self.config, view.obstacles
         if obstacles.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
             return False
-        return obstacles.clearance_m(cfg.step_m) >= min(cfg.margin_m, obstacles.nearest_m)
+        margin_m = cfg.margin_m - cfg.margin_relief_m * relief
+        return obstacles.clearance_m(cfg.step_m) >= min(margin_m, obstacles.nearest_m)
 
     def _turn(self, for_left: int, for_right: int, coin: float) -> float:
         """Return a turn to the side with more votes; clockwise, to the right, is positive."""
