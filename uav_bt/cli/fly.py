@@ -74,8 +74,9 @@ def fly(
 ) -> None:
     """Fly a mission.
 
-    TREE is a tree file, or the name of a mission that ships with uav-bt. Ctrl-C lands the drone and the report is still written. Exits with 0 when the mission succeeded,
-    with 1 when it did not, and with 2 when nothing was flown because something given was refused.
+    TREE is a tree file, or the name of a mission that ships with uav-bt. Ctrl-C lands the drone and
+    the report is still written. Exits with 0 when the mission succeeded, 1 when it did not, and 2
+    when nothing was flown because something given was refused.
     """
     if report is not None and report == video:
         raise click.UsageError("--report and --video name the same file")
