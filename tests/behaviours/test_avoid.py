@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 from leaf_world import (
     ADVANCE,
@@ -10,14 +13,15 @@ from leaf_world import (
     Says,
     halted_proposals,
     live,
+    show,
     steering_bench,
 )
 
 from behaviours.avoid import Avoid
-from uav_bt.board import HELD_TURN, STATE
+from uav_bt.board import HELD_TURN, OBSTACLES, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import HeldTurn, Velocity
+from uav_bt.types import HeldTurn, MoveBy, ObstaclePoints, Velocity
 
 
 def turning(policy: Says) -> LeafBench:
@@ -155,3 +159,43 @@ def test_after_an_advance_the_policy_chooses_again() -> None:
 
     assert policy.views[-1].turning == 0
     assert rate(bench) < -0.3
+
+
+def near(bench: LeafBench, *points: tuple[float, float]) -> None:
+    """Remember obstacles so far ahead and right of the body's centre, and tick."""
+    show(bench, seconds=0.3)
+    bench.board[OBSTACLES] = ObstaclePoints(
+        points_m=np.array(points, dtype=np.float64), captured_s=bench.clock.now()
+    )
+    assert bench.tick() is Status.RUNNING
+
+
+def test_an_intrusion_is_cleared_before_the_turn() -> None:
+    """A short step straight away from what is too near; the turn comes after it."""
+    bench = steering_bench(Avoid, Says(TURN_RIGHT))
+    live(bench)
+    near(bench, (0.18, 0.24), (1.5, 0.0))
+    step = bench.proposed
+    assert isinstance(step, MoveBy)
+    assert math.atan2(step.right_m, step.forward_m) == pytest.approx(math.atan2(-0.24, -0.18))
+    assert 0.05 < math.hypot(step.forward_m, step.right_m) < 0.3
+    near(bench, (0.18, 0.24))
+    assert bench.proposed == step
+
+    bench.clock.advance(0.3)
+    bench.finish_movement()
+    bench.tick()
+    near(bench, (0.27, 0.36))
+    assert rate(bench) > 0.3
+
+
+@pytest.mark.parametrize(
+    "points", [[(0.5, 0.0)], [(0.25, 0.0), (-0.25, 0.0)]], ids=["far enough", "between two"]
+)
+def test_without_need_or_room_it_just_turns(points: list[tuple[float, float]]) -> None:
+    """No step when nothing intrudes, nor from one obstacle into another."""
+    bench = steering_bench(Avoid, Says(TURN_RIGHT))
+    live(bench)
+    near(bench, *points)
+
+    assert rate(bench) > 0.3
