@@ -1,0 +1,52 @@
+# make fly    fly a mission in the simulated lab; the first call also installs what it needs
+# make test   everything that must hold: style, types, tests
+#
+# Choose with variables: make fly SCENE=test-a SEED=7, make PYTHON=/path/to/python3 test
+
+VENV ?= .venv
+TREE ?= trees/explore_and_land_segmentation.xml
+SCENE ?= train-a
+SEED ?= 0
+OUT ?= out
+
+export PYTHON
+BIN := $(VENV)/bin
+NEEDS := pyproject.toml constraints.txt tools/install.sh
+
+.PHONY: fly test lint format clean distclean
+
+fly: $(VENV)/.for-flying
+	@mkdir -p $(OUT)
+	@$(BIN)/uav-bt fly $(TREE) --scene $(SCENE) --seed $(SEED) \
+		--report $(OUT)/report.json --video $(OUT)/mission.mp4
+
+# The tests come last, and come also when the style is wrong, so that one run tells everything.
+test: $(VENV)/.for-developing
+	@failed=0; \
+	$(MAKE) --no-print-directory lint || failed=1; \
+	$(BIN)/python -m pytest $(PYTEST_ARGS) || failed=1; \
+	exit $$failed
+
+lint: $(VENV)/.for-developing
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/ruff format --check --quiet .
+	@$(BIN)/mypy --no-error-summary
+
+format: $(VENV)/.for-developing
+	@$(BIN)/ruff check --quiet --fix .
+	@$(BIN)/ruff format --quiet .
+
+$(VENV)/.for-flying: $(NEEDS)
+	@sh tools/install.sh $(VENV)
+	@touch $@
+
+$(VENV)/.for-developing: $(NEEDS)
+	@sh tools/install.sh $(VENV) dev
+	@touch $@ $(VENV)/.for-flying
+
+clean:
+	rm -rf $(OUT) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .benchmarks .hypothesis
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)
