@@ -126,11 +126,14 @@ def window_means(plane: NDArray[np.float64], side_px: int) -> NDArray[np.float64
         raise ValueRangeError(
             f"a picture of {width_px}x{height_px} is smaller than a window of {side_px} pixels"
         )
-    total = cv2.integral(plane, sdepth=cv2.CV_64F)
+    # Sums of what exceeds the mean stay small over the whole picture, and so do rounding errors.
+    mean = float(plane.mean())
+    total = cv2.integral(plane - mean, sdepth=cv2.CV_64F)
     inner = np.subtract(total[side_px:, side_px:], total[:-side_px, side_px:])
     np.subtract(inner, total[side_px:, :-side_px], out=inner)
     np.add(inner, total[:-side_px, :-side_px], out=inner)
     np.divide(inner, side_px * side_px, out=inner)
+    np.add(inner, mean, out=inner)
     before, after = side_px // 2, side_px - 1 - side_px // 2
     return np.pad(inner, ((before, after), (before, after)), mode="edge")
 
