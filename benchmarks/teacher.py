@@ -4,8 +4,8 @@
 
 Both see the same 1152x648 pictures in the same run. "Patch by patch" is the paper's way: every
 fifth pixel, cut the patch out, make its histograms, ask the classifier. "Batched" gives
-scikit-learn all patches of a picture in one call, which is the best it can do. Dense inference answers for every
-pixel, 25 times as many windows.
+scikit-learn all patches of a picture in one call, which is the best it can do. Dense inference
+answers for every pixel, 25 times as many windows.
 """
 
 from __future__ import annotations
