@@ -48,6 +48,7 @@ class HelipadCenter(Leaf):
         self._started_s = self.clock.now()
         self._climb_next_m = self.port_value("climb_m")
         self._confirmed = 0
+        self._judged_s = -math.inf
         self._low = False  # the second look has begun
 
     def terminate(self, new_status: Status) -> None:
@@ -79,7 +80,6 @@ class HelipadCenter(Leaf):
         fix = self._fix_from_above()
         if fix is not None:
             return self._centre(state, fix, now_s)
-        self._confirmed = 0
         return self._look_from_higher(state, now_s)
 
     def _fix_from_above(self) -> HelipadFix | None:
@@ -87,10 +87,13 @@ class HelipadCenter(Leaf):
         frame, fix = self.read(FRAME).value, self.read(HELIPAD).value
         if frame is None or fix is None or not fix.detected:
             return None
+        if fix.captured_s == self._judged_s:
+            return None  # a frame is looked at once
         looks_down = frame.gimbal_pitch_rad < _LOOKS_DOWN_RAD
         return fix if looks_down and fix.captured_s >= self._mover.ended_s else None
 
     def _centre(self, state: DroneState, fix: HelipadFix, now_s: float) -> Status:
+        self._judged_s = fix.captured_s
         forward_m = fix.forward_m - self.port_value("camera_forward_m")
         offset_m = math.hypot(forward_m, fix.right_m)
         self.feedback_message = f"{100 * offset_m:.0f} cm off"
@@ -108,9 +111,9 @@ class HelipadCenter(Leaf):
         return Status.RUNNING
 
     def _look_from_higher(self, state: DroneState, now_s: float) -> Status:
-        waited_s = now_s - max(self._mover.ended_s, self._started_s)
+        waited_s = now_s - max(self._mover.ended_s, self._started_s, self._judged_s)
         if waited_s > _LOOK_S and state.height_above_carpet_m < _CEILING_M:
-            self._low = False
+            self._low, self._confirmed = False, 0
             self._move(now_s, down_m=-self.port_value("climb_m"))
         return Status.RUNNING
 

@@ -18,6 +18,10 @@ __all__ = ["ReturnToBase"]
 _OUT_OF_VIEW_S = 0.5
 # It can only leave view through the image's lower edge this close; further away it was just missed.
 _CLOSE_M = 1.6
+# Beside or behind, but so near that looking straight down will show it.
+_PASSED_M = 0.35
+# Above the pad itself the way may be narrower: what stands around it was seen on the approach.
+_OVERFLY_MARGIN_M = 0.32
 # The track is trusted this long without a detection, while it lies ahead.
 _TRACK_S = 5.0
 # Advance while the bearing error is below this; turn on the spot otherwise.
@@ -127,13 +131,14 @@ class ReturnToBase(SteeringLeaf):
             self._enter(_Phase.SEARCH)
             return
         unseen_s = self.clock.now() - fix.captured_s
-        if unseen_s > _OUT_OF_VIEW_S and fix.range_m < _CLOSE_M:
+        ahead = abs(fix.bearing_rad) < _AHEAD_RAD
+        if unseen_s > _OUT_OF_VIEW_S and fix.range_m < _CLOSE_M and ahead:
             self._enter(_Phase.OVERFLY)
             return
         if unseen_s > _TRACK_S:
             self._enter(_Phase.SEARCH)
             return
-        if abs(fix.bearing_rad) < _AHEAD_RAD and not self._way_is_free(fix):
+        if ahead and not self._way_is_free(fix):
             self._enter(_Phase.DETOUR)
             return
         self._steer(fix)
@@ -152,17 +157,15 @@ class ReturnToBase(SteeringLeaf):
         end_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
         if obstacles.unplaced_within(_UNPLACED_RAD) >= _UNPLACED_MIN:
             return False
-        clearance_m = obstacles.clearance_m(end_m)
-        # Already nearer than the margin, the way must lead away.
-        return clearance_m >= min(_HALF_WIDTH_M, obstacles.nearest_m)
+        return obstacles.allows(end_m, margin_m=_HALF_WIDTH_M)
 
     def _detour(self, state: DroneState) -> None:
         """Turn away until the policy finds a way, take two steps, then face the pad again."""
-        if self._wander(state):
-            self._detour_steps += 1
-        if self._detour_steps >= _DETOUR_STEPS and not self._mover.busy:
+        if self._detour_steps >= _DETOUR_STEPS and not self.moving(state):
             self._detour_steps = 0
             self._enter(_Phase.APPROACH)
+        elif self._wander(state):
+            self._detour_steps += 1
 
     # --- the last metre ---------------------------------------------------------------------------
 
@@ -172,7 +175,14 @@ class ReturnToBase(SteeringLeaf):
         if fix is None:
             self._enter(_Phase.SEARCH)
             return Status.RUNNING
-        if fix.range_m < self.port_value("arrive_m") or fix.forward_m < 0.0:
+        passed = fix.forward_m < 0.0 and fix.range_m < _PASSED_M
+        if fix.range_m < self.port_value("arrive_m") or passed:
             return Status.SUCCESS
+        obstacles = self.read(OBSTACLES).value
+        if obstacles is None or not obstacles.allows(
+            fix.range_m, margin_m=_OVERFLY_MARGIN_M, assumed=False
+        ):
+            self._enter(_Phase.DETOUR)
+            return Status.RUNNING
         self._steer(fix)
         return Status.RUNNING

@@ -94,7 +94,7 @@ class SteeringLeaf(Leaf):
         forward_m, right_m = obstacles.points_m[distances.argmin()]
         away = -_ROOM_STEP_M / max(obstacles.nearest_m, 0.05)
         forward_m, right_m = float(away * forward_m), float(away * right_m)
-        if obstacles.clearance_towards_m(forward_m, right_m) < obstacles.nearest_m - 0.01:
+        if not obstacles.allows(forward_m, right_m, margin_m=_TOO_NEAR_M):
             return False
         self.propose(
             self._mover.start(

@@ -132,14 +132,14 @@ class ObstacleMemory:
         self._odometry = Odometry()
         self._points = np.empty((0, 2))  # odometry frame
         self._until_s = np.empty(0)
+        self._assumed = np.empty(0, dtype=bool)
         self._newest_s = -np.inf
         self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
 
     def predict(self, state: DroneState) -> None:
         """Follow the drone's own motion up to a telemetry sample."""
         now = self._odometry.update(state)
-        keep = self._until_s >= now.time_s
-        self._points, self._until_s = self._points[keep], self._until_s[keep]
+        self._keep(self._until_s >= now.time_s)
 
     def update(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
         """Take in a class map.
@@ -167,12 +167,12 @@ class ObstacleMemory:
         offset = np.array([camera.forward_offset_m, 0.0])
         placed, hidden = bases.placed_m + offset, bases.hidden_m + offset
         near = np.hypot(placed[:, 0], placed[:, 1]) <= cfg.max_range_m
-        self._add(_to_odometry(placed[near], pose), frame.captured_s + cfg.max_age_s)
+        self._add(_to_odometry(placed[near], pose), frame.captured_s + cfg.max_age_s, assumed=False)
         unexplained = self._unexplained(hidden, pose, frame.captured_s)
         self._unplaced_rad = unexplained + pose.yaw_rad
         rays = np.stack([np.cos(unexplained), np.sin(unexplained)], axis=-1)
         assumed = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
-        self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s)
+        self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s, assumed=True)
 
     def points(self) -> ObstaclePoints:
         """Return what is remembered, from where the drone is now."""
@@ -180,8 +180,10 @@ class ObstacleMemory:
         if pose is None:
             return ObstaclePoints(points_m=np.empty((0, 2)), captured_s=self._newest_s)
         bearings = self._unplaced_rad - pose.yaw_rad
+        local = _to_body(self._points, pose)
         return ObstaclePoints(
-            points_m=_to_body(self._points, pose),
+            points_m=local[~self._assumed],
+            assumed_m=local[self._assumed],
             captured_s=self._newest_s,
             unplaced_rad=(bearings + np.pi) % (2.0 * np.pi) - np.pi,
         )
@@ -215,7 +217,11 @@ class ObstacleMemory:
         shows_carpet = np.zeros(len(local), dtype=bool)
         columns, rows = np.rint(pixels[inside]).astype(int).T
         shows_carpet[inside] = groups[rows, columns] == GROUP_CARPET
-        self._points, self._until_s = self._points[~shows_carpet], self._until_s[~shows_carpet]
+        self._keep(~shows_carpet)
+
+    def _keep(self, which: NDArray[np.bool_]) -> None:
+        self._points, self._until_s = self._points[which], self._until_s[which]
+        self._assumed = self._assumed[which]
 
     def _unexplained(
         self, hidden: NDArray[np.float64], pose: OdometryPose, time_s: float
@@ -231,24 +237,26 @@ class ObstacleMemory:
         known_bearings = np.arctan2(local[:, 1], local[:, 0])
         known_ranges = np.hypot(local[:, 0], local[:, 1])
         limits = np.hypot(hidden[:, 0], hidden[:, 1]) + self._config.explain_m
-        seen_as_base = self._until_s > time_s + self._config.assumed_age_s
         explains = (
             (np.abs(bearings[:, None] - known_bearings) < self._config.explain_rad)
             & (known_ranges <= limits[:, None])
-            & seen_as_base
+            & ~self._assumed
         )
         self._until_s[explains.any(axis=0)] = time_s + self._config.max_age_s
         return np.asarray(bearings[~explains.any(axis=1)])
 
-    def _add(self, points: NDArray[np.float64], until_s: float) -> None:
-        # Longest-lived first, so that `unique` keeps that point of a cell.
+    def _add(self, points: NDArray[np.float64], until_s: float, *, assumed: bool) -> None:
+        # What was seen comes before what is assumed, the newer before the older: `unique` keeps the
+        # first of a cell.
         merged = np.vstack([points, self._points])
         expiries = np.concatenate([np.full(len(points), until_s), self._until_s])
-        order = np.argsort(-expiries, kind="stable")
-        merged, expiries = merged[order], expiries[order]
-        cells = np.floor(merged / self._config.cell_m).astype(np.int64)
+        assumptions = np.concatenate([np.full(len(points), assumed), self._assumed])
+        order = np.lexsort((-expiries, assumptions))
+        cells = np.floor(merged[order] / self._config.cell_m).astype(np.int64)
         _, first = np.unique(cells, axis=0, return_index=True)
-        self._points, self._until_s = merged[first], expiries[first]
+        chosen = order[first]
+        self._points, self._until_s = merged[chosen], expiries[chosen]
+        self._assumed = assumptions[chosen]
 
 
 def _to_odometry(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:

@@ -353,19 +353,26 @@ class HelipadFix:
         return math.atan2(self.right_m, self.forward_m)
 
 
+# Passing a point that lies abeam brings it nearer by this little; that is no approach.
+_PASSING_M = 0.02
+
+
 @dataclass(frozen=True, kw_only=True)
 class ObstaclePoints:
     """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
 
     points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
     captured_s: float  # of the newest frame that went in
+    # (K, 2): likewise, where obstacles of unknown range are assumed for the time being.
+    assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
     # from the heading, clockwise positive, one for each degree that shows them. (M,)
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        if self.points_m.ndim != 2 or self.points_m.shape[1] != 2:
-            raise ShapeError("obstacle points", expected="Nx2", actual=self.points_m.shape)
+        for points in (self.points_m, self.assumed_m):
+            if points.ndim != 2 or points.shape[1] != 2:
+                raise ShapeError("obstacle points", expected="Nx2", actual=points.shape)
 
     @property
     def nearest_m(self) -> float:
@@ -374,23 +381,28 @@ class ObstaclePoints:
             return math.inf
         return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
 
-    def clearance_m(self, forward_m: float) -> float:
-        """Return the distance of the nearest point to the straight way ahead of that length."""
-        if not len(self.points_m):
-            return math.inf
-        along = np.clip(self.points_m[:, 0], 0.0, max(0.0, forward_m))
-        return float(np.hypot(self.points_m[:, 0] - along, self.points_m[:, 1]).min())
+    def allows(
+        self, forward_m: float, right_m: float = 0.0, *, margin_m: float, assumed: bool = True
+    ) -> bool:
+        """Return whether a straight way keeps a margin from every point.
 
-    def clearance_towards_m(self, forward_m: float, right_m: float) -> float:
-        """Return the distance of the nearest point to the straight way to a place."""
+        What is already nearer than the margin may be passed and left, but not approached.
+
+        Args:
+            forward_m: the end of the way, from the body's centre.
+            right_m: likewise.
+            margin_m: smallest distance of a point to the way.
+            assumed: whether the assumed points count, too.
+        """
         length_m = math.hypot(forward_m, right_m)
-        if not len(self.points_m) or length_m == 0.0:
-            return self.nearest_m
-        c, s = forward_m / length_m, right_m / length_m
-        turned = ObstaclePoints(
-            points_m=self.points_m @ np.array([[c, -s], [s, c]]), captured_s=self.captured_s
-        )
-        return turned.clearance_m(length_m)
+        points = np.vstack([self.points_m, self.assumed_m]) if assumed else self.points_m
+        if not len(points) or length_m == 0.0:
+            return True
+        along = np.clip(points @ (forward_m / length_m, right_m / length_m), 0.0, length_m)
+        way = along[:, None] * (forward_m / length_m, right_m / length_m)
+        then_m = np.linalg.norm(points - way, axis=1)
+        now_m = np.linalg.norm(points, axis=1)
+        return bool(np.all((then_m >= margin_m) | (then_m >= now_m - _PASSING_M)))
 
     def unplaced_within(self, half_angle_rad: float) -> int:
         """Return how many bearings of ahead show an obstacle of unknown range."""

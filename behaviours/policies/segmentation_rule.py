@@ -81,7 +81,7 @@ class SegmentationRuleConfig:
     carpet_relief: float = 0.2
     max_full_turns: int = 3  # of relief
     # From the body's centre to a remembered base: half the body's diagonal is 0.2, the rest is
-    # for drift and masks. Already nearer than that, a step must lead away.
+    # for drift and masks. What is already nearer may be left, not approached.
     margin_m: float = 0.55
     margin_relief_m: float = 0.06  # less of it after each full turn without a free way
     # An obstacle of unknown range within this bearing of ahead forbids a step; further aside, the
@@ -144,7 +144,8 @@ class SegmentationRule:
         if obstacles.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
             return False
         margin_m = cfg.margin_m - cfg.margin_relief_m * relief
-        return obstacles.clearance_m(cfg.step_m) >= min(margin_m, obstacles.nearest_m)
+        # Assumptions may close every way; after a full turn only what was really seen counts.
+        return obstacles.allows(cfg.step_m, margin_m=margin_m, assumed=relief == 0)
 
     def _turn(self, for_left: int, for_right: int, coin: float) -> float:
         """Return a turn to the side with more votes; clockwise, to the right, is positive."""

@@ -211,7 +211,8 @@ class Autopilot:
         """Move the reference as the mode wants."""
         reference, profile = self._reference, self._profile
         if self._mode is Mode.CLIMB:
-            reference.go_to(self._goal, profile.max_climb_mps, CONTROL_STEP_S)
+            there = reference.go_to(self._goal, profile.max_climb_mps, CONTROL_STEP_S)
+            self._arrived_s += CONTROL_STEP_S if there else 0.0
         elif self._mode is Mode.HOLD:
             reference.steer(0.0, 0.0, 0.0, CONTROL_STEP_S)
             reference.spin(0.0, CONTROL_STEP_S)
