@@ -102,7 +102,7 @@ def main() -> None:
     fast = {
         "dense, every pixel": teacher.window_ids,
         "dense, then the paper's dots and components": lambda rgb: keep_largest_components(
-            dilated_grid(teacher.window_ids(rgb)[0])
+            dilated_grid(teacher.window_ids(rgb))
         ),
         "dense, then sharp borders": lambda rgb: refined_ids(teacher, rgb, RefineConfig()),
     }

@@ -10,7 +10,7 @@ histograms sums to one whatever the patch's size.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -23,11 +23,12 @@ __all__ = [
     "HUE_BINS",
     "SATURATION_BINS",
     "VALUE_BINS",
+    "WindowMeans",
     "channel_tables",
     "hsv_of",
     "patch_features",
     "patch_slices",
-    "window_means",
+    "spread_to_border",
 ]
 
 HUE_BINS: Final = 90
@@ -108,32 +109,55 @@ def patch_slices(
     return slice(top, top + patch_px), slice(left, left + patch_px)
 
 
-def window_means(plane: NDArray[np.float64], side_px: int) -> NDArray[np.float64]:
-    """Return the mean over the window of every pixel, windows placed as `patch_slices` places them.
+class WindowMeans:
+    """Means over all whole windows of planes of one size; its memory is used again and again.
+
+    Fresh arrays of this size cost more time in page faults than the sums themselves.
+    """
+
+    def __init__(self, *, width_px: int, height_px: int, side_px: int) -> None:
+        """Set the memory aside.
+
+        Raises:
+            ValueRangeError: the plane is smaller than a window.
+        """
+        if side_px > min(height_px, width_px):
+            raise ValueRangeError(
+                f"a picture of {width_px}x{height_px} is smaller than a window of {side_px} pixels"
+            )
+        self._side = side_px
+        self._total = np.empty((height_px + 1, width_px + 1))
+        self._inner = np.empty((height_px - side_px + 1, width_px - side_px + 1))
+
+    def of(self, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the means, (H - side + 1, W - side + 1); valid until the next call.
+
+        Args:
+            plane: (H, W) float64; left with its mean subtracted.
+        """
+        side, total, inner = self._side, self._total, self._inner
+        # Sums of what exceeds the mean stay small over the whole picture, as do rounding errors.
+        mean = float(plane.mean())
+        np.subtract(plane, mean, out=plane)
+        cv2.integral(plane, total, sdepth=cv2.CV_64F)
+        np.subtract(total[side:, side:], total[:-side, side:], out=inner)
+        np.subtract(inner, total[side:, :-side], out=inner)
+        np.add(inner, total[:-side, :-side], out=inner)
+        np.multiply(inner, 1.0 / (side * side), out=inner)
+        np.add(inner, mean, out=inner)
+        return inner
+
+
+def spread_to_border(inner: NDArray[Any], side_px: int) -> NDArray[Any]:
+    """Return values of whole windows as a map of all pixels, windows placed as `patch_slices` says.
 
     Args:
-        plane: (H, W) float64.
+        inner: (H - side + 1, W - side + 1).
         side_px: side of the windows.
 
     Returns:
-        (H, W) float64.
-
-    Raises:
-        ValueRangeError: the plane is smaller than a window.
+        (H, W) of the same type.
     """
-    height_px, width_px = plane.shape
-    if side_px > min(height_px, width_px):
-        raise ValueRangeError(
-            f"a picture of {width_px}x{height_px} is smaller than a window of {side_px} pixels"
-        )
-    # Sums of what exceeds the mean stay small over the whole picture, and so do rounding errors.
-    mean = float(plane.mean())
-    total = cv2.integral(plane - mean, sdepth=cv2.CV_64F)
-    inner = np.subtract(total[side_px:, side_px:], total[:-side_px, side_px:])
-    np.subtract(inner, total[side_px:, :-side_px], out=inner)
-    np.add(inner, total[:-side_px, :-side_px], out=inner)
-    np.divide(inner, side_px * side_px, out=inner)
-    np.add(inner, mean, out=inner)
     before, after = side_px // 2, side_px - 1 - side_px // 2
     return np.pad(inner, ((before, after), (before, after)), mode="edge")
 

@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import CLASS_COUNT, CLASS_NAMES
-from perception.segmentation.features import hsv_of, patch_features, patch_slices, window_means
+from perception.segmentation.features import (
+    WindowMeans,
+    hsv_of,
+    patch_features,
+    patch_slices,
+    spread_to_border,
+)
 from perception.segmentation.palette import COLOUR_COUNT, count_colours
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
 
@@ -251,7 +257,8 @@ def draw_picks(
 def _site(
     name: str, mask: NDArray[np.bool_], rng: np.random.Generator, *, patch_px: int, purity: float
 ) -> _Site:
-    share = window_means(mask.astype(np.float64), patch_px)
+    means = WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)
+    share = spread_to_border(means.of(mask.astype(np.float64)), patch_px)
     share[~mask] = 0.0  # a person clicks on the thing itself
     best = float(share.max())
     points = np.argwhere(share >= min(purity, 0.95 * best))[:, ::-1].astype(np.int64)

@@ -64,7 +64,7 @@ def refined_ids(
     Raises:
         ValueRangeError: the teacher has no palette.
     """
-    ids, _ = teacher.window_ids(rgb)
+    ids = teacher.window_ids(rgb)
     if config.rounds == 0:
         return ids
     if teacher.palette is None:

@@ -18,7 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import CLASS_COUNT, CLASS_NAMES
-from perception.segmentation.features import FEATURE_COUNT, channel_tables, hsv_of, window_means
+from perception.segmentation.features import (
+    FEATURE_COUNT,
+    WindowMeans,
+    channel_tables,
+    hsv_of,
+    spread_to_border,
+)
 from perception.segmentation.palette import COLOUR_COUNT, palette_of_counts
 from perception.segmentation.picks import PickedPatches
 from perception.weights_io import read_weights, write_weights
@@ -82,48 +88,53 @@ class Teacher:
         interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
         return np.asarray(cv2.resize(rgb, size, interpolation=interpolation), dtype=np.uint8)
 
-    def scores(
-        self, hsv: NDArray[np.uint8], *, window_px: int | None = None
-    ) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    def scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
         """Yield, class by class, the score of the window around every pixel.
 
         Windows near the border are shifted inwards (`features.patch_slices`).
 
         Args:
             hsv: (H, W, 3) uint8.
-            window_px: side of the windows; None is the patch's side the model was trained on.
 
         Yields:
             Class id and its (H, W) float64 scores, for the classes that had picks.
         """
-        side = self.config.patch_px if window_px is None else window_px
-        hue, saturation, value = cv2.split(hsv)
-        for class_id in self.known:
-            table = channel_tables(self.weights[class_id])
-            pixel = cv2.LUT(hue, table[:, 0])
-            cv2.add(pixel, cv2.LUT(saturation, table[:, 1]), pixel)
-            cv2.add(pixel, cv2.LUT(value, table[:, 2]), pixel)
-            scores = window_means(np.asarray(pixel, dtype=np.float64), side)
-            np.add(scores, self.bias[class_id], out=scores)
-            yield class_id, scores
+        for class_id, inner in self._window_scores(hsv):
+            yield class_id, spread_to_border(inner, self.config.patch_px)
 
-    def window_ids(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Return the best class of every window and its score.
+    def window_ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the best class of the window around every pixel.
 
         Args:
             rgb: (H, W, 3) uint8, at the teacher's size.
 
         Returns:
-            (H, W) uint8 class ids and (H, W) float64 scores.
+            (H, W) uint8 class ids.
         """
-        hsv = hsv_of(rgb)
-        best = np.full(hsv.shape[:2], -np.inf)
-        ids = np.zeros(hsv.shape[:2], dtype=np.uint8)
-        for class_id, scores in self.scores(hsv):
-            better = scores > best
-            np.copyto(best, scores, where=better)
-            np.putmask(ids, better, np.uint8(class_id))
-        return ids, best
+        scores = self._window_scores(hsv_of(rgb))
+        first, inner = next(scores)
+        best = inner.copy()
+        ids = np.full(best.shape, first, dtype=np.uint8)
+        for class_id, inner in scores:
+            np.putmask(ids, inner > best, np.uint8(class_id))
+            np.maximum(best, inner, out=best)
+        return spread_to_border(ids, self.config.patch_px)
+
+    def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """Yield the scores of the whole windows; each array is valid until the next."""
+        height_px, width_px = hsv.shape[:2]
+        means = WindowMeans(width_px=width_px, height_px=height_px, side_px=self.config.patch_px)
+        planes = cv2.split(hsv)
+        pixel, part = np.empty((height_px, width_px)), np.empty((height_px, width_px))
+        for class_id in self.known:
+            # The columns are views into the table; OpenCV wants each on its own.
+            hue, saturation, value = channel_tables(self.weights[class_id]).T.copy()
+            cv2.LUT(planes[0], hue, pixel)
+            cv2.add(pixel, cv2.LUT(planes[1], saturation, part), pixel)
+            cv2.add(pixel, cv2.LUT(planes[2], value, part), pixel)
+            scores = means.of(pixel)
+            np.add(scores, self.bias[class_id], out=scores)
+            yield class_id, scores
 
 
 # --- training and files ---------------------------------------------------------------------------

@@ -40,13 +40,14 @@ def test_window_means_are_those_of_the_patches_to_the_last_digits() -> None:
     """Also far from the corner where the integral image starts, and for a plane far from zero."""
     rng = np.random.default_rng(0)
     plane = 100.0 + rng.normal(size=(648, 1152))
-    means = features.window_means(plane, 40)
+    windows = features.WindowMeans(width_px=1152, height_px=648, side_px=40)
+    means = features.spread_to_border(windows.of(plane.copy()), 40)
     assert means.shape == plane.shape
     for x, y in [(0, 0), (1151, 647), (1151, 0), *rng.integers(600, size=(20, 2)).tolist()]:
         patch = features.patch_slices(x, y, patch_px=40, width_px=1152, height_px=648)
         assert means[y, x] == pytest.approx(plane[patch].mean(), rel=1e-12)
     with pytest.raises(ValueRangeError, match="smaller than a window of 40"):
-        features.window_means(np.zeros((39, 80)), 40)
+        features.WindowMeans(width_px=80, height_px=39, side_px=40)
 
 
 def test_bad_input_is_refused_with_what_was_expected() -> None:

@@ -1,0 +1,101 @@
+"""The paper's two ablations of the first level, in small.
+
+    python benchmarks/segmentation_ablation.py scenes
+    python benchmarks/segmentation_ablation.py losses --masks runs/segmentation/masks-0123456789ab
+
+`scenes` trains teachers on the points of the first one, two, three and four training scenes and
+scores each: windows alone, as the paper has it (dots, dilation, largest components), and with sharp
+borders. `losses` trains the U-Net with each loss for equally many steps on the masks that
+`uav-bt train segmentation` left in its run folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from perception.segmentation.clean import dilated_grid, keep_largest_components
+from perception.segmentation.evaluation import score_segmentation
+from perception.segmentation.losses import LOSSES
+from perception.segmentation.refine import RefineConfig, refined_ids
+from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.teacher import TeacherConfig
+from perception.segmentation.training import TrainingConfig
+from uav_bt import training
+from uav_bt.training import Image
+
+
+def ablate_scenes(arguments: argparse.Namespace) -> None:
+    """Print the scores of teachers that learnt from more and more scenes."""
+    config, plan = TeacherConfig(), training.ViewPlan()
+    picks = training.draw_twin_picks(plan, config)
+    exam = training.ViewPlan(scenes=tuple(arguments.on), views=arguments.views, seed=2)
+    views = [(rgb, ids) for _, rgb, ids in training.twin_views(exam)]
+    print(
+        f"{'scenes':>6s} {'points':>6s} {'classes':>7s} {'way':>14s} {'mIoU 17':>8s} {'mIoU 4':>7s}"
+    )
+    for count in range(1, len(plan.scenes) + 1):
+        scenes = plan.scenes[:count]
+        mine = [pick for pick in picks if pick.image.startswith(scenes)]
+        few = training.ViewPlan(scenes=scenes)
+        teacher = training.train_teacher(mine, few, config)
+        ways: dict[str, Callable[[Image], Image]] = {
+            "windows": lambda rgb, t=teacher: t.window_ids(rgb),
+            "paper": lambda rgb, t=teacher: keep_largest_components(
+                dilated_grid(t.window_ids(rgb))
+            ),
+            "sharp borders": lambda rgb, t=teacher: refined_ids(t, rgb, RefineConfig()),
+        }
+        for name, way in ways.items():
+            score = score_segmentation((way(rgb), ids) for rgb, ids in views)
+            print(
+                f"{count:6d} {len(mine):6d} {len(teacher.known):7d} {name:>14s} "
+                f"{score.miou:8.4f} {score.group_miou:7.4f}",
+                flush=True,
+            )
+
+
+def ablate_losses(arguments: argparse.Namespace) -> None:
+    """Print the scores of U-Nets that learnt with different losses."""
+    parts = [np.load(file, allow_pickle=False) for file in sorted(arguments.masks.glob("*.npz"))]
+    pictures = tuple(np.concatenate([part[key] for part in parts]) for key in ("rgb", "ids"))
+    exam = training.ViewPlan(
+        scenes=tuple(arguments.on),
+        views=arguments.views,
+        size_px=(640, 360),
+        truth_size_px=(224, 112),
+        seed=2,
+    )
+    views = [(rgb, ids) for _, rgb, ids in training.twin_views(exam)]
+    print(f"{len(pictures[0])} masks, {arguments.steps} steps of {arguments.batch}")
+    for loss in LOSSES:
+        with tempfile.TemporaryDirectory() as folder:
+            weights = Path(folder) / "unet.safetensors"
+            config = TrainingConfig(steps=arguments.steps, batch=arguments.batch, loss=loss)
+            training.train_segmentation(pictures, weights, config=config)
+            net = OnnxSegmenter(weights.with_suffix(".onnx"))
+            score = score_segmentation((net.ids(rgb), ids) for rgb, ids in views)
+        print(f"{loss:>14s} mIoU 17 {score.miou:.4f}  mIoU 4 {score.group_miou:.4f}", flush=True)
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("which", choices=["scenes", "losses"])
+    parser.add_argument("--on", nargs="+", default=list(training.TESTING_SCENES))
+    parser.add_argument("--views", type=int, default=50, help="pictures a scene to score on")
+    parser.add_argument("--masks", type=Path, help="folder of the teacher's masks, for losses")
+    parser.add_argument("--steps", type=int, default=800)
+    parser.add_argument("--batch", type=int, default=8)
+    arguments = parser.parse_args()
+    if arguments.which == "losses" and arguments.masks is None:
+        parser.error("losses needs --masks")
+    (ablate_scenes if arguments.which == "scenes" else ablate_losses)(arguments)
+
+
+if __name__ == "__main__":
+    main()
