@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.segmentation.clean import dilated_grid, keep_largest_components
 from perception.segmentation.evaluation import score_segmentation
 from perception.segmentation.losses import LOSSES
 from perception.segmentation.refine import RefineConfig, refined_ids
@@ -44,10 +43,8 @@ def ablate_scenes(arguments: argparse.Namespace) -> None:
         few = training.ViewPlan(scenes=scenes)
         teacher = training.train_teacher(mine, few, config)
         ways: dict[str, Callable[[Image], Image]] = {
-            "windows": lambda rgb, t=teacher: t.window_ids(rgb),
-            "paper": lambda rgb, t=teacher: keep_largest_components(
-                dilated_grid(t.window_ids(rgb))
-            ),
+            "windows": teacher.window_ids,
+            "paper": teacher.paper_ids,
             "sharp borders": lambda rgb, t=teacher: refined_ids(t, rgb, RefineConfig()),
         }
         for name, way in ways.items():

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from sklearn.multiclass import OneVsRestClassifier
 from sklearn.svm import LinearSVC
 
-from perception.segmentation.clean import dilated_grid, keep_largest_components
 from perception.segmentation.features import hsv_of, patch_features
 from perception.segmentation.picks import PickedPatches, gather_patches
 from perception.segmentation.refine import RefineConfig, refined_ids
@@ -101,9 +100,7 @@ def main() -> None:
     )
     fast = {
         "dense, every pixel": teacher.window_ids,
-        "dense, then the paper's dots and components": lambda rgb: keep_largest_components(
-            dilated_grid(teacher.window_ids(rgb))
-        ),
+        "dense, then the paper's dots and components": teacher.paper_ids,
         "dense, then sharp borders": lambda rgb: refined_ids(teacher, rgb, RefineConfig()),
     }
     print(f"{platform.processor() or platform.machine()}, {cv2.getNumThreads()} threads of OpenCV")

@@ -20,6 +20,7 @@ __all__ = ["OnnxSegmenter", "TeacherSegmenter", "shipped_teacher", "shipped_unet
 
 _SHIPPED_UNET: Final = SHIPPED_WEIGHTS / "unet.onnx"
 _SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
+_SHARP: Final = RefineConfig()
 
 
 class OnnxSegmenter:
@@ -122,7 +123,7 @@ class TeacherSegmenter:
     def __init__(
         self,
         teacher: Teacher,
-        refine: RefineConfig | None = None,
+        refine: RefineConfig | None = _SHARP,
         *,
         size_px: tuple[int, int] = (224, 112),
     ) -> None:
@@ -130,16 +131,20 @@ class TeacherSegmenter:
 
         Args:
             teacher: the trained teacher.
-            refine: how to sharpen its borders; None uses the defaults.
+            refine: how to sharpen its borders; None leaves the map as the paper makes it.
             size_px: width and height of the class maps; that of the U-Net's by default.
         """
         self._teacher = teacher
-        self._refine = RefineConfig() if refine is None else refine
+        self._refine = refine
         self._size = size_px
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map of a frame."""
-        ids = refined_ids(self._teacher, self._teacher.resized(frame.image), self._refine)
+        rgb = self._teacher.resized(frame.image)
+        if self._refine is None:
+            ids = self._teacher.paper_ids(rgb)
+        else:
+            ids = refined_ids(self._teacher, rgb, self._refine)
         small = cv2.resize(ids, self._size, interpolation=cv2.INTER_NEAREST_EXACT)
         return ClassMap(ids=np.asarray(small, dtype=np.uint8), captured_s=frame.captured_s)
 
@@ -149,9 +154,9 @@ def shipped_unet(*, threads: int = 1) -> OnnxSegmenter:
     return OnnxSegmenter(_SHIPPED_UNET, threads=threads)
 
 
-def shipped_teacher() -> TeacherSegmenter:
-    """Return the teacher that comes with the package."""
-    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER))
+def shipped_teacher(*, refine: RefineConfig | None = _SHARP) -> TeacherSegmenter:
+    """Return the teacher that comes with the package; without `refine`, the paper's plain one."""
+    return TeacherSegmenter(load_teacher(_SHIPPED_TEACHER), refine)
 
 
 def _mapping_of(mapping: ClassMapping | Path | None) -> ClassMapping:

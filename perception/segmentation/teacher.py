@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import CLASS_COUNT, CLASS_NAMES
+from perception.segmentation.clean import dilated_grid, keep_largest_components
 from perception.segmentation.features import (
     FEATURE_COUNT,
     WindowMeans,
@@ -119,6 +120,19 @@ class Teacher:
             np.putmask(ids, inner > best, np.uint8(class_id))
             np.maximum(best, inner, out=best)
         return spread_to_border(ids, self.config.patch_px)
+
+    def paper_ids(self, rgb: NDArray[np.uint8], *, step_px: int = 5) -> NDArray[np.uint8]:
+        """Return the class map as the paper makes it: dots, dilation, largest components.
+
+        Args:
+            rgb: (H, W, 3) uint8, at the teacher's size.
+            step_px: distance of the dots.
+
+        Returns:
+            (H, W) uint8 class ids.
+        """
+        dots = dilated_grid(self.window_ids(rgb), step_px=step_px, dilation_px=step_px + 2)
+        return keep_largest_components(dots)
 
     def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
         """Yield the scores of the whole windows; each array is valid until the next."""

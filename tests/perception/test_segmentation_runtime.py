@@ -11,6 +11,7 @@ from patterned import samples
 
 from perception.segmentation import runtime
 from perception.segmentation.mapping import ClassMapping, InputFormat
+from perception.segmentation.refine import RefineConfig
 from uav_bt.errors import FileError, ValueRangeError, WeightsError
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Frame
@@ -163,8 +164,9 @@ def test_the_shipped_unet_gives_the_same_map_every_time() -> None:
     np.testing.assert_array_equal(again.segment(_frame(rgb)).ids, ids)
 
 
-def test_the_shipped_teacher_flies() -> None:
+@pytest.mark.parametrize("refine", [None, RefineConfig()])
+def test_the_shipped_teacher_flies_plain_and_sharp(refine: RefineConfig | None) -> None:
     (_, rgb, _) = next(samples(1, seed=0, width=640, height=360))
-    class_map = runtime.shipped_teacher().segment(_frame(rgb))
+    class_map = runtime.shipped_teacher(refine=refine).segment(_frame(rgb))
     assert class_map.ids.shape == (112, 224)
     assert class_map.captured_s == 2.5
