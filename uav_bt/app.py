@@ -19,7 +19,8 @@ import numpy as np
 
 from uav_bt import plugins
 from uav_bt.board import MISSION_KEYS
-from uav_bt.errors import FileError, InputError, NodeFailedError
+from uav_bt.checking import unknown_policies
+from uav_bt.errors import FileError, InputError, NodeFailedError, TreeError
 from uav_bt.mission.arbiter import Limits, Proposals
 from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.context import MissionContext
@@ -184,6 +185,9 @@ def fly(
     path = resolve_tree(tree)
     overrides = {node: {"policy": policy} for node, policy in options.policies.items()}
     mission = load_tree(path, overrides=overrides)
+    unknown = unknown_policies(mission, path)
+    if unknown:
+        raise TreeError(path, [str(finding) for finding in unknown])
     if report is not None and not report.parent.is_dir():
         raise FileError(report, f"folder {report.parent} does not exist; create it first")
     drone = make_drone(options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import click
@@ -30,10 +31,13 @@ def photographs(*, folder: Path, picks: Path | None, port: int) -> None:
         make_pick_server,
     )
 
-    session = PickSession(folder, Path("picks.csv") if picks is None else picks)
+    file = Path("picks.csv") if picks is None else picks
+    session = PickSession(folder, file)
     with make_pick_server(session, port=port) as server:
         click.echo(f"open http://127.0.0.1:{server.server_port}/ and click; Ctrl-C when done")
-        server.serve_forever()
+        with contextlib.suppress(KeyboardInterrupt):
+            server.serve_forever()
+    click.echo(f"{len(session.picks)} picks: {file}")
 
 
 @pick.command()

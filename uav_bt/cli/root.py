@@ -10,7 +10,7 @@ import click
 
 from uav_bt import __version__
 from uav_bt.cli.rooms import check_rooms
-from uav_bt.errors import UavBtError
+from uav_bt.errors import UavBtError, did_you_mean
 
 __all__ = ["Commands", "uav_bt"]
 
@@ -35,10 +35,13 @@ class Commands(click.Group):
         return list(_COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command."""
-        del ctx
+        """Import a command.
+
+        Raises:
+            UsageError: there is none of that name.
+        """
         if cmd_name not in _COMMANDS:
-            return None
+            ctx.fail(f"there is no command '{cmd_name}'{did_you_mean(cmd_name, _COMMANDS)}")
         module, _, name = _COMMANDS[cmd_name].partition(":")
         command = getattr(importlib.import_module(module), name)
         return command if isinstance(command, click.Command) else None

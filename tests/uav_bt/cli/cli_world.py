@@ -1,0 +1,36 @@
+"""What the tests of the command line share: running it, and the smallest missions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from click.testing import CliRunner, Result
+
+from uav_bt.cli.root import uav_bt
+
+HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
+"""Up and down again on the helipad, without a network: some seconds of flight."""
+
+
+def run(*arguments: object) -> Result:
+    """Run `uav-bt` in this process."""
+    return CliRunner().invoke(uav_bt, [str(argument) for argument in arguments])
+
+
+def tree_file(folder: Path, body: str, name: str = "mission.xml") -> Path:
+    """Write a tree file around the XML of its root node."""
+    path = folder / name
+    path.write_text(
+        f'<root BTCPP_format="4">\n<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n</root>\n',
+        encoding="utf-8",
+    )
+    return path
+
+
+def assert_refused(result: Result, *words: str) -> None:
+    """Assert exit code 2 and one message with these words, and no traceback."""
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr, result.stderr
