@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 from cli_world import assert_refused, run
+from safetensors.numpy import load_file
 
 from perception.classes import CLASS_NAMES, GROUP_NAMES
 from perception.segmentation.picks import read_picks

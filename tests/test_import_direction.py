@@ -1,0 +1,217 @@
+"""Imports only go down: every import of every module is looked at, late and type-only ones too."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
+
+FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "clock")}
+# What composes everything: it may import all, and only its own kind may import it.
+FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "cli", "watching", "training")}
+
+
+class Import(NamedTuple):
+    """One module imports another."""
+
+    importer: str
+    imported: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.importer}:{self.line} imports {self.imported}"
+
+
+def module_name(path: Path, root: Path = ROOT) -> str:
+    parts = path.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_of(source: str, name: str, *, is_package: bool = False) -> Iterator[Import]:
+    """Find all imports of a module, wherever they stand in it."""
+    package = name if is_package else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield Import(name, alias.name, node.lineno)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                above = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*above, *filter(None, [node.module])])
+            # `from uav_bt import app` imports a module, `from uav_bt.app import fly` one too.
+            for alias in node.names:
+                yield Import(name, f"{base}.{alias.name}", node.lineno)
+        elif isinstance(node, ast.Call) and _imports_by_name(node.func):
+            for argument in node.args[:1]:
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str):
+                    yield Import(name, argument.value, node.lineno)
+
+
+def _imports_by_name(function: ast.expr) -> bool:
+    called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+    return called in {"import_module", "__import__"}
+
+
+def within(module: str, *homes: str) -> bool:
+    return any(module == home or module.startswith(f"{home}.") for home in homes)
+
+
+def floor(module: str) -> int:
+    if within(module, *FLOOR_FOUR):
+        return 4
+    if within(module, "behaviours"):
+        return 3
+    return 1 if within(module, *FLOOR_ONE) or module in {"uav_bt", "uav_bt.__version__"} else 2
+
+
+def objection(found: Import) -> str | None:
+    """Return why an import must not be, None when it may."""
+    importer, imported = found.importer, found.imported
+    if within(imported, "torch"):
+        trains = floor(importer) == 4 or within(importer, "perception.segmentation")
+        return None if trains else "torch is for training only"
+    return _objection_to_ours(importer, imported) if within(imported, *ROOMS) else None
+
+
+def _objection_to_ours(importer: str, imported: str) -> str | None:
+    mine, theirs = floor(importer), floor(imported)
+    rooms = [name.partition(".")[0] for name in (importer, imported)]
+    if mine < 4 and theirs > mine:
+        return f"floor {mine} imports floor {theirs}"
+    if mine == 2 and theirs == 2 and rooms[0] != rooms[1]:
+        return f"rooms of floor 2 do not know each other, and '{rooms[0]}' imports '{rooms[1]}'"
+    if mine == 3 and rooms[1] == "sim_bridge":
+        return "leaves fly any drone: they must not import 'sim_bridge'"
+    return None
+
+
+def modules() -> list[Path]:
+    return [path for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
+
+
+def test_there_are_modules_to_look_at() -> None:
+    assert len(modules()) > 100
+    assert {path.relative_to(ROOT).parts[0] for path in modules()} == set(ROOMS)
+
+
+@pytest.mark.parametrize("path", modules(), ids=module_name)
+def test_imports_only_go_down(path: Path) -> None:
+    found = imports_of(
+        path.read_text(encoding="utf-8"), module_name(path), is_package=path.stem == "__init__"
+    )
+    against = [f"{item}: {why}" for item in found if (why := objection(item)) is not None]
+    assert against == []
+
+
+@pytest.mark.parametrize(
+    ("importer", "source"),
+    [
+        ("uav_bt.types", "import uav_bt.board"),
+        ("uav_bt.clock", "from uav_bt import plugins"),
+        ("uav_bt.tree.loader", "from uav_bt.app import fly"),
+        ("uav_bt.tree.loader", "def late():\n    from uav_bt import cli"),
+        ("uav_bt.mission.runner", "import behaviours.explore"),
+        ("uav_bt.mission.runner", "if TYPE_CHECKING:\n    from sim_bridge.twin import drone"),
+        ("uav_bt.view.map", "import perception.classes"),
+        ("uav_bt.view.map", "import importlib\nimportlib.import_module('perception.classes')"),
+        ("uav_bt.plugins", "from ..behaviours import explore"),
+        ("uav_bt.view.map", "from .. import watching"),
+        ("perception.helipad", "from uav_bt.board import HELIPAD"),
+        ("perception.helipad", "try:\n    import sim_bridge\nexcept ImportError:\n    pass"),
+        ("perception.helipad", "import torch"),
+        ("sim_bridge.twin.drone", "from perception import classes"),
+        ("sim_bridge.twin.drone", "from uav_bt.mission import runner"),
+        ("behaviours.explore", "from sim_bridge.twin import create_drone"),
+        ("behaviours.explore", "def late():\n    import torch.nn"),
+        ("behaviours.explore", "from uav_bt import app"),
+    ],
+)
+def test_an_upward_import_would_be_found(importer: str, source: str) -> None:
+    assert any(objection(item) for item in imports_of(source, importer)), source
+
+
+@pytest.mark.parametrize(
+    ("importer", "source"),
+    [
+        ("uav_bt.protocols", "import numpy\nfrom uav_bt.types import Frame"),
+        ("uav_bt.tree.loader", "from uav_bt.errors import TreeError\nfrom uav_bt.tree import node"),
+        ("perception.segmentation.unet", "import torch\nfrom perception.classes import CARPET"),
+        ("behaviours.explore", "from perception import helipad\nfrom uav_bt.tree import Leaf"),
+        ("uav_bt.app", "from sim_bridge.twin import create_drone\nimport behaviours"),
+        ("uav_bt.cli.fly", "from uav_bt import __version__, app, watching"),
+    ],
+)
+def test_a_downward_import_is_allowed(importer: str, source: str) -> None:
+    assert [objection(item) for item in imports_of(source, importer)].count(None) == len(
+        list(imports_of(source, importer))
+    )
+
+
+def test_flying_needs_no_torch() -> None:
+    """Everything between a tree file and the drone imports where torch is not installed."""
+    flown = [module_name(path) for path in (ROOT / "behaviours").rglob("*.py")]
+    flown += ["perception.segmentation.runtime", "sim_bridge.twin.drone", "uav_bt.app"]
+    flown += ["uav_bt.watching", "uav_bt.cli.fly"]
+    code = f"import sys\nsys.modules['torch'] = None\nimport {', '.join(flown)}"
+    done = subprocess.run(  # noqa: S603  # our own interpreter and code
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def registered_names() -> set[str]:
+    """Return the concrete leaves, policies and drones that our own packages register."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        groups = tomllib.load(file)["project"]["entry-points"]
+    names = {name for group in ("uav_bt.policies", "uav_bt.drones") for name in groups[group]}
+    from behaviours.nodes import NODES  # noqa: PLC0415 - only this test needs a package of ours
+
+    return names | {node.node_id for node in NODES}
+
+
+def words_of(source: str) -> Iterator[tuple[int, str]]:
+    """Yield names and whole string constants of a module, docstrings left out."""
+    tree = ast.parse(source)
+    prose = {
+        id(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
+            yield node.lineno, node.value
+
+
+# Words of the vocabulary that happen to be a leaf's or a policy's name too.
+VOCABULARY = {
+    "uav_bt.types": {"TakeOff", "Land"},  # commands; the leaves that give them are called alike
+    # who writes a key of the mission board, shown to people in lists of keys
+    "uav_bt.board": {"Segment", "FindHelipad", "RememberObstacles"},
+}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in modules() if floor(module_name(path)) in (1, 2) and "uav_bt" in path.parts],
+    ids=module_name,
+)
+def test_the_framework_names_no_concrete_leaf_policy_or_drone(path: Path) -> None:
+    name = module_name(path)
+    allowed = VOCABULARY.get(name, set())
+    source = path.read_text(encoding="utf-8")
+    named = [
+        f"{name}:{line}: '{word}'"
+        for line, word in words_of(source)
+        if word in registered_names() - allowed
+    ]
+    assert named == []
