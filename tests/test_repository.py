@@ -1,0 +1,239 @@
+"""What must hold for the repository as a whole: shipped files, dangerous calls, packaging."""
+
+from __future__ import annotations
+
+import ast
+import fnmatch
+import importlib.metadata
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from perception.segmentation.runtime import shipped_unet
+from perception.segmentation.teacher import load_teacher
+from perception.weights_io import SHIPPED_WEIGHTS
+from sim_bridge.twin.scene_file import load_scene, scene_names
+from uav_bt import __version__, checking
+from uav_bt.training import SHIPPED_TEACHER, TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
+PROJECT: Final[dict[str, Any]] = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+NOT_OURS = {".git", ".venv", "build", "dist", "out", "runs", "shared", "__pycache__"}
+
+
+def files_below(folder: Path) -> Iterator[Path]:
+    for entry in sorted(folder.iterdir()):
+        if entry.name in NOT_OURS or entry.name.endswith((".egg-info", "_cache", ".hypothesis")):
+            continue
+        if entry.is_dir():
+            yield from files_below(entry)
+        else:
+            yield entry
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+MODULES = [path for room in ROOMS for path in files_below(ROOT / room) if path.suffix == ".py"]
+
+
+# --- shipped files --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "trees").glob("*.xml")), ids=lambda p: p.stem)
+def test_every_shipped_tree_file_is_good(path: Path) -> None:
+    assert checking.tree_findings(path) == ()
+
+
+def test_every_shipped_scene_loads_under_its_own_name() -> None:
+    assert set(scene_names()) == {*TRAINING_SCENES, *VALIDATION_SCENES, *TESTING_SCENES}
+    for name in scene_names():
+        scene = load_scene(name)
+        assert scene.name == name
+        heights = [box.size_m[2] for box in scene.boxes]
+        assert len(heights) == 8
+        assert (min(heights) >= 0.6, max(heights) <= 2.2) == (True, True), name
+        assert sum(height >= 1.5 for height in heights) >= 4, name
+
+
+def test_the_shipped_weights_load() -> None:
+    assert load_teacher(SHIPPED_TEACHER).known == tuple(range(17))
+    assert shipped_unet().size_px == (224, 112)
+
+
+# --- what no module does --------------------------------------------------------------------------
+
+FORBIDDEN_MODULES = ("pickle", "cPickle", "dill", "cloudpickle", "joblib", "marshal", "shelve")
+FORBIDDEN_CALLS = (
+    *("eval", "exec", "compile", "__import__", "os.system", "os.popen", "torch.load", "yaml.load"),
+    *("sleep", "time.sleep"),
+)
+
+
+def dotted(node: ast.expr) -> str:
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def imported(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    return [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+
+
+def danger_of_call(call: ast.Call) -> str | None:
+    called = dotted(call.func)
+    if called in FORBIDDEN_CALLS:
+        return f"calls {called}"
+    given = {
+        word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)
+    }
+    if given.get("allow_pickle") is True or given.get("shell") is True:
+        return f"calls {called} with {given}"
+    if called == "np.load" and "allow_pickle" not in given:
+        return "calls np.load without allow_pickle=False"
+    return None
+
+
+def dangers(source: str) -> Iterator[str]:
+    """Find what could run or load code that comes from data, and what sleeps."""
+    for node in ast.walk(ast.parse(source)):
+        for name in imported(node):
+            if name.split(".", maxsplit=1)[0] in FORBIDDEN_MODULES:
+                yield f"line {node.lineno}: imports {name}"
+        if isinstance(node, ast.Call) and (danger := danger_of_call(node)):
+            yield f"line {node.lineno}: {danger}"
+
+
+MAY_SLEEP = {"uav_bt/clock.py", "sim_bridge/twin/drone.py"}  # clocks: the wall's, and the twin's
+
+
+@pytest.mark.parametrize("path", MODULES, ids=relative)
+def test_no_module_runs_data_or_sleeps(path: Path) -> None:
+    found = list(dangers(path.read_text(encoding="utf-8")))
+    if relative(path) in MAY_SLEEP:
+        found = [danger for danger in found if not danger.endswith("sleep")]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import pickle",
+        "from joblib import load",
+        "def f():\n    eval('1')",
+        "np.load('x.npz')",
+        "np.load('x.npz', allow_pickle=True)",
+        "torch.load('x')",
+        "yaml.load(text)",
+        "subprocess.run('ls', shell=True)",
+        "time.sleep(1)",
+    ],
+)
+def test_a_danger_would_be_found(source: str) -> None:
+    assert list(dangers(source))
+
+
+# --- texts ----------------------------------------------------------------------------------------
+
+# Put together here, so that this file does not hold what it looks for.
+MACHINE = re.compile(
+    "|".join(
+        [
+            *(rf"(?<![\w.])/{home}/\w" for home in ("root", "home", "work", "Users")),
+            *(
+                re.escape(f"{name}.{end}")
+                for name, end in (("pypi", "org"), ("pythonhosted", "org"))
+            ),
+            re.escape("download.pytorch" + ".org"),
+            r"//(?:localhost|\d+\.\d+\.\d+\.\d+)(?::\d+)?/(?:simple|pypi)",
+        ]
+    )
+)
+TEXTS = {".py", ".md", ".toml", ".txt", ".xml", ".yaml", ".yml", ".sh", ".csv", ".json", ".jsonl"}
+
+
+def test_no_text_names_a_machine_or_a_package_host() -> None:
+    named = [
+        f"{relative(path)}: {found.group()}"
+        for path in files_below(ROOT)
+        if (path.suffix in TEXTS or path.name in {"Makefile", "run"}) and path != Path(__file__)
+        for found in MACHINE.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert named == []
+
+
+@pytest.mark.parametrize("text", ["/root/x", "see /home/me", "https://pypi" + ".org/simple"])
+def test_a_machine_or_a_host_would_be_found(text: str) -> None:
+    assert MACHINE.search(text)
+
+
+# --- packaging ------------------------------------------------------------------------------------
+
+
+def test_the_package_data_covers_every_file_that_is_no_module() -> None:
+    globs = PROJECT["tool"]["setuptools"]["package-data"]
+    left_out = [
+        relative(path)
+        for room in ROOMS
+        for path in files_below(ROOT / room)
+        if path.suffix != ".py"
+        and not any(
+            fnmatch.fnmatch(path.relative_to(ROOT / room).as_posix(), glob) for glob in globs[room]
+        )
+    ]
+    assert left_out == []
+    assert {path.suffix for path in SHIPPED_WEIGHTS.iterdir()} >= {".onnx", ".safetensors"}
+
+
+def test_every_folder_with_modules_is_a_package() -> None:
+    folders = {path.parent for path in MODULES}
+    assert [relative(folder) for folder in folders if not (folder / "__init__.py").is_file()] == []
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    assert PROJECT["project"]["version"] == __version__
+    assert importlib.metadata.version("uav-bt") == __version__
+
+
+def test_every_entry_point_loads() -> None:
+    installed = importlib.metadata.distribution("uav-bt").entry_points
+    asked = {
+        (group, name, value)
+        for group, points in PROJECT["project"]["entry-points"].items()
+        for name, value in points.items()
+    }
+    assert asked <= {(point.group, point.name, point.value) for point in installed}, (
+        "the installed package is older than pyproject.toml: install it again"
+    )
+    for point in installed:
+        assert point.load() is not None
+
+
+def test_every_requirement_is_pinned_for_make() -> None:
+    pinned = {
+        line.partition("==")[0].lower().replace("_", "-")
+        for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+        if "==" in line and not line.startswith("#")
+    }
+    asked = [*PROJECT["project"]["dependencies"]]
+    for extra in PROJECT["project"]["optional-dependencies"].values():
+        asked += extra
+    names = {
+        re.split(r"[\s<>=\[;]", line, maxsplit=1)[0].lower().replace("_", "-") for line in asked
+    }
+    assert names - {"uav-bt"} - pinned == set()
+
+
+def test_ci_runs_what_a_person_runs() -> None:
+    script = ROOT / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    assert script.read_text(encoding="utf-8").splitlines()[-1] == "make test"

@@ -1,0 +1,89 @@
+"""The wheel holds all that a mission needs and works where there is no checkout."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
+FLY = """\
+<root BTCPP_format="4"><BehaviorTree ID="Main"><ReactiveSequence>
+  <Segment model="unet"/>
+  <Sequence><TakeOff height_m="1.0"/><Land/></Sequence>
+</ReactiveSequence></BehaviorTree></root>
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the wheel of a copy of the sources, without the network."""
+    copy, out = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("wheel")
+    for room in ROOMS:
+        shutil.copytree(
+            ROOT / room, copy / room, ignore=shutil.ignore_patterns("__pycache__", "*.part")
+        )
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy)
+    built = subprocess.run(  # noqa: S603  # our own interpreter and arguments
+        [
+            *(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"),
+            *("--no-build-isolation", "--wheel-dir", str(out), str(copy)),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stderr
+    (path,) = out.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Unpack the wheel into a folder, which is what installing it does."""
+    folder = tmp_path_factory.mktemp("installed")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def uav_bt(installed: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the installed package in a folder far from the checkout."""
+    return subprocess.run(  # noqa: S603  # our own interpreter and arguments
+        [sys.executable, "-m", "uav_bt.cli", *arguments],
+        env={**os.environ, "PYTHONPATH": str(installed)},
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        check=False,
+    )
+
+
+def test_the_wheel_holds_trees_scenes_and_weights(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        held = set(archive.namelist())
+    wanted = {
+        path.relative_to(ROOT).as_posix()
+        for room in ROOMS
+        for path in (ROOT / room).rglob("*")
+        if path.suffix in {".py", ".xml", ".yaml", ".onnx", ".safetensors", ".typed"}
+    }
+    assert wanted - held == set()
+    assert not [name for name in held if name.startswith(("tests/", "benchmarks/", "tools/"))]
+
+
+def test_missions_check_and_fly_far_from_the_checkout(installed: Path, tmp_path: Path) -> None:
+    checked = uav_bt(installed, tmp_path, "check", "land_only")
+    assert checked.returncode == 0, checked.stderr
+    assert checked.stdout == f"{installed / 'trees' / 'land_only.xml'}: good\n"
+    (tmp_path / "mine.xml").write_text(FLY, encoding="utf-8")
+    flown = uav_bt(installed, tmp_path, "fly", "mine.xml", "--image-size", "160x90")
+    assert flown.returncode == 0, flown.stderr
+    assert "success" in flown.stdout
