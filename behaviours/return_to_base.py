@@ -37,10 +37,16 @@ _UNPLACED_MIN = 2
 # What stands this much before the pad's centre, or behind it, is not in the way to it.
 _BEFORE_PAD_M = 0.35
 _DETOUR_STEPS = 2
+# Nearer than about a metre the pad is below the forward view: a search that lasts looks there.
+_FIRST_GLANCE_S = 12.0
+_NEXT_GLANCE_S = 30.0
+_GLANCE_PITCH_RAD = math.radians(-65)
+_GLANCE_RATE_RADPS = 0.8
 
 
 class _Phase(enum.Enum):
     SEARCH = "search"
+    GLANCE = "glance"  # once round with the camera tilted down: is the pad right below?
     APPROACH = "approach"
     DETOUR = "detour"
     OVERFLY = "overfly"  # the pad is below the view: the last metre goes by the track
@@ -66,6 +72,7 @@ class ReturnToBase(SteeringLeaf):
         """Begin with the search; a helipad in view ends it at once."""
         self._enter(_Phase.SEARCH)
         self._detour_steps = 0
+        self._glance_s = self.clock.now() + _FIRST_GLANCE_S
 
     def update(self) -> Status:
         """Do what the phase asks."""
@@ -75,6 +82,8 @@ class ReturnToBase(SteeringLeaf):
             match self._phase:
                 case _Phase.SEARCH:
                     self._search(state)
+                case _Phase.GLANCE:
+                    self._glance(state)
                 case _Phase.APPROACH:
                     self._approach()
                 case _Phase.DETOUR:
@@ -83,14 +92,17 @@ class ReturnToBase(SteeringLeaf):
                     status = self._overfly()
         # A leaf that is done proposes nothing: the next one has the word in this very tick.
         if status is Status.RUNNING:
-            self.point(GimbalTo(pitch_rad=math.radians(self.port_value("gimbal_deg"))))
+            flight_rad = math.radians(self.port_value("gimbal_deg"))
+            glances = self._phase is _Phase.GLANCE
+            self.point(GimbalTo(pitch_rad=_GLANCE_PITCH_RAD if glances else flight_rad))
         return status
 
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
         self._heading.reset()
         self.look_afresh()
-        self.write(PHASE, "search" if phase is _Phase.SEARCH else "approach")
+        searching = phase in {_Phase.SEARCH, _Phase.GLANCE}
+        self.write(PHASE, "search" if searching else "approach")
 
     # --- search -----------------------------------------------------------------------------------
 
@@ -100,7 +112,27 @@ class ReturnToBase(SteeringLeaf):
             self._enter(_Phase.APPROACH)
             self._approach()
             return
+        if self.clock.now() >= self._glance_s and not self._mover.busy:
+            self._glance_s = self.clock.now() + _NEXT_GLANCE_S
+            self._to_glance_rad = 2.0 * math.pi
+            self._glance_yaw_rad = state.attitude.yaw_rad
+            self._enter(_Phase.GLANCE)
+            return
         self._wander(state)
+
+    def _glance(self, state: DroneState) -> None:
+        fix = self.read(HELIPAD).value
+        if fix is not None and fix.detected:
+            self._enter(_Phase.APPROACH)
+            return
+        yaw_rad = state.attitude.yaw_rad
+        self._to_glance_rad -= math.remainder(yaw_rad - self._glance_yaw_rad, 2.0 * math.pi)
+        self._glance_yaw_rad = yaw_rad
+        if self._to_glance_rad <= 0.0:
+            self._enter(_Phase.SEARCH)
+            return
+        self.feedback_message = "looks down"
+        self.propose(Velocity(yaw_rate_radps=_GLANCE_RATE_RADPS))
 
     def _wander(self, state: DroneState) -> bool:
         """Advance or turn under the policy; True when an advance began."""
@@ -151,12 +183,16 @@ class ReturnToBase(SteeringLeaf):
         self.propose(Velocity(forward_mps=speed, yaw_rate_radps=yaw_rate))
 
     def _way_is_free(self, fix: HelipadFix) -> bool:
-        obstacles = self.read(OBSTACLES).value
+        reading = self.read(OBSTACLES)
+        obstacles = reading.value
         if obstacles is None:
-            return False  # nothing is known about the way: do not go it
-        end_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
+            # A tree may do without the memory; one that has gone stale is no permission.
+            return math.isinf(reading.age_s)
+        if self._phase is _Phase.OVERFLY:
+            return obstacles.allows(fix.range_m, margin_m=_OVERFLY_MARGIN_M, assumed=False)
         if obstacles.unplaced_within(_UNPLACED_RAD) >= _UNPLACED_MIN:
             return False
+        end_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
         return obstacles.allows(end_m, margin_m=_HALF_WIDTH_M)
 
     def _detour(self, state: DroneState) -> None:
@@ -178,10 +214,7 @@ class ReturnToBase(SteeringLeaf):
         passed = fix.forward_m < 0.0 and fix.range_m < _PASSED_M
         if fix.range_m < self.port_value("arrive_m") or passed:
             return Status.SUCCESS
-        obstacles = self.read(OBSTACLES).value
-        if obstacles is None or not obstacles.allows(
-            fix.range_m, margin_m=_OVERFLY_MARGIN_M, assumed=False
-        ):
+        if not self._way_is_free(fix):
             self._enter(_Phase.DETOUR)
             return Status.RUNNING
         self._steer(fix)

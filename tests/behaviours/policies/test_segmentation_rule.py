@@ -295,7 +295,7 @@ def test_a_step_keeps_its_margin_from_what_left_the_view(right_m: float) -> None
 def test_too_near_already_a_step_may_lead_away() -> None:
     """Inside the margin, a step that comes no nearer is free; one that does is not."""
     assert not RULE.decide(remembered((-0.1, 0.3))).blocked
-    assert RULE.decide(remembered((0.1, 0.3))).blocked
+    assert RULE.decide(remembered((0.2, 0.3))).blocked
 
 
 def test_an_obstacle_of_unknown_range_ahead_blocks() -> None:
