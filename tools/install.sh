@@ -28,14 +28,18 @@ find_python() {
         "apt install python3 python3-venv python3-pip) or name one: make PYTHON=/path/to/python3"
 }
 
-# Run pip; all it says goes to the log, of which the end is shown when it fails.
+# What pip has against it, in short; the log has the rest.
+complain() {
+    grep -h -i -E '^ *(error|fatal)' "$log" | sort -u | tail -n 5 >&2
+    say "(all of it is in $log)"
+}
+
+# Run pip; all it says goes to the log.
 pip_install() {
     if "$venv/bin/python" -m pip --disable-pip-version-check install --quiet "$@" >>"$log" 2>&1; then
         return
     fi
-    say "--- the end of $log:"
-    grep -v '^ *$' "$log" | tail -n 12 >&2
-    say "---"
+    complain
     die "packages could not be installed (above: what pip says). Is the network, or the package" \
         "index that pip is set up for, within reach? The same command again goes on from here"
 }
@@ -56,8 +60,8 @@ make_venv() {
     rm -rf "$venv"
     "$python" -m venv --without-pip "$venv" || die "$python cannot make $venv"
     if ! "$python" -m pip --python "$venv/bin/python" --disable-pip-version-check \
-        install --quiet -c constraints.txt pip >"$log" 2>&1; then
-        tail -n 6 "$log" >&2
+        install --quiet pip >"$log" 2>&1; then
+        complain
         die "pip could not be put into $venv (above: what it says)." \
             "Is the network within reach? Or install python3-venv (Debian, Ubuntu)"
     fi
@@ -84,5 +88,5 @@ pip_install -c constraints.txt -e ".${extras:+[$extras]}"
 if ! draws; then
     say "no EGL here: installing a software OpenGL"
     pip_install -c constraints.txt --no-deps lavavu-osmesa
-    draws || { tail -n 3 "$log" >&2; die "there is no OpenGL that works"; }
+    draws || { tail -n 1 "$log" >&2; die "there is no OpenGL that works (all is in $log)"; }
 fi

@@ -1,0 +1,48 @@
+"""`tools/install.sh`, the work behind `make`: what is missing is said, in words."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def install(venv: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # noqa: S603  # our own script
+        ["/bin/sh", "tools/install.sh", str(venv)],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+
+
+def test_an_unusable_python_is_refused_by_name(tmp_path: Path) -> None:
+    done = install(tmp_path / "venv", PYTHON="/no/such/python")
+    assert done.returncode == 2
+    assert "PYTHON=/no/such/python is no Python 3.11 or later" in done.stderr
+    assert not (tmp_path / "venv").exists()
+
+
+def test_no_python_at_all_says_what_to_install(tmp_path: Path) -> None:
+    done = install(tmp_path / "venv", PYTHON="", PATH=str(tmp_path))
+    assert done.returncode == 2
+    assert "needs Python 3.11 or later, found: none" in done.stderr
+    assert "apt install python3" in done.stderr
+
+
+def test_an_index_out_of_reach_is_told_and_a_further_try_goes_on(tmp_path: Path) -> None:
+    away = {"PIP_NO_INDEX": "1", "PIP_CONFIG_FILE": os.devnull, "PIP_FIND_LINKS": ""}
+    first = install(tmp_path / "venv", PYTHON=sys.executable, **away)
+    assert first.returncode == 2, first.stderr
+    assert "Could not find a version that satisfies the requirement" in first.stderr
+    assert "Is the network" in first.stderr
+    assert "Traceback" not in first.stderr
+    second = install(tmp_path / "venv", PYTHON=sys.executable, **away)
+    assert second.returncode == 2
+    assert "making" in first.stderr
+    assert "making" not in second.stderr
