@@ -8,6 +8,7 @@ TREE ?= trees/explore_and_land_segmentation.xml
 SCENE ?= train-a
 SEED ?= 0
 OUT ?= out
+PYTEST_ARGS ?= -n auto --maxprocesses 8
 
 export PYTHON
 BIN := $(VENV)/bin
