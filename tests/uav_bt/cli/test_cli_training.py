@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+from collections.abc import Iterator
 from http.server import HTTPServer
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import torch
 from cli_world import assert_refused, run
 from safetensors.numpy import load_file
 
@@ -20,6 +22,15 @@ from perception.segmentation.teacher import load_teacher
 from uav_bt import training
 
 ONE_SCENE = ("--scene", "train-a", "--views", 2)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    """Two runs of tests side by side must not fight over the processor."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 @pytest.fixture
