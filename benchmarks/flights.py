@@ -25,8 +25,10 @@ def wilson(successes: int, trials: int, z: float = 1.96) -> tuple[float, float]:
     """Return the 95 % Wilson score interval of a proportion."""
     share = successes / trials
     middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = z / (1 + z * z / trials) * math.sqrt(
-        share * (1 - share) / trials + z * z / (4 * trials * trials)
+    half = (
+        z
+        / (1 + z * z / trials)
+        * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
     )
     return middle - half, middle + half
 
@@ -51,26 +53,38 @@ def summarise(flights: list[dict[str, Any]]) -> None:
         outcomes[flight["outcome"]] = outcomes.get(flight["outcome"], 0) + 1
     good = outcomes.get("success", 0)
     low, high = wilson(good, len(flights))
-    print(f"\n{len(flights)} flights: success {100 * good / len(flights):.1f} % "
-          f"(95 % Wilson {100 * low:.1f} to {100 * high:.1f} %), {outcomes}")
+    print(
+        f"\n{len(flights)} flights: success {100 * good / len(flights):.1f} % "
+        f"(95 % Wilson {100 * low:.1f} to {100 * high:.1f} %), {outcomes}"
+    )
     names = (
-        "explore_distance_m", "search_distance_m", "time_to_find_helipad_s", "time_to_land_s",
-        "landing_error_m", "min_clearance_m", "total_distance_m", "duration_s",
+        "explore_distance_m",
+        "search_distance_m",
+        "time_to_find_helipad_s",
+        "time_to_land_s",
+        "landing_error_m",
+        "min_clearance_m",
+        "total_distance_m",
+        "duration_s",
     )
     print(f"{'':26s} {'n':>4s} {'mean':>8s} {'median':>8s} {'p5':>8s} {'p95':>8s} {'max':>8s}")
     for name in names:
         values = np.array([f[name] for f in flights if f.get(name) is not None])
         if values.size:
             p5, p50, p95 = np.percentile(values, [5, 50, 95])
-            print(f"{name:26s} {values.size:4d} {values.mean():8.2f} {p50:8.2f} {p5:8.2f} "
-                  f"{p95:8.2f} {values.max():8.2f}")
+            print(
+                f"{name:26s} {values.size:4d} {values.mean():8.2f} {p50:8.2f} {p5:8.2f} "
+                f"{p95:8.2f} {values.max():8.2f}"
+            )
     speeds = [f["duration_s"] / f["wall_s"] for f in flights if f.get("duration_s")]
     if speeds:
         print(f"speed: median {np.median(speeds):.1f} times real time, one process")
     for flight in flights:
         if flight["outcome"] != "success":
-            print(f"  {flight['scene']} seed {flight['seed']}: {flight['outcome']}, "
-                  f"{flight['reason']} (after {flight.get('duration_s')} s)")
+            print(
+                f"  {flight['scene']} seed {flight['seed']}: {flight['outcome']}, "
+                f"{flight['reason']} (after {flight.get('duration_s')} s)"
+            )
 
 
 def main() -> int:
@@ -93,7 +107,11 @@ def main() -> int:
         "exact_masks": args.exact_masks,
         "image_size_px": (args.width, args.width * 9 // 16),
     }
-    done = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
+    done = (
+        [json.loads(line) for line in args.out.read_text().splitlines()]
+        if args.out.exists()
+        else []
+    )
     wanted = [
         (scene, seed)
         for seed in range(args.seed_from, args.seed_from + args.flights)
@@ -101,8 +119,10 @@ def main() -> int:
     ]
     have = {(flight["scene"], flight["seed"]) for flight in done}
     flights = [flight for flight in done if (flight["scene"], flight["seed"]) in set(wanted)]
-    print(f"{platform.processor() or platform.machine()}, {time.strftime('%Y-%m-%d')}, "
-          f"{args.workers} workers; {len(flights)} of {len(wanted)} flights were already flown")
+    print(
+        f"{platform.processor() or platform.machine()}, {time.strftime('%Y-%m-%d')}, "
+        f"{args.workers} workers; {len(flights)} of {len(wanted)} flights were already flown"
+    )
     with ProcessPoolExecutor(args.workers) as pool, args.out.open("a") as out:
         jobs = [
             pool.submit(fly_one, args.tree, scene, seed, options)
@@ -114,8 +134,11 @@ def main() -> int:
             out.write(json.dumps(flight) + "\n")
             out.flush()
             flights.append(flight)
-            print(f"{len(flights):4d}/{len(wanted)} {flight['scene']} {flight['seed']}: "
-                  f"{flight['outcome']}", file=sys.stderr)
+            print(
+                f"{len(flights):4d}/{len(wanted)} {flight['scene']} {flight['seed']}: "
+                f"{flight['outcome']}",
+                file=sys.stderr,
+            )
     summarise(sorted(flights, key=lambda f: (f["scene"], f["seed"])))
     return 0
 
