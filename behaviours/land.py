@@ -41,6 +41,7 @@ class Land(Leaf):
 
     def terminate(self, new_status: Status) -> None:
         """Let go of the movement."""
+        del new_status
         self._mover.drop(self.clock.now())
 
     def update(self) -> Status:
@@ -123,6 +124,7 @@ class EmergencyLand(Leaf):
 
     def terminate(self, new_status: Status) -> None:
         """Let go of the movement."""
+        del new_status
         self._mover.drop(self.clock.now())
 
     def update(self) -> Status:

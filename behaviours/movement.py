@@ -1,4 +1,4 @@
-"""One movement at a time, on behalf of a leaf: proposed every tick until the drone says it ended."""
+"""One movement at a time on behalf of a leaf: proposed every tick until the drone says it ended."""
 
 from __future__ import annotations
 

@@ -1,18 +1,20 @@
-"""What exploring, avoiding and returning share: look, ask the policy, move, wait until it has moved.
+"""What exploring, avoiding and returning share: look, ask the policy, move, wait for the move.
 
-An advance is only decided on a class map captured after the last movement ended, as in the paper. A
-turn is held in one direction until it has worked, so that two boxes never make the drone dither, and
-it does not stop at every look: the drone turns steadily while the policy judges each new view.
+An advance is only decided on a class map captured after the last movement ended, as in the paper.
+A turn is held in one direction until it has worked, so that two boxes never make the drone dither,
+and it does not stop at every look: the drone turns steadily while the policy judges each new view.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, ClassVar
 
 import numpy as np
 
 from behaviours.movement import Mover, Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
+from uav_bt.mission.blackboard import Key
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Leaf, Port, Status
@@ -37,8 +39,15 @@ _SETTLE_S = 0.2
 class SteeringLeaf(Leaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
-    ports = (POLICY, FLIGHT_HEIGHT)
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES, HELD_TURN)
+    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT)
+    reads: ClassVar[tuple[Key[Any], ...]] = (
+        STATE,
+        FRAME,
+        CLASS_MAP,
+        CAMERA,
+        OBSTACLES,
+        HELD_TURN,
+    )
     writes = (PHASE, HELD_TURN)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -51,6 +60,7 @@ class SteeringLeaf(Leaf):
 
     def terminate(self, new_status: Status) -> None:
         """Let go of the movement; the arbiter cancels what is no longer proposed."""
+        del new_status
         self._mover.drop(self.clock.now())
 
     def state(self) -> DroneState | None:
@@ -106,7 +116,7 @@ class SteeringLeaf(Leaf):
     # --- turning ----------------------------------------------------------------------------------
 
     def look_afresh(self) -> None:
-        """Only count what is seen from now on, once the airframe has settled; no turn is under way."""
+        """Only count what is seen once the airframe has settled; no turn is under way."""
         self._mover.drop(self.clock.now())
         self._view_from_s = self.clock.now() + _SETTLE_S
         self._forget_turn()

@@ -2,8 +2,9 @@
 
     python benchmarks/flights.py explore_and_land_segmentation --scenes test-a test-b --flights 50
 
-Finished flights are kept at once, one JSON object a line, in the `--out` file; a run that was stopped
-goes on where it was. Each flight has one inference thread, so that results do not depend on `--workers`.
+Finished flights are kept at once, one JSON object a line, in the `--out` file; a run that was
+stopped goes on where it was. Each flight has one inference thread, so that results do not depend on
+`--workers`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from uav_bt import app
+
 
 def wilson(successes: int, trials: int, z: float = 1.96) -> tuple[float, float]:
     """Return the 95 % Wilson score interval of a proportion."""
@@ -35,8 +38,6 @@ def wilson(successes: int, trials: int, z: float = 1.96) -> tuple[float, float]:
 
 def fly_one(tree: str, scene: str, seed: int, options: dict[str, Any]) -> dict[str, Any]:
     """Fly once in this process and return the report with the wall time."""
-    from uav_bt import app
-
     began = time.perf_counter()
     try:
         report = app.fly(tree, app.FlightOptions(scene=scene, seed=seed, **options)).to_json()

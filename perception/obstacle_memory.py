@@ -23,8 +23,8 @@ from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoint
 
 __all__ = ["Bases", "ObstacleMemory", "ObstacleMemoryConfig", "find_bases"]
 
-# The view is scanned along bearings, not along columns: away from the image's centre a vertical edge
-# leans, and the lowest obstacle pixel of a column may lie half-way up a box.
+# The view is scanned along bearings, not along columns: away from the image's centre a vertical
+# edge leans, and the lowest obstacle pixel of a column may lie half-way up a box.
 _BEARING_STEP_RAD = math.radians(1.0)
 _ELEVATION_STEP_RAD = math.radians(0.5)
 _HIGHEST_RAD = math.radians(-8.0)  # carpet seen flatter than this is beyond the lab

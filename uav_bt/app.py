@@ -1,8 +1,10 @@
 """Everything put together: the Python API behind the command line.
 
-    from uav_bt import app
-    report = app.fly("trees/explore_and_land_segmentation.xml", scene="test-a", seed=7)
-    print(report.outcome)
+Example:
+    >>> from uav_bt import app
+    >>> report = app.fly("land_only", app.FlightOptions(scene="train-a", seed=7))
+    >>> report.outcome
+    'success'
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import numpy as np
 from uav_bt import plugins
 from uav_bt.board import MISSION_KEYS
 from uav_bt.checking import unknown_policies
-from uav_bt.errors import FileError, InputError, NodeFailedError, TreeError
+from uav_bt.errors import FileError, InputError, TreeError, UavBtError
 from uav_bt.mission.arbiter import Limits, Proposals
 from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.context import MissionContext
@@ -179,7 +181,8 @@ def fly(
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
-        NodeFailedError: a leaf raised; the drone was landed and the report written.
+        NodeFailedError: a leaf raised; the drone was landed and the report written, as it is when
+            the drone or a listener raises.
     """
     options = options or FlightOptions()
     path = resolve_tree(tree)
@@ -193,7 +196,9 @@ def fly(
     drone = make_drone(options)
     drone.connect()
     try:
-        return _fly_connected(mission, path, drone, options, report, listeners)
+        return _fly_connected(
+            mission, path, drone, options, report_path=report, listeners=listeners
+        )
     finally:
         drone.disconnect()
 
@@ -203,6 +208,7 @@ def _fly_connected(
     path: Path,
     drone: Drone,
     options: FlightOptions,
+    *,
     report_path: Path | None,
     listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None,
 ) -> FlightReport:
@@ -246,8 +252,10 @@ def _fly_connected(
     try:
         with _landing_on_interrupt(runner):
             verdict = runner.run()
-    except NodeFailedError as error:
-        finish(Verdict(outcome=Outcome.ERROR, reason=str(error)))
+    except Exception as error:
+        told = isinstance(error, UavBtError)
+        reason = str(error) if told else f"{type(error).__name__}: {error}"
+        finish(Verdict(outcome=Outcome.ERROR, reason=reason))
         raise
     return finish(verdict)
 

@@ -9,8 +9,8 @@ The paper gives thresholds (1600 and 900 pixels of a 224x112 map) but not the re
 follow from the camera's geometry, so that each asks a question in metres:
 
 - The *high* rectangle asks whether a box stands in the way. Its upper edge is the row that sees the
-  carpet `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its lower
-  edge is the image's, where the nearest visible carpet lies. A box that reaches the flight altitude
+  carpet `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its
+  lower edge is the image's, where the nearest visible carpet lies. A box that reaches the flight altitude
   fills it from top to bottom when near, whatever the distance.
 - The *low* rectangle asks whether the carpet goes on. It spans the carpet from the nearest visible
   row to `carpet_range_m`. Boxes and the helipad stand on the carpet, so they count as carpet.
@@ -69,14 +69,14 @@ class SegmentationRuleConfig:
     obstacle_threshold_px: float = 900.0  # of a 224x112 map, as in the paper
     carpet_threshold_px: float = 1600.0  # likewise
     obstacle_range_m: float = 1.6  # from the camera: boxes based beyond this are not in the way
-    # From the image's centre. A side 0.4 m beside the path, 1.2 m ahead, is seen 14 degrees out; the
-    # 8 degrees more are the 26 columns that it takes to reach the threshold.
+    # From the image's centre. A side 0.4 m beside the path, 1.2 m ahead, is seen 14 degrees out;
+    # the 8 degrees more are the 26 columns that it takes to reach the threshold.
     obstacle_half_angle_rad: float = math.radians(22)
     carpet_range_m: float = 1.75  # from the camera: how far the carpet must go on
     carpet_half_angle_rad: float = math.radians(18)
     # Leaving a turn takes this share of the obstacle threshold: no dithering at the threshold.
     hysteresis: float = 0.75
-    # After each full turn without a free way: this much more obstacle, this much less carpet will do.
+    # After each full turn without a free way, this much more obstacle and less carpet will do.
     obstacle_relief: float = 0.35
     carpet_relief: float = 0.2
     max_full_turns: int = 3  # of relief
@@ -93,6 +93,10 @@ class SegmentationRuleConfig:
     def __post_init__(self) -> None:
         if self.step_m <= 0.0 or not 0.0 < self.turn_rad <= math.pi:
             raise ValueRangeError(f"step and turn must be positive, got {self}")
+
+
+def _count(region: NDArray[np.uint8], group: int) -> int:
+    return int(np.count_nonzero(region == group))
 
 
 class SegmentationRule:
@@ -114,7 +118,7 @@ class SegmentationRule:
         groups = group_of(view.class_map.ids)
         high, low = self.rectangles(view)
         scale = groups.size / _REFERENCE_PIXELS
-        obstacles = np.count_nonzero(high.of(groups) == GROUP_OBSTACLE) / scale
+        obstacles = _count(high.of(groups), GROUP_OBSTACLE) / scale
         ground = np.count_nonzero(low.of(groups) != GROUP_BACKGROUND) / scale
 
         relief = min(view.full_turns, cfg.max_full_turns)
@@ -130,10 +134,10 @@ class SegmentationRule:
         if view.turning:
             return Decision(yaw_rad=math.copysign(cfg.turn_rad, view.turning), reason=reason)
         if carpet_goes_on:
-            left, right = (np.count_nonzero(half == GROUP_OBSTACLE) for half in high.halves(groups))
+            left, right = (_count(half, GROUP_OBSTACLE) for half in high.halves(groups))
             return Decision(yaw_rad=self._turn(right, left, view.coin), reason=reason)
         if way_is_free:
-            left, right = (np.count_nonzero(half == GROUP_CARPET) for half in high.halves(groups))
+            left, right = (_count(half, GROUP_CARPET) for half in high.halves(groups))
             return Decision(yaw_rad=self._turn(left, right, view.coin), reason=reason)
         return Decision(yaw_rad=math.copysign(math.pi, view.coin - 0.5), reason=reason)
 

@@ -1,7 +1,7 @@
 """The mission's blackboard: typed keys, ages, and access that is declared or refused.
 
-py_trees' own blackboard is one store for the whole process; ours belongs to one mission, so that two
-missions never meet and a test starts empty.
+py_trees' own blackboard is one store for the whole process; ours belongs to one mission, so that
+two missions never meet and a test starts empty.
 """
 
 from __future__ import annotations

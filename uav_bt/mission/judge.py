@@ -113,9 +113,7 @@ class Judge:
             )
         waited_s = now_s - (self._started_s if self._started_s is not None else now_s)
         if self._took_off_s is None and waited_s > self._config.patience_s:
-            return Verdict(
-                outcome=Outcome.TIMEOUT, reason=f"no take-off within {waited_s:.0f} s"
-            )
+            return Verdict(outcome=Outcome.TIMEOUT, reason=f"no take-off within {waited_s:.0f} s")
         return None
 
     def _hit(self, state: DroneState, truth: Truth) -> str | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import time
 from collections.abc import Sequence
@@ -88,21 +87,29 @@ class MissionRunner:
         self._abort_reason: str | None = None
 
     def request_abort(self, reason: str) -> None:
-        """Ask for a landing with the next tick; safe to call from a signal handler."""
-        self._abort_reason = reason
+        """Ask for a landing with the next tick; safe to call from a signal handler.
+
+        The first reason counts.
+        """
+        if self._abort_reason is None:
+            self._abort_reason = reason
 
     def run(self) -> Verdict:
         """Fly until the mission has ended and return how.
 
         Raises:
             NodeFailedError: a leaf raised; the tree was stopped and the drone landed first.
+            DroneError: the drone was lost; what could be done to land it was done first.
         """
         verdict: Verdict | None = None
         try:
             while verdict is None:
                 verdict = self._tick()
-        except BaseException:
-            self._stop_and_land()
+        except BaseException as fault:
+            try:
+                self._stop_and_land()
+            except Exception as second:  # noqa: BLE001  # the first fault is the one to report
+                fault.add_note(f"while landing, also: {type(second).__name__}: {second}")
             raise
         self._stop_and_land()
         return verdict
@@ -147,6 +154,9 @@ class MissionRunner:
         )
         if status in _OVER and observation.state.flying is not FlyingState.LANDED:
             self.request_abort(f"the tree ended with {status.name} in the air")
+        if self._arbiter.override is Override.BATTERY:
+            # The arbiter's word holds for one tick; a landing must not be taken back on the way.
+            self.request_abort(f"critical battery: {100 * observation.state.battery:.0f} %")
         if verdict is None:
             clock.sleep_until(start_s + self._config.tick_s)
         return verdict
@@ -174,8 +184,12 @@ class MissionRunner:
 
     def _stop_and_land(self) -> None:
         """Leave nothing running, and bring the drone down if it is still up."""
-        with contextlib.suppress(Exception):  # the fault being handled is the one to report
+        try:
             self._tree.halt()
+        finally:
+            self._land()
+
+    def _land(self) -> None:
         self._context.proposals.clear()
         clock = self._drone.clock
         deadline_s = clock.now() + self._config.landing_grace_s

@@ -13,7 +13,7 @@ import numpy as np
 
 from uav_bt.mission.judge import Verdict
 from uav_bt.mission.runner import TickRecord
-from uav_bt.types import TakeOff, Truth
+from uav_bt.types import FlyingState, TakeOff, Truth
 
 __all__ = ["FlightLog", "FlightReport", "Percentiles", "write_report"]
 
@@ -35,7 +35,8 @@ class Percentiles:
             return None
         ms = 1000.0 * np.asarray(values_s, dtype=np.float64)
         p50, p99 = np.percentile(ms, [50, 99])
-        return cls(p50=round(float(p50), 3), p99=round(float(p99), 3), max=round(float(ms.max()), 3))
+        most = float(ms.max())
+        return cls(p50=round(float(p50), 3), p99=round(float(p99), 3), max=round(most, 3))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,9 +110,7 @@ class FlightLog:
         if truth is not None:
             self._last_truth = truth
             self._min_clearance_m = min(self._min_clearance_m, truth.clearance_m)
-            if not truth.motors_on and marks.found_s is not None:
-                marks.landed_s = record.time_s
-        elif record.phase == "land":
+        if marks.landed_s is None and marks.found_s is not None and _motors_off(record):
             marks.landed_s = record.time_s
 
     def _travel(self, record: TickRecord) -> None:
@@ -180,6 +179,12 @@ class FlightLog:
                 stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
             },
         )
+
+
+def _motors_off(record: TickRecord) -> bool:
+    if record.truth is not None:
+        return not record.truth.motors_on
+    return record.observation.state.flying is FlyingState.LANDED
 
 
 def _span(start_s: float | None, end_s: float | None) -> float | None:
