@@ -59,15 +59,15 @@ class Segment(Leaf):
     def _load(self, threads: int) -> Segmenter:
         # Late: an inference runtime takes seconds to import and `uav-bt check` must answer at once.
         from perception.segmentation import runtime  # noqa: PLC0415
+        from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
 
         model, classes = self.port_value("model"), self.port_value("classes")
         if model == "unet":
             return runtime.shipped_unet(threads=threads)
         if model == "teacher":
             return runtime.shipped_teacher()
-        return runtime.OnnxSegmenter(
-            Path(model), mapping=Path(classes) if classes else None, threads=threads
-        )
+        mapping = read_mapping(Path(classes)) if classes else None
+        return runtime.OnnxSegmenter(Path(model), mapping=mapping, threads=threads)
 
 
 class FindHelipad(Leaf):
