@@ -10,8 +10,8 @@ follow from the camera's geometry, so that each asks a question in metres:
 
 - The *high* rectangle asks whether a box stands in the way. Its upper edge is the row that sees the
   carpet `obstacle_range_m` ahead: a box whose base is further away does not reach into it. Its
-  lower edge is the image's, where the nearest visible carpet lies. A box that reaches the flight altitude
-  fills it from top to bottom when near, whatever the distance.
+  lower edge is the image's, where the nearest visible carpet lies. A box that reaches the flight
+  altitude fills it from top to bottom when near, whatever the distance.
 - The *low* rectangle asks whether the carpet goes on. It spans the carpet from the nearest visible
   row to `carpet_range_m`. Boxes and the helipad stand on the carpet, so they count as carpet.
 
