@@ -29,9 +29,11 @@ test: $(VENV)/.for-developing
 	exit $$failed
 
 lint: $(VENV)/.for-developing
-	@$(BIN)/ruff check --quiet .
-	@$(BIN)/ruff format --check --quiet .
-	@$(BIN)/mypy --no-error-summary
+	@failed=0; \
+	$(BIN)/ruff check --quiet --output-format concise . || failed=1; \
+	$(BIN)/ruff format --check --quiet --output-format concise . || failed=1; \
+	$(BIN)/mypy --no-error-summary || failed=1; \
+	exit $$failed
 
 format: $(VENV)/.for-developing
 	@$(BIN)/ruff check --quiet --fix .

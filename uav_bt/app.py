@@ -237,7 +237,7 @@ def _fly_connected(
     def finish(verdict: Verdict) -> FlightReport:
         result = log.report(
             verdict,
-            scene=options.scene,
+            scene=options.scene or _scene_name(drone),
             seed=options.seed,
             tree=path.name,
             policies=_policies(mission),
@@ -258,6 +258,11 @@ def _fly_connected(
         finish(Verdict(outcome=Outcome.ERROR, reason=reason))
         raise
     return finish(verdict)
+
+
+def _scene_name(drone: Drone) -> str | None:
+    scene = getattr(drone, "scene", None)  # simulated drones have one, by default too
+    return str(scene.name) if scene is not None else None
 
 
 def _exact_segmenter(drone: Drone) -> Segmenter:

@@ -51,7 +51,9 @@ def test_a_mission_that_fails_exits_with_1_and_still_reports(tmp_path: Path) -> 
     result = run("fly", tree_file(tmp_path, body), *SMALL, "--report", report)
     assert result.exit_code == 1, result.output
     assert "aborted" in result.stdout
-    assert json.loads(report.read_text())["outcome"] == "aborted"
+    told = json.loads(report.read_text())
+    assert told["outcome"] == "aborted"
+    assert told["scene"] == "train-a"  # the twin's own choice, since nobody made one
 
 
 def test_a_fault_in_a_leaf_is_told_in_a_line_and_reported(
