@@ -1,0 +1,214 @@
+"""The judge: when a flight has ended, and how."""
+
+from __future__ import annotations
+
+import pytest
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
+from uav_bt.tree import Status
+from uav_bt.types import DroneState, FlyingState, Pose, Truth
+
+
+def truth_of(
+    *,
+    contacts: tuple[str, ...] = (),
+    inside: bool = True,
+    on_pad: bool = False,
+    error_m: float = 1.25,
+) -> Truth:
+    return Truth(
+        time_s=0.0,
+        pose=Pose(x_m=2.613, y_m=-0.5, z_m=1.5, yaw_rad=0.0),
+        contacts=contacts,
+        clearance_m=1.0,
+        inside_carpet=inside,
+        on_helipad=on_pad,
+        landing_error_m=error_m,
+        motors_on=True,
+    )
+
+
+ON_PAD = truth_of(on_pad=True, contacts=("helipad_top",), error_m=0.05)
+
+
+def ask(
+    judge: Judge,
+    now_s: float,
+    flying: FlyingState = FlyingState.HOVERING,
+    truth: Truth | None = None,
+    status: Status = Status.RUNNING,
+    *,
+    abort: str | None = None,
+) -> Verdict | None:
+    state = DroneState(captured_s=now_s, flying=flying)
+    return judge.verdict(now_s, state, truth, status, abort_reason=abort)
+
+
+def flown(config: JudgeConfig | None = None) -> Judge:
+    """Return the judge of a flight that took off at 10 s and hovers at 11 s."""
+    judge = Judge(config)
+    judge.took_off(10.0)
+    assert ask(judge, 11.0, truth=truth_of()) is None
+    return judge
+
+
+def test_a_landing_on_the_pad_is_a_success() -> None:
+    verdict = ask(flown(), 90.0, FlyingState.LANDED, ON_PAD, Status.SUCCESS)
+    assert verdict == Verdict(outcome=Outcome.SUCCESS, reason="landed")
+
+
+def test_a_landing_beside_the_pad_is_aborted_and_says_how_far() -> None:
+    verdict = ask(flown(), 90.0, FlyingState.LANDED, truth_of(), Status.SUCCESS)
+    assert verdict is not None
+    assert verdict.outcome is Outcome.ABORTED
+    assert "1.25 m" in verdict.reason
+
+
+def test_a_mission_may_end_elsewhere_when_its_rules_say_so() -> None:
+    judge = flown(JudgeConfig(must_land_on_pad=False))
+    verdict = ask(judge, 90.0, FlyingState.LANDED, truth_of(), Status.SUCCESS)
+    assert verdict is not None
+    assert verdict.outcome is Outcome.SUCCESS
+
+
+def test_a_tree_that_fails_on_the_ground_is_aborted_even_on_the_pad() -> None:
+    verdict = ask(flown(), 90.0, FlyingState.LANDED, ON_PAD, Status.FAILURE)
+    assert verdict == Verdict(outcome=Outcome.ABORTED, reason="the tree failed; landed")
+
+
+def test_a_tree_that_never_flew_is_no_success() -> None:
+    verdict = ask(Judge(), 0.0, FlyingState.LANDED, ON_PAD, Status.SUCCESS)
+    assert verdict is not None
+    assert verdict.outcome is Outcome.ABORTED
+    assert "without a take-off" in verdict.reason
+
+
+@pytest.mark.parametrize("status", [Status.SUCCESS, Status.FAILURE])
+def test_a_tree_that_ends_in_the_air_ends_no_flight(status: Status) -> None:
+    """It has to come down first."""
+    assert ask(flown(), 20.0, FlyingState.HOVERING, truth_of(), status) is None
+
+
+@pytest.mark.parametrize("status", [Status.RUNNING, Status.INVALID])
+def test_a_tree_that_goes_on_ends_no_flight_on_the_ground(status: Status) -> None:
+    assert ask(flown(), 20.0, FlyingState.LANDED, ON_PAD, status) is None
+
+
+def test_an_abort_ends_the_flight_on_the_ground_with_its_reason() -> None:
+    judge = flown()
+    assert ask(judge, 12.0, FlyingState.LANDING, truth_of(), abort="stopped") is None
+    verdict = ask(judge, 14.0, FlyingState.LANDED, ON_PAD, Status.SUCCESS, abort="stopped")
+    assert verdict == Verdict(outcome=Outcome.ABORTED, reason="stopped")
+
+
+# --- collisions -----------------------------------------------------------------------------------
+
+GROUND_STATES = {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING}
+
+
+@pytest.mark.parametrize("flying", FlyingState)
+@pytest.mark.parametrize("geom", ["helipad_top", "carpet"])
+def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
+    flying: FlyingState, geom: str
+) -> None:
+    verdict = ask(flown(), 20.0, flying, truth_of(contacts=(geom,)))
+    if flying in GROUND_STATES:
+        assert verdict is None
+    else:
+        assert verdict == Verdict(outcome=Outcome.COLLISION, reason=f"touched {geom}")
+
+
+@pytest.mark.parametrize("flying", FlyingState)
+def test_a_box_may_never_be_touched(flying: FlyingState) -> None:
+    """Beside the allowed surface it is named all the same."""
+    verdict = ask(flown(), 20.0, flying, truth_of(contacts=("helipad_top", "box_3")))
+    assert verdict is not None
+    assert verdict.outcome is Outcome.COLLISION
+    if flying in GROUND_STATES:
+        assert verdict.reason == "touched box_3"
+
+
+def test_landing_surfaces_are_configurable() -> None:
+    judge = flown(JudgeConfig(landing_surfaces=("table",)))
+    assert ask(judge, 20.0, FlyingState.LANDING, truth_of(contacts=("table_7",))) is None
+    verdict = ask(judge, 20.1, FlyingState.LANDING, truth_of(contacts=("carpet",)))
+    assert verdict is not None
+    assert verdict.outcome is Outcome.COLLISION
+
+
+# --- area and time --------------------------------------------------------------------------------
+
+
+def test_leaving_the_carpet_ends_the_flight_and_says_where() -> None:
+    verdict = ask(flown(), 20.0, truth=truth_of(inside=False))
+    assert verdict == Verdict(
+        outcome=Outcome.LEFT_AREA, reason="left the carpet at (2.61, -0.50) m"
+    )
+
+
+def test_before_the_take_off_nobody_leaves_the_carpet() -> None:
+    assert ask(Judge(), 0.0, FlyingState.LANDED, truth_of(inside=False)) is None
+
+
+def test_time_counts_from_the_first_take_off_command() -> None:
+    judge = flown()
+    judge.took_off(200.0)
+    assert judge.took_off_s == 10.0
+    assert ask(judge, 310.0) is None
+    verdict = ask(judge, 310.1)
+    assert verdict == Verdict(outcome=Outcome.TIMEOUT, reason="not over after 300 s")
+
+
+def test_elapsed_time_is_zero_until_the_take_off() -> None:
+    judge = Judge()
+    assert judge.took_off_s is None
+    assert judge.elapsed(7.0) == 0.0
+    judge.took_off(7.0)
+    assert judge.elapsed(9.5) == 2.5
+
+
+def test_a_mission_that_never_takes_off_ends_when_patience_does() -> None:
+    """Patience begins with the first tick, whatever the clock says then."""
+    judge = Judge(JudgeConfig(patience_s=5.0))
+    assert ask(judge, 100.0, FlyingState.LANDED) is None
+    assert ask(judge, 105.0, FlyingState.LANDED) is None
+    verdict = ask(judge, 105.1, FlyingState.LANDED)
+    assert verdict == Verdict(outcome=Outcome.TIMEOUT, reason="no take-off within 5 s")
+
+
+def test_patience_ends_with_the_take_off() -> None:
+    judge = Judge(JudgeConfig(patience_s=5.0))
+    assert ask(judge, 0.0, FlyingState.LANDED) is None
+    judge.took_off(4.0)
+    assert ask(judge, 60.0) is None
+
+
+def test_a_violation_comes_before_an_ending() -> None:
+    """A drone that lands on the pad and touches a box has collided; so has one that aborts."""
+    hit = truth_of(contacts=("box_1",), on_pad=True, inside=False)
+    for abort in (None, "stopped"):
+        verdict = ask(flown(), 500.0, FlyingState.LANDED, hit, Status.SUCCESS, abort=abort)
+        assert verdict == Verdict(outcome=Outcome.COLLISION, reason="touched box_1")
+    late = ask(flown(), 500.0, FlyingState.LANDED, ON_PAD, Status.SUCCESS)
+    assert late is not None
+    assert late.outcome is Outcome.TIMEOUT
+
+
+# --- without a referee ----------------------------------------------------------------------------
+
+
+def test_without_a_referee_a_landing_counts_as_it_is_told() -> None:
+    verdict = ask(flown(), 90.0, FlyingState.LANDED, None, Status.SUCCESS)
+    assert verdict == Verdict(outcome=Outcome.SUCCESS, reason="landed")
+
+
+def test_without_a_referee_time_still_runs_out() -> None:
+    verdict = ask(flown(JudgeConfig(time_limit_s=30.0)), 40.5)
+    assert verdict == Verdict(outcome=Outcome.TIMEOUT, reason="not over after 30 s")
+
+
+@pytest.mark.parametrize("limit_s", [0.0, -1.0])
+def test_a_time_limit_must_be_positive(limit_s: float) -> None:
+    with pytest.raises(ValueRangeError, match="time limit must be positive"):
+        JudgeConfig(time_limit_s=limit_s)

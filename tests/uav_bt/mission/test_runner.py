@@ -1,0 +1,610 @@
+"""The runner: the order of a tick, and how a flight that goes wrong is brought down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import pytest
+
+from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, PHASE, STATE
+from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError, ValueRangeError
+from uav_bt.mission.arbiter import Override, Proposals
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.judge import Judge, JudgeConfig, Outcome
+from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener, TickRecord
+from uav_bt.testing import ScriptedDrone, blank_frame
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
+from uav_bt.types import (
+    Command,
+    FlyingState,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    Observation,
+    Release,
+    TakeOff,
+    Velocity,
+)
+
+TICK_S = 0.1
+HALTED: list[str] = []  # paths of the leaves that were halted, in order
+
+
+# --- leaves -----------------------------------------------------------------------------------
+
+
+class Up(Leaf):
+    """Takes off; SUCCESS in the air, in a tick in which it asks for nothing."""
+
+    reads = (STATE,)
+
+    def update(self) -> Status:
+        state = self.read(STATE).value
+        if state is not None and state.flying is FlyingState.HOVERING:
+            return Status.SUCCESS
+        self.propose(TakeOff())
+        return Status.RUNNING
+
+
+class Down(Leaf):
+    """Lands; SUCCESS on the ground."""
+
+    reads = (STATE,)
+
+    def update(self) -> Status:
+        state = self.read(STATE).value
+        if state is not None and state.flying is FlyingState.LANDED:
+            return Status.SUCCESS
+        self.propose(Land())
+        return Status.RUNNING
+
+
+class Drift(Leaf):
+    """Drifts ahead for some ticks, or for ever, and says so."""
+
+    ports = (Port("ticks", int, default=-1), Port("fails", bool, default=False))
+    writes = (PHASE,)
+
+    def initialise(self) -> None:
+        self.write(PHASE, "drift")
+        self._left: int = self.port_value("ticks")
+
+    def update(self) -> Status:
+        if self._left == 0:
+            return Status.FAILURE if self.port_value("fails") else Status.SUCCESS
+        self._left -= 1
+        self.feedback_message = "drifts"
+        self.propose(Velocity(forward_mps=0.5))
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is Status.INVALID:
+            HALTED.append(self.path)
+
+
+class Wait(Leaf):
+    """Asks for nothing, for ever."""
+
+    def update(self) -> Status:
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        if new_status is Status.INVALID:
+            HALTED.append(self.path)
+
+
+class Break(Leaf):
+    """Raises in its first tick, after it asked for something."""
+
+    def update(self) -> Status:
+        self.propose(MoveBy(id=1, forward_m=9.0))
+        raise LookupError("no such thing")
+
+
+class Clumsy(Leaf):
+    """Hovers, and raises when it is halted."""
+
+    def update(self) -> Status:
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        raise RuntimeError(f"cannot let go ({new_status.name})")
+
+
+class Look(Leaf):
+    """Notes what the board holds in each tick."""
+
+    reads = (STATE, FRAME, HEIGHT, ELAPSED, CAMERA)
+    seen: ClassVar[list[tuple[float | None, float | None, float | None]]] = []
+
+    def update(self) -> Status:
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        assert camera is not None
+        self.seen.append(
+            (frame.captured_s if frame else None, self.read(HEIGHT).value, self.read(ELAPSED).value)
+        )
+        return Status.RUNNING
+
+
+REGISTRY = NodeRegistry([Up, Down, Drift, Wait, Break, Clumsy, Look])
+
+
+class Records(list[TickRecord]):
+    """Keeps every tick."""
+
+    def on_tick(self, record: TickRecord) -> None:
+        self.append(record)
+
+
+class At:
+    """Does something at a tick."""
+
+    def __init__(self, index: int, action: Callable[[], object]) -> None:
+        self.index = index
+        self.action = action
+
+    def on_tick(self, record: TickRecord) -> None:
+        if record.index == self.index:
+            self.action()
+
+
+class Flight:
+    """A scripted drone, a tree and a runner."""
+
+    def __init__(
+        self,
+        body: str,
+        *,
+        drone: ScriptedDrone | None = None,
+        judge: JudgeConfig | None = None,
+        listeners: Sequence[TickListener] = (),
+    ) -> None:
+        self.drone = drone or ScriptedDrone()
+        self.tree = parse_tree(
+            f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>', REGISTRY
+        )
+        self.context = MissionContext(
+            board=Blackboard(self.drone.clock, MISSION_KEYS),
+            clock=self.drone.clock,
+            proposals=Proposals(),
+            policy=lambda name: pytest.fail(f"asked for policy {name}"),
+        )
+        self.tree.setup(self.context)
+        self.records = Records()
+        self.runner = MissionRunner(
+            self.drone,
+            self.tree,
+            self.context,
+            Judge(judge),
+            config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
+            listeners=(self.records, *listeners),
+        )
+
+    @property
+    def sent(self) -> list[str]:
+        """The movements that were sent, repetitions told once."""
+        names: list[str] = []
+        for command in self.drone.commands:
+            name = type(command.movement).__name__
+            if not names or names[-1] != name:
+                names.append(name)
+        return names
+
+    @property
+    def landed(self) -> bool:
+        return self.drone.state.flying is FlyingState.LANDED
+
+
+@pytest.fixture(autouse=True)
+def _forget() -> None:
+    HALTED.clear()
+    Look.seen.clear()
+
+
+# --- a tick -----------------------------------------------------------------------------------
+
+
+def test_a_mission_flies_up_ahead_and_down() -> None:
+    """A leaf that ends and the next that starts share a tick without a conflict or a hover."""
+    flight = Flight('<Sequence><Up/><Drift ticks="3"/><Down/></Sequence>')
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.SUCCESS
+    assert flight.sent == ["TakeOff", "Velocity", "Land", "Hover"]
+    assert flight.drone.x_m == pytest.approx(3 * TICK_S * 0.5)
+    assert flight.landed
+
+
+def test_listeners_get_every_tick_with_what_was_sent() -> None:
+    flight = Flight('<Sequence name="mission"><Up/><Drift ticks="3"/><Down/></Sequence>')
+    flight.runner.run()
+    records = flight.records
+    assert [record.index for record in records] == list(range(len(records)))
+    assert [record.time_s for record in records] == pytest.approx(
+        [index * TICK_S for index in range(len(records))]
+    )
+    assert [record.command for record in records] == flight.drone.commands
+    drifting = next(record for record in records if record.phase == "drift")
+    assert drifting.active == ("mission", "Drift")
+    assert drifting.word == "drifts"
+    assert drifting.proposed_by == "Main/mission/Drift"
+    assert drifting.tree_status is Status.RUNNING
+    assert drifting.override is None
+    assert drifting.truth is None
+    assert records[0].phase == ""
+    assert records[-1].tree_status is Status.SUCCESS
+    assert records[-1].proposed_by is None
+
+
+def test_all_listeners_are_told_in_their_order() -> None:
+    told: list[str] = []
+    first, second = At(2, lambda: told.append("first")), At(2, lambda: told.append("second"))
+    Flight("<Sequence><Up/><Down/></Sequence>", listeners=(first, second)).runner.run()
+    assert told == ["first", "second"]
+
+
+def test_a_tick_observes_then_thinks_then_sends_then_tells_then_waits() -> None:
+    """Each tick sees the world as the last command left it, and the clock stands still within."""
+    calls: list[str] = []
+
+    class Noting(ScriptedDrone):
+        def observe(self) -> Observation:
+            calls.append(f"observe {self.clock.now():.1f}")
+            return super().observe()
+
+        def send(self, command: Command) -> Command:
+            calls.append(f"send {self.clock.now():.1f}")
+            return super().send(command)
+
+    class Thinks(Leaf):
+        def update(self) -> Status:
+            calls.append("think")
+            return Status.RUNNING
+
+    drone = Noting()
+    context = MissionContext(
+        board=Blackboard(drone.clock, MISSION_KEYS),
+        clock=drone.clock,
+        proposals=Proposals(),
+        policy=lambda name: pytest.fail(f"asked for policy {name}"),
+    )
+    tree = MissionTree(Thinks())
+    tree.setup(context)
+    tells = [At(index, lambda: calls.append("tell")) for index in (0, 1)]
+    stops = At(1, lambda: runner.request_abort("enough"))
+    runner = MissionRunner(drone, tree, context, Judge(), listeners=(*tells, stops))
+    runner.run()
+    assert calls[:8] == [
+        "observe 0.0", "think", "send 0.0", "tell",
+        "observe 0.1", "think", "send 0.1", "tell",
+    ]  # fmt: skip
+
+
+def test_the_board_holds_what_was_observed_in_this_tick() -> None:
+    """Leaves see frame, state and camera of now, and the time since the take-off command."""
+    flight = Flight(
+        "<ParallelAll><Up/><Look/></ParallelAll>",
+        judge=JudgeConfig(time_limit_s=1.0),
+    )
+    flight.runner.run()
+    frames, heights, elapsed = zip(*Look.seen, strict=True)
+    times = [record.time_s for record in flight.records]
+    assert frames == pytest.approx(times)
+    assert heights[0] == 0.0
+    assert heights[-1] == flight.drone.config.take_off_height_m
+    assert elapsed == pytest.approx(times)  # it took off in the first tick, at 0 s
+
+
+def test_nothing_proposed_means_hover() -> None:
+    flight = Flight("<Sequence><Up/><Wait/></Sequence>", judge=JudgeConfig(time_limit_s=2.0))
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.TIMEOUT
+    assert flight.sent == ["TakeOff", "Hover", "Land"]
+    assert flight.landed
+
+
+def test_a_proposal_does_not_survive_its_tick() -> None:
+    """What a leaf asked for last is not flown on when the next leaf asks for nothing."""
+    flight = Flight(
+        '<Sequence><Up/><Drift ticks="1"/><Wait/></Sequence>', judge=JudgeConfig(time_limit_s=2.0)
+    )
+    flight.runner.run()
+    assert sum(isinstance(c.movement, Velocity) for c in flight.drone.commands) == 1
+    assert flight.sent == ["TakeOff", "Velocity", "Hover", "Land"]
+
+
+def test_without_a_frame_nothing_is_on_the_board_and_the_drone_hovers() -> None:
+    """Overrides see the age of a frame that never came as infinite."""
+
+    class Blind(ScriptedDrone):
+        def observe(self) -> Observation:
+            return replace(super().observe(), frame=None)
+
+    flight = Flight(
+        "<Sequence><Up/><ParallelAll><Drift/><Look/></ParallelAll></Sequence>",
+        drone=Blind(),
+        judge=JudgeConfig(time_limit_s=1.5),
+    )
+    flight.runner.run()
+    assert flight.records[-1].override is Override.STALE_FRAME
+    assert Look.seen[-1][0] is None
+    assert flight.sent == ["TakeOff", "Hover", "Land"]
+
+
+def test_a_frozen_camera_is_noticed() -> None:
+    """Frames that no longer change grow old, and the drone stops."""
+
+    class Frozen(ScriptedDrone):
+        def observe(self) -> Observation:
+            seen = super().observe()
+            captured_s = min(seen.state.captured_s, 1.0)
+            frame = blank_frame(self.camera, seen.state, captured_s=captured_s)
+            return replace(seen, frame=frame)
+
+    flight = Flight(
+        "<Sequence><Up/><Drift/></Sequence>", drone=Frozen(), judge=JudgeConfig(time_limit_s=4.0)
+    )
+    flight.runner.run()
+    stopped = [record for record in flight.records if record.override is Override.STALE_FRAME]
+    assert 2.0 <= stopped[0].time_s <= 2.2
+    assert all(record.command.movement == Hover() for record in stopped)
+    assert stopped[0].proposed_by is not None  # asked for, and overruled
+
+
+# --- faults ---------------------------------------------------------------------------------------
+
+
+def test_a_leaf_that_raises_stops_the_tree_lands_and_is_named() -> None:
+    flight = Flight(
+        '<Sequence name="mission"><Up/><Drift ticks="2"/>'
+        '<ParallelAll><Wait name="beside"/><Break name="bad"/></ParallelAll></Sequence>'
+    )
+    with pytest.raises(NodeFailedError) as caught:
+        flight.runner.run()
+    assert caught.value.node_path == "Main/mission/ParallelAll/bad"
+    assert flight.landed
+    assert flight.tree.root.status is Status.INVALID
+    assert HALTED == ["Main/mission/ParallelAll/beside"]
+    assert not any(isinstance(c.movement, MoveBy) for c in flight.drone.commands)
+
+
+def test_the_cause_travels_with_the_error() -> None:
+    flight = Flight("<Sequence><Up/><Break/></Sequence>")
+    with pytest.raises(NodeFailedError, match="LookupError: no such thing") as caught:
+        flight.runner.run()
+    assert isinstance(caught.value.__cause__, LookupError)
+    assert flight.sent == ["TakeOff", "Land"]
+
+
+def test_two_leaves_that_both_move_are_an_error_that_names_both() -> None:
+    flight = Flight(
+        '<Sequence><Up/><ParallelAll name="both"><Drift name="a"/><Drift name="b"/></ParallelAll>'
+        "</Sequence>"
+    )
+    with pytest.raises(NodeFailedError, match=r"both/a' and .*both/b'") as caught:
+        flight.runner.run()
+    assert isinstance(caught.value.__cause__, ProposalConflictError)
+    assert flight.landed
+
+
+def test_a_leaf_that_raises_when_it_is_halted_does_not_keep_the_drone_up() -> None:
+    """The flight is over, the drone comes down, and the fault is told."""
+    flight = Flight("<Sequence><Up/><Clumsy/></Sequence>", judge=JudgeConfig(time_limit_s=1.0))
+    with pytest.raises(NodeFailedError, match="cannot let go"):
+        flight.runner.run()
+    assert flight.landed
+
+
+def test_a_listener_that_raises_lands_the_drone() -> None:
+    def fail() -> None:
+        raise OSError("disk full")
+
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", listeners=(At(9, fail),))
+    with pytest.raises(OSError, match="disk full"):
+        flight.runner.run()
+    assert flight.landed
+    assert len(HALTED) == 1
+
+
+def test_an_interrupt_that_gets_through_lands_the_drone() -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", listeners=(At(9, interrupt),))
+    with pytest.raises(KeyboardInterrupt):
+        flight.runner.run()
+    assert flight.landed
+
+
+def test_when_landing_fails_too_the_first_fault_is_the_one_told() -> None:
+    class Lost(ScriptedDrone):
+        def send(self, command: Command) -> Command:
+            if isinstance(command.movement, Land):
+                raise DroneError("no answer")
+            return super().send(command)
+
+    flight = Flight("<Sequence><Up/><Break/></Sequence>", drone=Lost())
+    with pytest.raises(NodeFailedError, match="no such thing") as caught:
+        flight.runner.run()
+    assert caught.value.__notes__ == ["while landing, also: DroneError: no answer"]
+
+
+def test_a_drone_that_does_not_land_is_given_up_after_the_grace_time() -> None:
+    class Stubborn(ScriptedDrone):
+        def send(self, command: Command) -> Command:
+            stays = isinstance(command.movement, Land)
+            super().send(Command(movement=Hover()) if stays else command)
+            self.commands[-1] = command
+            return command
+
+    flight = Flight(
+        "<Sequence><Up/><Wait/></Sequence>",
+        drone=Stubborn(),
+        judge=JudgeConfig(time_limit_s=1.0),
+    )
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.TIMEOUT
+    over_s = flight.records[-1].time_s
+    assert flight.drone.clock.now() == pytest.approx(over_s + 2.0, abs=TICK_S)
+
+
+# --- aborts ---------------------------------------------------------------------------------------
+
+
+def abort_at(index: int, body: str = "<Sequence><Up/><Drift/></Sequence>") -> Flight:
+    """Return a flight that an operator stops at a tick."""
+    stop = At(index, lambda: flight.runner.request_abort("the operator's wish"))
+    flight = Flight(body, listeners=(stop,))
+    return flight
+
+
+def test_an_abort_halts_the_tree_lands_and_is_the_outcome() -> None:
+    flight = abort_at(12)
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.ABORTED
+    assert verdict.reason == "the operator's wish"
+    assert flight.landed
+    assert flight.sent == ["TakeOff", "Velocity", "Land"]
+    assert HALTED == ["Main/Sequence/Drift"]
+    after = flight.records[13:]
+    assert all(record.override is Override.ABORT for record in after)
+    assert all(record.tree_status is Status.INVALID and not record.active for record in after)
+
+
+def test_an_abort_during_take_off_lands_as_soon_as_it_can() -> None:
+    flight = abort_at(1)
+    assert flight.runner.run().outcome is Outcome.ABORTED
+    assert flight.landed
+
+
+def test_an_abort_on_the_ground_ends_at_once() -> None:
+    flight = abort_at(3, body="<Wait/>")
+    assert flight.runner.run().outcome is Outcome.ABORTED
+    assert len(flight.records) == 4
+    assert FlyingState.TAKING_OFF not in {r.observation.state.flying for r in flight.records}
+
+
+def test_the_first_reason_for_an_abort_counts() -> None:
+    flight = Flight(
+        "<Sequence><Up/><Drift/></Sequence>",
+        listeners=(
+            At(8, lambda: flight.runner.request_abort("first")),
+            At(9, lambda: flight.runner.request_abort("second")),
+        ),
+    )
+    assert flight.runner.run().reason == "first"
+
+
+@pytest.mark.parametrize(("fails", "status"), [("false", "SUCCESS"), ("true", "FAILURE")])
+def test_a_tree_that_ends_in_the_air_is_brought_down_and_aborted(fails: str, status: str) -> None:
+    flight = Flight(f'<Sequence><Up/><Drift ticks="2" fails="{fails}"/></Sequence>')
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.ABORTED
+    assert verdict.reason == f"the tree ended with {status} in the air"
+    assert flight.landed
+    assert flight.drone.x_m == pytest.approx(2 * TICK_S * 0.5)  # it was not begun again
+
+
+class Draining(ScriptedDrone):
+    """Has a critical battery from a time on."""
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        battery = 0.08 if self.clock.now() > 1.0 else 0.9
+        return replace(seen, state=replace(seen.state, battery=battery))
+
+
+def test_a_critical_battery_ends_the_flight_on_the_ground() -> None:
+    """The landing is not taken back while it lasts, whatever the leaves ask for."""
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=Draining())
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.ABORTED
+    assert verdict.reason == "critical battery: 8 %"
+    assert flight.sent == ["TakeOff", "Velocity", "Land"]
+    assert flight.landed
+    overrides = [record.override for record in flight.records if record.override]
+    assert overrides[0] is Override.BATTERY
+
+
+class Taken(ScriptedDrone):
+    """A pilot has control for a while."""
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        pilot = 1.0 < self.clock.now() < 1.5
+        return replace(seen, state=replace(seen.state, pilot_has_control=pilot))
+
+
+def test_while_a_pilot_flies_nothing_is_sent_and_then_the_mission_goes_on() -> None:
+    flight = Flight(
+        '<Sequence><Up/><Drift ticks="15"/><Down/></Sequence>',
+        drone=Taken(),
+    )
+    assert flight.runner.run().outcome is Outcome.SUCCESS
+    taken = [record for record in flight.records if record.override is Override.MANUAL]
+    assert len(taken) == 4
+    assert all(record.command == Command(movement=Release()) for record in taken)
+    assert flight.sent == ["TakeOff", "Velocity", "Release", "Velocity", "Land", "Hover"]
+
+
+def test_an_abort_does_not_take_the_drone_from_a_pilot() -> None:
+    class Piloted(ScriptedDrone):
+        def observe(self) -> Observation:
+            seen = super().observe()
+            pilot = 1.0 < self.clock.now() < 3.0
+            return replace(seen, state=replace(seen.state, pilot_has_control=pilot))
+
+    flight = Flight(
+        "<Sequence><Up/><Drift/></Sequence>",
+        drone=Piloted(),
+        listeners=(At(12, lambda: flight.runner.request_abort("stop")),),
+    )
+    assert flight.runner.run().outcome is Outcome.ABORTED
+    assert flight.sent == ["TakeOff", "Velocity", "Release", "Land"]
+
+
+# --- the record -----------------------------------------------------------------------------------
+
+
+def test_a_record_holds_what_was_really_sent() -> None:
+    """A drone has limits of its own, and says what is left of a command."""
+
+    class Slow(ScriptedDrone):
+        def send(self, command: Command) -> Command:
+            if isinstance(command.movement, Velocity):
+                command = Command(movement=Velocity(forward_mps=0.1), gimbal=command.gimbal)
+            return super().send(command)
+
+    flight = Flight('<Sequence><Up/><Drift ticks="1"/><Down/></Sequence>', drone=Slow())
+    flight.runner.run()
+    assert Command(movement=Velocity(forward_mps=0.1)) in [r.command for r in flight.records]
+
+
+def test_a_gimbal_command_reaches_the_drone_with_the_movement() -> None:
+    class Nod(Leaf):
+        def update(self) -> Status:
+            self.point(GimbalTo(pitch_rad=-0.5))
+            return Status.RUNNING
+
+    drone = ScriptedDrone()
+    context = MissionContext(
+        board=Blackboard(drone.clock, MISSION_KEYS),
+        clock=drone.clock,
+        proposals=Proposals(),
+        policy=lambda name: pytest.fail(f"asked for policy {name}"),
+    )
+    tree = MissionTree(Nod())
+    tree.setup(context)
+    MissionRunner(drone, tree, context, Judge(JudgeConfig(patience_s=0.3))).run()
+    assert drone.commands[0] == Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-0.5))
+    assert drone.state.gimbal_pitch_rad == -0.5
+
+
+@pytest.mark.parametrize("tick_s", [0.0, -0.1, 1.5, math.nan])
+def test_a_tick_has_a_sensible_length(tick_s: float) -> None:
+    with pytest.raises(ValueRangeError, match="more than 0 and at most 1 s"):
+        RunnerConfig(tick_s=tick_s)
