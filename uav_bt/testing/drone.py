@@ -174,7 +174,7 @@ class ScriptedDrone:
                 self._set_height(self.config.take_off_height_m, FlyingState.HOVERING)
 
     def _land(self) -> None:
-        if self._airborne:
+        if self._airborne or self.state.flying is FlyingState.TAKING_OFF:
             self._ticks_left = self.config.landing_ticks
             self.state = replace(self.state, flying=FlyingState.LANDING)
         if self.state.flying is FlyingState.LANDING:
