@@ -1,0 +1,87 @@
+"""The errors: messages that say what to do, exit codes, and what they carry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt import errors
+from uav_bt.errors import (
+    DroneError,
+    FileError,
+    InputError,
+    MissionError,
+    NodeFailedError,
+    ShapeError,
+    TreeError,
+    UavBtError,
+    UnknownNameError,
+    did_you_mean,
+)
+
+
+def classes() -> list[type[UavBtError]]:
+    found = [getattr(errors, name) for name in errors.__all__]
+    return [thing for thing in found if isinstance(thing, type)]
+
+
+@pytest.mark.parametrize("error", classes())
+def test_refused_input_exits_with_2_and_everything_else_with_1(error: type[UavBtError]) -> None:
+    assert issubclass(error, UavBtError)
+    assert error.exit_code == (2 if issubclass(error, InputError) else 1)
+
+
+@pytest.mark.parametrize("error", classes())
+def test_the_drawing_at_the_top_shows_every_class_below_its_base(error: type[UavBtError]) -> None:
+    lines = (errors.__doc__ or "").splitlines()
+    (at,) = [number for number, line in enumerate(lines) if error.__name__ in line.split()[:1]]
+    if error is UavBtError:
+        return
+    depth = len(lines[at]) - len(lines[at].lstrip())
+    above = [line for line in lines[:at] if line.strip()]
+    base = next(line for line in reversed(above) if len(line) - len(line.lstrip()) < depth)
+    assert base.split()[0] == error.__mro__[1].__name__
+
+
+def test_a_wrong_shape_is_told_with_the_right_one() -> None:
+    error = ShapeError("class map", expected="HxW", actual=(2, 3, 4))
+    assert str(error) == "class map must be HxW, got 2x3x4"
+
+
+def test_an_error_in_a_file_begins_with_the_place() -> None:
+    error = FileError("lab.yaml", "no boxes", line=12)
+    assert str(error) == "lab.yaml:12: no boxes"
+    assert (error.path, error.line) == (Path("lab.yaml"), 12)
+    assert str(FileError(Path("lab.yaml"), "no boxes")) == "lab.yaml: no boxes"
+
+
+def test_a_refused_tree_carries_all_findings_and_counts_them() -> None:
+    error = TreeError("m.xml", ["m.xml:3:1: a", "m.xml:9:2: b"])
+    assert error.findings == ("m.xml:3:1: a", "m.xml:9:2: b")
+    assert str(error).splitlines() == [
+        "m.xml: refused, 2 errors",
+        "  m.xml:3:1: a",
+        "  m.xml:9:2: b",
+    ]
+    assert "refused, 1 error\n" in str(TreeError("m.xml", ["a"]))
+
+
+def test_an_unknown_name_is_told_with_the_nearest_and_all_known_ones() -> None:
+    error = UnknownNameError("policy", "segmentaton", ["wander", "segmentation"])
+    assert str(error) == (
+        "unknown policy 'segmentaton'; did you mean 'segmentation'? (known: segmentation, wander)"
+    )
+    assert str(UnknownNameError("drone", "x", [])) == "unknown drone 'x' (known: none)"
+
+
+def test_nothing_is_suggested_for_a_name_like_no_other() -> None:
+    assert did_you_mean("zzz", ["alpha", "beta"]) == ""
+
+
+def test_a_failed_node_is_told_with_its_path_and_cause() -> None:
+    error = NodeFailedError("Main/seq/leaf", LookupError("gone"))
+    assert error.node_path == "Main/seq/leaf"
+    assert str(error) == "node 'Main/seq/leaf' failed: LookupError: gone"
+    assert isinstance(error, MissionError)
+    assert not isinstance(error, DroneError)

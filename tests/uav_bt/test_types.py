@@ -1,0 +1,220 @@
+"""The vocabulary: values that check themselves, and the geometry that comes with them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types import (
+    HOVER,
+    CameraModel,
+    ClassMap,
+    DepthMap,
+    Frame,
+    GimbalTo,
+    HeldTurn,
+    HelipadFix,
+    Hover,
+    MoveBy,
+    ObstaclePoints,
+    Velocity,
+    wrap_angle,
+)
+
+CAMERA = CameraModel(
+    width_px=640, height_px=360, fx_px=466.0, fy_px=466.0, cx_px=319.5, cy_px=179.5
+)
+
+
+def obstacles(*points_m: tuple[float, float], **more: NDArray[np.float64]) -> ObstaclePoints:
+    points = np.array(points_m, dtype=np.float64).reshape(-1, 2)
+    return ObstaclePoints(points_m=points, captured_s=0.0, **more)
+
+
+# --- angles ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("angle_rad", "wrapped_rad"),
+    [(0.0, 0.0), (math.pi, -math.pi), (-math.pi, -math.pi), (3.5 * math.pi, -0.5 * math.pi)],
+)
+def test_known_angles_are_folded(angle_rad: float, wrapped_rad: float) -> None:
+    assert wrap_angle(angle_rad) == pytest.approx(wrapped_rad)
+
+
+@given(st.floats(-100.0, 100.0))
+def test_a_folded_angle_points_the_same_way(angle_rad: float) -> None:
+    wrapped_rad = wrap_angle(angle_rad)
+    assert -math.pi <= wrapped_rad < math.pi
+    assert math.remainder(wrapped_rad - angle_rad, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+# --- the camera -----------------------------------------------------------------------------------
+
+
+def test_a_resized_camera_sees_the_same_directions() -> None:
+    """The image's edges, half a pixel beyond the outermost centres, stay where they are."""
+    small = CAMERA.resized(224, 112)
+    assert (small.width_px, small.height_px) == (224, 112)
+    for camera in (CAMERA, small):
+        assert (-0.5 - camera.cx_px) / camera.fx_px == pytest.approx(-320 / 466)
+        assert (camera.height_px - 0.5 - camera.cy_px) / camera.fy_px == pytest.approx(180 / 466)
+    assert small.fx_px / small.fy_px == pytest.approx((224 / 640) / (112 / 360))
+
+
+def test_resizing_there_and_back_changes_nothing() -> None:
+    given_camera = dataclasses.replace(CAMERA, distortion=(0.1, -0.2), forward_offset_m=0.2)
+    back = given_camera.resized(224, 112).resized(640, 360)
+    assert back.cx_px == pytest.approx(given_camera.cx_px)
+    assert back.fy_px == pytest.approx(given_camera.fy_px)
+    assert back.distortion == (0.1, -0.2)
+    assert back.forward_offset_m == 0.2
+
+
+@pytest.mark.parametrize("name", ["width_px", "height_px", "fx_px", "fy_px"])
+def test_a_camera_has_a_size_and_focal_lengths(name: str) -> None:
+    zero: dict[str, Any] = {name: 0}
+    with pytest.raises(ValueRangeError, match="must be positive"):
+        dataclasses.replace(CAMERA, **zero)
+
+
+# --- arrays ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(4, 6), (4, 6, 4), (1, 4, 6, 3)])
+def test_a_frame_is_refused_unless_it_has_three_channels(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ShapeError, match="frame image must be HxWx3, got "):
+        Frame(image=np.zeros(shape, dtype=np.uint8), index=0, captured_s=0.0, gimbal_pitch_rad=0.0)
+
+
+def test_class_and_depth_maps_are_flat() -> None:
+    with pytest.raises(ShapeError, match="class map must be HxW, got 2x2x1"):
+        ClassMap(ids=np.zeros((2, 2, 1), dtype=np.uint8), captured_s=0.0)
+    with pytest.raises(ShapeError, match="depth map must be HxW, got 4"):
+        DepthMap(depth=np.zeros(4, dtype=np.float32), metric=True, captured_s=0.0)
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 3), (0, 3)])
+def test_obstacle_points_come_in_pairs(shape: tuple[int, ...]) -> None:
+    wrong = np.zeros(shape)
+    with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
+        ObstaclePoints(points_m=wrong, captured_s=0.0)
+    with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
+        obstacles((1.0, 0.0), assumed_m=wrong)
+
+
+# --- commands -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("name", ["forward_m", "right_m", "down_m", "yaw_rad"])
+def test_a_movement_must_be_finite(name: str, value: float) -> None:
+    with pytest.raises(ValueRangeError, match="movement must be finite"):
+        MoveBy(id=1, **{name: value})
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+@pytest.mark.parametrize("name", ["forward_mps", "right_mps", "down_mps", "yaw_rate_radps"])
+def test_a_velocity_must_be_finite(name: str, value: float) -> None:
+    with pytest.raises(ValueRangeError, match="velocity must be finite"):
+        Velocity(**{name: value})
+
+
+@pytest.mark.parametrize("pitch_rad", [1.6, -1.6, math.nan])
+def test_a_gimbal_points_neither_beyond_straight_up_nor_down(pitch_rad: float) -> None:
+    GimbalTo(pitch_rad=-math.pi / 2)
+    GimbalTo(pitch_rad=math.radians(-90))
+    with pytest.raises(ValueRangeError, match="gimbal pitch must lie within"):
+        GimbalTo(pitch_rad=pitch_rad)
+
+
+def test_values_are_immutable_and_compare_by_content() -> None:
+    assert HOVER.movement == Hover()
+    assert MoveBy(id=1, forward_m=0.3) == MoveBy(id=1, forward_m=0.3)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        HOVER.gimbal = None  # type: ignore[misc]  # the point of the test
+
+
+# --- what perception tells ------------------------------------------------------------------------
+
+
+def test_a_helipad_has_range_and_bearing_clockwise_from_the_heading() -> None:
+    right_behind = HelipadFix(captured_s=0.0, forward_m=-3.0, right_m=4.0, detected=True)
+    assert right_behind.range_m == 5.0
+    assert math.degrees(right_behind.bearing_rad) == pytest.approx(126.87, abs=0.01)
+
+
+@pytest.mark.parametrize(("turned_deg", "turns"), [(0, 0), (359, 0), (361, 1), (725, 2)])
+def test_full_turns_are_counted_when_they_are_complete(turned_deg: float, turns: int) -> None:
+    assert HeldTurn(direction=1, turned_rad=math.radians(turned_deg)).full_turns == turns
+
+
+def test_the_nearest_obstacle_is_the_nearest_in_any_direction() -> None:
+    assert obstacles((3.0, 4.0), (-0.6, -0.8)).nearest_m == pytest.approx(1.0)
+    assert obstacles().nearest_m == math.inf
+
+
+@pytest.mark.parametrize(
+    ("point_m", "free"),
+    [
+        ((1.0, 0.0), False),  # on the way
+        ((1.0, 0.49), False),  # beside the way, within the margin
+        ((1.0, -0.49), False),
+        ((1.0, 0.51), True),  # beside it
+        ((2.49, 0.0), False),  # beyond the end, within the margin of it
+        ((2.51, 0.0), True),
+        ((2.4, 0.4), True),  # off the end's corner: the margin is round there
+        ((-1.0, 0.0), True),  # behind
+    ],
+)
+def test_a_way_of_two_metres_keeps_half_a_metre_from_a_point(
+    point_m: tuple[float, float], *, free: bool
+) -> None:
+    assert obstacles(point_m).allows(2.0, margin_m=0.5) is free
+
+
+def test_a_way_may_go_aside() -> None:
+    """Forward and right both count, wherever the way leads."""
+    beside = obstacles((0.0, 1.0))
+    assert beside.allows(1.0, margin_m=0.5)
+    assert not beside.allows(0.0, 1.0, margin_m=0.5)
+    assert not beside.allows(0.4, 0.8, margin_m=0.5)
+    assert beside.allows(0.0, -1.0, margin_m=0.5)
+
+
+def test_what_is_too_near_already_may_be_left_and_passed_but_not_approached() -> None:
+    near = obstacles((0.0, 0.3))
+    assert near.allows(1.0, margin_m=0.5)  # abeam: passed
+    assert near.allows(0.0, -1.0, margin_m=0.5)  # left behind
+    assert not near.allows(0.0, 0.2, margin_m=0.5)
+    assert not obstacles((0.2, 0.3)).allows(1.0, margin_m=0.5)  # ahead and abeam: nearer on the way
+
+
+def test_one_point_in_the_way_of_many_is_enough() -> None:
+    assert not obstacles((5.0, 5.0), (1.0, 0.0), (-3.0, 0.0)).allows(2.0, margin_m=0.5)
+
+
+def test_assumed_points_count_unless_they_are_not_to() -> None:
+    assumed = obstacles(assumed_m=np.array([[1.0, 0.0]]))
+    assert not assumed.allows(2.0, margin_m=0.5)
+    assert assumed.allows(2.0, margin_m=0.5, assumed=False)
+    assert assumed.nearest_m == math.inf  # nobody has seen them
+
+
+def test_nowhere_is_always_a_free_way() -> None:
+    assert obstacles((0.1, 0.0)).allows(0.0, margin_m=0.5)
+    assert obstacles().allows(9.0, margin_m=0.5)
+
+
+def test_bearings_of_unknown_range_are_counted_on_both_sides() -> None:
+    seen = obstacles(unplaced_rad=np.radians([-40.0, -9.0, 0.0, 9.0, 11.0]))
+    assert seen.unplaced_within(math.radians(10)) == 3
+    assert obstacles().unplaced_within(math.pi) == 0
