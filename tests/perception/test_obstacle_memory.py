@@ -242,16 +242,17 @@ def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
 
     found = memory.points()
-    ranges = np.hypot(found.points_m[:, 0], found.points_m[:, 1])
-    bearings = np.arctan2(found.points_m[:, 1], found.points_m[:, 0])
+    assert len(found.points_m) == 0
+    ranges = np.hypot(found.assumed_m[:, 0], found.assumed_m[:, 1])
+    bearings = np.arctan2(found.assumed_m[:, 1], found.assumed_m[:, 0])
     assert np.unique(np.round(ranges, 6)) == pytest.approx([0.5, 1.0])
     assert bearings.min() == pytest.approx(found.unplaced_rad.min(), abs=0.1)
     assert bearings.max() == pytest.approx(found.unplaced_rad.max(), abs=0.1)
 
     memory.predict(state(2.9))
-    assert len(memory.points().points_m) > 0
+    assert len(memory.points().assumed_m) > 0
     memory.predict(state(3.1))
-    assert len(memory.points().points_m) == 0
+    assert len(memory.points().assumed_m) == 0
 
 
 def test_a_remembered_base_explains_the_near_box() -> None:
@@ -296,15 +297,34 @@ def test_before_telemetry_nothing_is_known() -> None:
 # --- points ---------------------------------------------------------------------------------------
 
 
-def test_clearance_of_a_way() -> None:
-    """Distance to the way, not to its ends' line: beyond an end it is the distance to the end."""
-    points = ObstaclePoints(points_m=np.array([[0.5, 0.4], [-0.3, 0.0]]), captured_s=0.0)
+def test_a_way_keeps_its_margin() -> None:
+    """Distance to the way, not to its line: beyond an end it is the distance to the end."""
+    ahead = ObstaclePoints(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
 
-    assert points.nearest_m == pytest.approx(0.3)
-    assert points.clearance_m(0.0) == pytest.approx(0.3)
-    only_ahead = ObstaclePoints(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
-    assert only_ahead.clearance_m(1.0) == pytest.approx(0.4)
-    assert only_ahead.clearance_m(0.2) == pytest.approx(0.5)
+    assert ahead.allows(1.0, margin_m=0.39)
+    assert not ahead.allows(1.0, margin_m=0.41)
+    assert ahead.allows(0.2, margin_m=0.49)
+    assert not ahead.allows(0.2, margin_m=0.51)
+
+
+def test_what_is_near_already_may_be_left_but_not_approached() -> None:
+    """Inside the margin only the direction counts, whichever it is."""
+    beside = ObstaclePoints(points_m=np.array([[0.0, 0.3]]), captured_s=0.0)
+
+    assert beside.nearest_m == pytest.approx(0.3)
+    assert beside.allows(0.3, margin_m=0.5)
+    assert beside.allows(0.0, -0.3, margin_m=0.5)
+    assert not beside.allows(0.0, 0.3, margin_m=0.5)
+
+
+def test_assumed_points_count_unless_told_otherwise() -> None:
+    """They are assumptions: who is stuck may drop them."""
+    assumed = ObstaclePoints(
+        points_m=np.empty((0, 2)), assumed_m=np.array([[0.4, 0.0]]), captured_s=0.0
+    )
+
+    assert not assumed.allows(0.3, margin_m=0.3)
+    assert assumed.allows(0.3, margin_m=0.3, assumed=False)
 
 
 def test_points_must_be_pairs() -> None:
