@@ -346,13 +346,17 @@ def test_a_frozen_camera_is_noticed() -> None:
             return replace(seen, frame=frame)
 
     flight = Flight(
-        "<Sequence><Up/><Drift/></Sequence>", drone=Frozen(), judge=JudgeConfig(time_limit_s=4.0)
+        "<Sequence><Up/><ParallelAll><Drift/><Look/></ParallelAll></Sequence>",
+        drone=Frozen(),
+        judge=JudgeConfig(time_limit_s=4.0),
     )
     flight.runner.run()
     stopped = [record for record in flight.records if record.override is Override.STALE_FRAME]
     assert 2.0 <= stopped[0].time_s <= 2.2
     assert all(record.command.movement == Hover() for record in stopped)
     assert stopped[0].proposed_by is not None  # asked for, and overruled
+    assert Look.seen[0][0] is not None
+    assert Look.seen[-1][0] is None  # to the leaves the old frame is none
 
 
 # --- faults ---------------------------------------------------------------------------------------
