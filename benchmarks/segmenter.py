@@ -36,8 +36,8 @@ def main() -> None:
             times.append(1e3 * (time.perf_counter() - began))
         p50, p99 = np.percentile(times[10:], [50, 99])
         print(
-            f"{threads} thread{'s' if threads > 1 else ''}: median {p50:.1f} ms, p99 {p99:.1f} ms a "
-            f"frame; loading {loaded:.2f} s"
+            f"{threads} thread(s): median {p50:.1f} ms, p99 {p99:.1f} ms a frame; "
+            f"loading {loaded:.2f} s"
         )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"peak memory of this process {peak:.0f} MiB")
