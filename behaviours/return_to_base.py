@@ -22,8 +22,12 @@ _CLOSE_M = 1.6
 _PASSED_M = 0.35
 # Above the pad itself the way may be narrower: what stands around it was seen on the approach.
 _OVERFLY_MARGIN_M = 0.32
-# The track is trusted this long without a detection, while it lies ahead.
-_TRACK_S = 5.0
+# The track is trusted this long without a detection: going round a box takes a while.
+_TRACK_S = 10.0
+# Headings tried round what stands in the way, from the pad's bearing, the smallest first. A side
+# once taken costs less than the other, so that the drone does not waver between two.
+_DETOURS_RAD = tuple(math.radians(angle) for angle in (15, 30, 45, 60, 75))
+_OTHER_SIDE_RAD = math.radians(40)
 # Advance while the bearing error is below this; turn on the spot otherwise.
 _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
@@ -72,6 +76,7 @@ class ReturnToBase(SteeringLeaf):
         """Begin with the search; a helipad in view ends it at once."""
         self._enter(_Phase.SEARCH)
         self._detour_steps = 0
+        self._side = 0.0  # of the last way round an obstacle: its sign counts
         self._glance_s = self.clock.now() + _FIRST_GLANCE_S
 
     def update(self) -> Status:
@@ -170,30 +175,57 @@ class ReturnToBase(SteeringLeaf):
         if unseen_s > _TRACK_S:
             self._enter(_Phase.SEARCH)
             return
-        if ahead and not self._way_is_free(fix):
+        heading_rad = self._free_heading(fix)
+        if heading_rad is None or (
+            heading_rad != fix.bearing_rad and self._carpet_ends(heading_rad)
+        ):
             self._enter(_Phase.DETOUR)
             return
-        self._steer(fix)
+        self._steer(fix, heading_rad)
 
-    def _steer(self, fix: HelipadFix) -> None:
-        yaw_rate = self._heading.update(fix.bearing_rad, self.clock.now())
-        ahead = abs(fix.bearing_rad) < _AHEAD_RAD
+    def _steer(self, fix: HelipadFix, heading_rad: float) -> None:
+        yaw_rate = self._heading.update(heading_rad, self.clock.now())
+        ahead = abs(heading_rad) < _AHEAD_RAD and not self._is_blocked_ahead()
         speed = min(_APPROACH_MPS, _SLOW_DOWN_PER_S * fix.range_m) if ahead else 0.0
         self.feedback_message = f"helipad {fix.range_m:.1f} m"
         self.propose(Velocity(forward_mps=speed, yaw_rate_radps=yaw_rate))
 
-    def _way_is_free(self, fix: HelipadFix) -> bool:
+    def _free_heading(self, fix: HelipadFix) -> float | None:
+        """Return the bearing nearest to the pad's on which the way is free, None without one."""
         reading = self.read(OBSTACLES)
         obstacles = reading.value
         if obstacles is None:
             # A tree may do without the memory; one that has gone stale is no permission.
-            return math.isinf(reading.age_s)
+            return fix.bearing_rad if math.isinf(reading.age_s) else None
+        length_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
         if self._phase is _Phase.OVERFLY:
-            return obstacles.allows(fix.range_m, margin_m=_OVERFLY_MARGIN_M, assumed=False)
-        if obstacles.unplaced_within(_UNPLACED_RAD) >= _UNPLACED_MIN:
-            return False
-        end_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
-        return obstacles.allows(end_m, margin_m=_HALF_WIDTH_M)
+            free = obstacles.allows(fix.range_m, margin_m=_OVERFLY_MARGIN_M, assumed=False)
+            return fix.bearing_rad if free else None
+        offsets = [0.0, *(side * angle for angle in _DETOURS_RAD for side in (1.0, -1.0))]
+        offsets.sort(key=lambda o: abs(o) + (_OTHER_SIDE_RAD if o * self._side < 0.0 else 0.0))
+        for offset in offsets:
+            bearing = fix.bearing_rad + offset
+            forward_m, right_m = length_m * math.cos(bearing), length_m * math.sin(bearing)
+            if obstacles.allows(forward_m, right_m, margin_m=_HALF_WIDTH_M):
+                self._side = offset if offset != 0.0 else self._side
+                return math.remainder(bearing, 2.0 * math.pi)
+        return None
+
+    def _is_blocked_ahead(self) -> bool:
+        """Return whether something of unknown range stands ahead."""
+        obstacles = self.read(OBSTACLES).value
+        return (
+            self._phase is not _Phase.OVERFLY
+            and obstacles is not None
+            and obstacles.unplaced_within(_UNPLACED_RAD) >= _UNPLACED_MIN
+        )
+
+    def _carpet_ends(self, heading_rad: float) -> bool:
+        """Return whether a heading round an obstacle would leave the flight area."""
+        if abs(heading_rad) >= _AHEAD_RAD:
+            return False  # it cannot be seen from here; the drone only turns, too
+        decision = self.decide()
+        return decision is not None and decision.carpet_ends
 
     def _detour(self, state: DroneState) -> None:
         """Turn away until the policy finds a way, take two steps, then face the pad again."""
@@ -214,8 +246,9 @@ class ReturnToBase(SteeringLeaf):
         passed = fix.forward_m < 0.0 and fix.range_m < _PASSED_M
         if fix.range_m < self.port_value("arrive_m") or passed:
             return Status.SUCCESS
-        if not self._way_is_free(fix):
+        heading_rad = self._free_heading(fix)
+        if heading_rad is None:
             self._enter(_Phase.DETOUR)
             return Status.RUNNING
-        self._steer(fix)
+        self._steer(fix, heading_rad)
         return Status.RUNNING

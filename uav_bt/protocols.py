@@ -163,6 +163,7 @@ class Decision:
 
     forward_m: float = 0.0
     yaw_rad: float = 0.0  # clockwise positive
+    carpet_ends: bool = False  # the flight area ends ahead
     reason: str = ""  # one word or two, for the status line and the records
 
     @property

@@ -131,15 +131,16 @@ class SegmentationRule:
             return Decision(forward_m=cfg.step_m, reason="clear")
 
         reason = "obstacle" if carpet_goes_on else ("edge" if way_is_free else "corner")
+        yaw_rad = math.copysign(math.pi, view.coin - 0.5)
         if view.turning:
-            return Decision(yaw_rad=math.copysign(cfg.turn_rad, view.turning), reason=reason)
-        if carpet_goes_on:
+            yaw_rad = math.copysign(cfg.turn_rad, view.turning)
+        elif carpet_goes_on:
             left, right = (_count(half, GROUP_OBSTACLE) for half in high.halves(groups))
-            return Decision(yaw_rad=self._turn(right, left, view.coin), reason=reason)
-        if way_is_free:
+            yaw_rad = self._turn(right, left, view.coin)
+        elif way_is_free:
             left, right = (_count(half, GROUP_CARPET) for half in high.halves(groups))
-            return Decision(yaw_rad=self._turn(left, right, view.coin), reason=reason)
-        return Decision(yaw_rad=math.copysign(math.pi, view.coin - 0.5), reason=reason)
+            yaw_rad = self._turn(left, right, view.coin)
+        return Decision(yaw_rad=yaw_rad, carpet_ends=not carpet_goes_on, reason=reason)
 
     def _keeps_margin(self, view: PolicyView, relief: int) -> bool:
         if view.obstacles is None:
