@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 
-from behaviours.movement import Mover, Progress
+from behaviours.movement import MovingLeaf
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
-from uav_bt.mission.context import MissionContext
-from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, GimbalTo, HelipadFix
 
 __all__ = ["HelipadCenter"]
@@ -24,7 +23,7 @@ _CEILING_M = 2.2  # above the carpet: higher shows nothing more than the boxes' 
 _CONFIRMATIONS = 2
 
 
-class HelipadCenter(Leaf):
+class HelipadCenter(MovingLeaf):
     """Tilt the gimbal down, climb and centre the camera above the pad; FAILURE when it is lost."""
 
     ports = (
@@ -37,11 +36,6 @@ class HelipadCenter(Leaf):
     reads = (STATE, FRAME, HELIPAD)
     writes = (PHASE,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Make the movement's keeper."""
-        del mission
-        self._mover = Mover()
-
     def initialise(self) -> None:
         """Climb first."""
         self.write(PHASE, "center")
@@ -50,11 +44,6 @@ class HelipadCenter(Leaf):
         self._confirmed = 0
         self._judged_s = -math.inf
         self._low = False  # the second look has begun
-
-    def terminate(self, new_status: Status) -> None:
-        """Let go of the movement."""
-        del new_status
-        self._mover.drop(self.clock.now())
 
     def update(self) -> Status:
         """Go on with a movement in progress, or look and correct."""
@@ -68,11 +57,10 @@ class HelipadCenter(Leaf):
         state, now_s = self.read(STATE).value, self.clock.now()
         if state is None:
             return Status.RUNNING
-        if self._mover.update(state, now_s) is Progress.RUNNING and self._mover.proposal:
-            self.propose(self._mover.proposal)
+        if self.moving(state):
             return Status.RUNNING
         if self._climb_next_m > 0.0:
-            self._move(now_s, down_m=-self._climb_next_m)
+            self.start_move(down_m=-self._climb_next_m)
             self._climb_next_m = 0.0
             return Status.RUNNING
         if now_s - self._started_s > self.port_value("give_up_s"):
@@ -80,7 +68,7 @@ class HelipadCenter(Leaf):
             return Status.FAILURE
         fix = self._fix_from_above()
         if fix is not None:
-            return self._centre(state, fix, now_s)
+            return self._centre(state, fix)
         return self._look_from_higher(state, now_s)
 
     def _fix_from_above(self) -> HelipadFix | None:
@@ -93,14 +81,14 @@ class HelipadCenter(Leaf):
         looks_down = frame.gimbal_pitch_rad < _LOOKS_DOWN_RAD
         return fix if looks_down and fix.captured_s >= self._mover.ended_s else None
 
-    def _centre(self, state: DroneState, fix: HelipadFix, now_s: float) -> Status:
+    def _centre(self, state: DroneState, fix: HelipadFix) -> Status:
         self._judged_s = fix.captured_s
         forward_m = fix.forward_m - self.port_value("camera_forward_m")
         offset_m = math.hypot(forward_m, fix.right_m)
         self.feedback_message = f"{100 * offset_m:.0f} cm off"
         if offset_m > self.port_value("tolerance_m"):
             self._confirmed = 0
-            self._move(now_s, forward_m=forward_m, right_m=fix.right_m)
+            self.start_move(forward_m=forward_m, right_m=fix.right_m)
             return Status.RUNNING
         self._confirmed += 1
         if self._confirmed < _CONFIRMATIONS:
@@ -108,25 +96,12 @@ class HelipadCenter(Leaf):
         if self._low:
             return Status.SUCCESS
         self._low, self._confirmed = True, 0
-        self._move(now_s, down_m=state.height_above_carpet_m - self.port_value("low_m"))
+        self.start_move(down_m=state.height_above_carpet_m - self.port_value("low_m"))
         return Status.RUNNING
 
     def _look_from_higher(self, state: DroneState, now_s: float) -> Status:
         waited_s = now_s - max(self._mover.ended_s, self._started_s, self._judged_s)
         if waited_s > _LOOK_S and state.height_above_carpet_m < _CEILING_M:
             self._low, self._confirmed = False, 0
-            self._move(now_s, down_m=-self.port_value("climb_m"))
+            self.start_move(down_m=-self.port_value("climb_m"))
         return Status.RUNNING
-
-    def _move(
-        self, now_s: float, *, forward_m: float = 0.0, right_m: float = 0.0, down_m: float = 0.0
-    ) -> None:
-        self.propose(
-            self._mover.start(
-                self.mission.proposals,
-                now_s,
-                forward_m=forward_m,
-                right_m=right_m,
-                down_m=down_m,
-            )
-        )

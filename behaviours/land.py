@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from behaviours.movement import Mover, Progress
+from behaviours.movement import MovingLeaf
 from perception.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
 from perception.geometry import ground_points
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
-from uav_bt.mission.context import MissionContext
-from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree import Port, Status
 from uav_bt.types import CameraModel, ClassMap, FlyingState, Frame, GimbalTo
 from uav_bt.types import Land as LandCommand
 
@@ -22,31 +21,21 @@ _STRAIGHT_DOWN = GimbalTo(pitch_rad=-math.pi / 2)
 _LOOKS_DOWN_RAD = math.radians(-85)
 
 
-class Land(Leaf):
+class Land(MovingLeaf):
     """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground."""
 
     ports = (Port("forward_m", float, default=0.15, doc="camera ahead of the body's centre, m"),)
     reads = (STATE,)
     writes = (PHASE,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Make the movement's keeper."""
-        del mission
-        self._mover = Mover()
-
     def initialise(self) -> None:
         """The forward step comes first."""
         self.write(PHASE, "land")
         self._moved = False
 
-    def terminate(self, new_status: Status) -> None:
-        """Let go of the movement."""
-        del new_status
-        self._mover.drop(self.clock.now())
-
     def update(self) -> Status:
         """Move forward, then ask for the landing until the motors are off."""
-        state, now_s = self.read(STATE).value, self.clock.now()
+        state = self.read(STATE).value
         if state is None:
             return Status.RUNNING
         if state.flying is FlyingState.LANDED:
@@ -54,10 +43,9 @@ class Land(Leaf):
         forward_m = self.port_value("forward_m")
         if not self._moved and forward_m != 0.0:
             self._moved = True
-            self.propose(self._mover.start(self.mission.proposals, now_s, forward_m=forward_m))
+            self.start_move(forward_m=forward_m)
             return Status.RUNNING
-        if self._mover.update(state, now_s) is Progress.RUNNING and self._mover.proposal:
-            self.propose(self._mover.proposal)
+        if self.moving(state):
             return Status.RUNNING
         self.propose(LandCommand())
         return Status.RUNNING
@@ -101,7 +89,7 @@ def nearest_landing_spot(
     return LandingSpot(float(forward_m), float(right_m))
 
 
-class EmergencyLand(Leaf):
+class EmergencyLand(MovingLeaf):
     """Land on the nearest free carpet below; where none is in view, land at once."""
 
     ports = (
@@ -111,21 +99,11 @@ class EmergencyLand(Leaf):
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (PHASE,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Make the movement's keeper."""
-        del mission
-        self._mover = Mover()
-
     def initialise(self) -> None:
         """Look down first."""
         self.write(PHASE, "emergency landing")
         self._started_s = self.clock.now()
         self._above_spot = False
-
-    def terminate(self, new_status: Status) -> None:
-        """Let go of the movement."""
-        del new_status
-        self._mover.drop(self.clock.now())
 
     def update(self) -> Status:
         """Find a spot, move above it, descend."""
@@ -141,8 +119,7 @@ class EmergencyLand(Leaf):
             return Status.RUNNING
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
-        if self._mover.update(state, now_s) is Progress.RUNNING and self._mover.proposal:
-            self.propose(self._mover.proposal)
+        if self.moving(state):
             return Status.RUNNING
         if self._above_spot or now_s - self._started_s > self.port_value("look_s"):
             self.propose(LandCommand())
@@ -151,14 +128,7 @@ class EmergencyLand(Leaf):
         if spot is not None:
             self._above_spot = True
             if math.hypot(spot.forward_m, spot.right_m) > 0.05:
-                self.propose(
-                    self._mover.start(
-                        self.mission.proposals,
-                        now_s,
-                        forward_m=spot.forward_m,
-                        right_m=spot.right_m,
-                    )
-                )
+                self.start_move(forward_m=spot.forward_m, right_m=spot.right_m)
         return Status.RUNNING
 
     def _spot(self) -> LandingSpot | None:

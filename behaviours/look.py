@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from behaviours.movement import Mover, Progress
+from behaviours.movement import MovingLeaf, Progress
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
-from uav_bt.mission.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import GimbalTo, Hover
 
@@ -50,28 +49,18 @@ class PointCamera(Leaf):
         return Status.RUNNING
 
 
-class Turn(Leaf):
+class Turn(MovingLeaf):
     """Turn on the spot; FAILURE when the drone was kept from it."""
 
     ports = (Port("degrees", float, doc="clockwise positive, seen from above"),)
     reads = (STATE,)
     writes = (PHASE,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Make the movement's keeper."""
-        del mission
-        self._mover = Mover()
-
     def initialise(self) -> None:
         """Begin the turn."""
         self.write(PHASE, "look")
         yaw_rad = math.radians(self.port_value("degrees"))
         self._mover.start(self.mission.proposals, self.clock.now(), yaw_rad=yaw_rad)
-
-    def terminate(self, new_status: Status) -> None:
-        """Let go of the movement."""
-        del new_status
-        self._mover.drop(self.clock.now())
 
     def update(self) -> Status:
         """Propose the turn until the drone says it ended."""

@@ -6,9 +6,11 @@ import enum
 import math
 
 from uav_bt.mission.arbiter import Proposals
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree import Leaf, Status
 from uav_bt.types import DroneState, MoveBy, MovementState
 
-__all__ = ["Mover", "Progress"]
+__all__ = ["Mover", "MovingLeaf", "Progress"]
 
 # Slower than any drone this flies: what takes longer than this was lost on the way.
 _SLOWEST_MPS = 0.1
@@ -91,3 +93,45 @@ class Mover:
     def _end(self, time_s: float) -> None:
         self.proposal = None
         self.ended_s = time_s
+
+
+class MovingLeaf(Leaf):
+    """Base of the leaves that make relative movements."""
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the movement's keeper."""
+        del mission
+        self._mover = Mover()
+
+    def terminate(self, new_status: Status) -> None:
+        """Let go of the movement; the arbiter cancels what is no longer proposed."""
+        del new_status
+        self._mover.drop(self.clock.now())
+
+    def moving(self, state: DroneState) -> bool:
+        """Propose the movement in progress again; False when there is none (any more)."""
+        if self._mover.update(state, self.clock.now()) is not Progress.RUNNING:
+            return False
+        if self._mover.proposal is not None:
+            self.propose(self._mover.proposal)
+        return True
+
+    def start_move(
+        self,
+        *,
+        forward_m: float = 0.0,
+        right_m: float = 0.0,
+        down_m: float = 0.0,
+        yaw_rad: float = 0.0,
+    ) -> None:
+        """Start a movement, in the body frame of now, and propose it."""
+        self.propose(
+            self._mover.start(
+                self.mission.proposals,
+                self.clock.now(),
+                forward_m=forward_m,
+                right_m=right_m,
+                down_m=down_m,
+                yaw_rad=yaw_rad,
+            )
+        )

@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from behaviours.movement import Mover, Progress
+from behaviours.movement import MovingLeaf
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.mission.blackboard import Key
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
-from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree import Port
 from uav_bt.types import ClassMap, DroneState, Frame, HeldTurn, Velocity
 
 __all__ = ["FLIGHT_HEIGHT", "POLICY", "SteeringLeaf"]
@@ -36,7 +36,7 @@ _YAW_RATE_RADPS = 0.6
 _SETTLE_S = 0.2
 
 
-class SteeringLeaf(Leaf):
+class SteeringLeaf(MovingLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT)
@@ -54,14 +54,9 @@ class SteeringLeaf(Leaf):
         """Find the policy; raises UnknownNameError for a name that nobody registered."""
         self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
         self._rng: np.random.Generator = mission.rng(self.path)
-        self._mover = Mover()
+        super().on_setup(mission)
         self._view_from_s = -math.inf  # frames captured earlier show another view
         self._forget_turn()
-
-    def terminate(self, new_status: Status) -> None:
-        """Let go of the movement; the arbiter cancels what is no longer proposed."""
-        del new_status
-        self._mover.drop(self.clock.now())
 
     def state(self) -> DroneState | None:
         """Return the drone's state, None when telemetry is stale."""
@@ -71,25 +66,19 @@ class SteeringLeaf(Leaf):
 
     def moving(self, state: DroneState) -> bool:
         """Propose the movement in progress again; False when there is none (any more)."""
-        if self._mover.update(state, self.clock.now()) is not Progress.RUNNING:
+        goes_on = super().moving(state)
+        if not goes_on:
             self._view_from_s = max(self._view_from_s, self._mover.ended_s)
-            return False
-        if self._mover.proposal is not None:
-            self.propose(self._mover.proposal)
-        return True
+        return goes_on
 
     def move(self, state: DroneState, decision: Decision) -> None:
         """Start an advance, correcting the altitude on the way."""
         self.write(HELD_TURN, HeldTurn())
         error_m = state.height_above_carpet_m - self.port_value("height_m")
-        self.propose(
-            self._mover.start(
-                self.mission.proposals,
-                self.clock.now(),
-                forward_m=decision.forward_m,
-                yaw_rad=decision.yaw_rad,
-                down_m=error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0,
-            )
+        self.start_move(
+            forward_m=decision.forward_m,
+            yaw_rad=decision.yaw_rad,
+            down_m=error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0,
         )
 
     def make_room(self) -> bool:
@@ -106,11 +95,7 @@ class SteeringLeaf(Leaf):
         forward_m, right_m = float(away * forward_m), float(away * right_m)
         if not obstacles.allows(forward_m, right_m, margin_m=_TOO_NEAR_M):
             return False
-        self.propose(
-            self._mover.start(
-                self.mission.proposals, self.clock.now(), forward_m=forward_m, right_m=right_m
-            )
-        )
+        self.start_move(forward_m=forward_m, right_m=right_m)
         return True
 
     # --- turning ----------------------------------------------------------------------------------

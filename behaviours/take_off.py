@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from behaviours.movement import Mover, Progress
+from behaviours.movement import MovingLeaf
 from uav_bt.board import FRAME, PHASE, STATE
-from uav_bt.mission.context import MissionContext
-from uav_bt.tree import Leaf, Port, Status
+from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, GimbalTo
 from uav_bt.types import TakeOff as TakeOffCommand
 
@@ -18,7 +17,7 @@ _HEIGHT_SLACK_M = 0.1
 _PITCH_SLACK_RAD = math.radians(2)
 
 
-class TakeOff(Leaf):
+class TakeOff(MovingLeaf):
     """Take off, climb to the flight height and point the camera; FAILURE when it takes too long."""
 
     ports = (
@@ -29,20 +28,10 @@ class TakeOff(Leaf):
     reads = (STATE, FRAME)
     writes = (PHASE,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Make the movement's keeper."""
-        del mission
-        self._mover = Mover()
-
     def initialise(self) -> None:
         """Note when it began."""
         self.write(PHASE, "take-off")
         self._started_s = self.clock.now()
-
-    def terminate(self, new_status: Status) -> None:
-        """Let go of the movement."""
-        del new_status
-        self._mover.drop(self.clock.now())
 
     def update(self) -> Status:
         """Ask for the take-off, then for the climb, then wait until the camera points ahead."""
@@ -63,15 +52,14 @@ class TakeOff(Leaf):
         if state.flying not in _AIRBORNE:
             self.propose(TakeOffCommand())
             return Status.RUNNING
-        return self._climb(state, now_s, pitch_rad)
+        return self._climb(state, pitch_rad)
 
-    def _climb(self, state: DroneState, now_s: float, pitch_rad: float) -> Status:
-        if self._mover.update(state, now_s) is Progress.RUNNING and self._mover.proposal:
-            self.propose(self._mover.proposal)
+    def _climb(self, state: DroneState, pitch_rad: float) -> Status:
+        if self.moving(state):
             return Status.RUNNING
         error_m = state.height_above_carpet_m - self.port_value("height_m")
         if abs(error_m) > _HEIGHT_SLACK_M:
-            self.propose(self._mover.start(self.mission.proposals, now_s, down_m=error_m))
+            self.start_move(down_m=error_m)
             return Status.RUNNING
         frame = self.read(FRAME).value
         points_ahead = frame and abs(frame.gimbal_pitch_rad - pitch_rad) < _PITCH_SLACK_RAD

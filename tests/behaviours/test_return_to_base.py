@@ -155,7 +155,7 @@ def test_a_pad_missed_for_a_moment_is_still_approached() -> None:
 def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) -> None:
     """Too old a track, or none: stop, and search."""
     bench = approaching()
-    fly(bench, pad, unseen_s=6.0)
+    fly(bench, pad, unseen_s=11.0)
     assert bench.proposed is None
     assert bench.board[PHASE] == "search"
 
@@ -171,13 +171,35 @@ def test_what_stands_beside_or_behind_the_way_is_passed() -> None:
     assert velocity(bench).forward_mps > 0.0
 
 
-@pytest.mark.parametrize("obstacles", [[(1.0, 0.1)], [(0.5, -0.3)]])
-def test_a_box_on_the_way_is_not_flown_at(
-    obstacles: list[tuple[float, float]],
-) -> None:
+@pytest.mark.parametrize(
+    ("box", "side"), [((1.0, 0.1), -1.0), ((0.8, -0.2), 1.0)], ids=["right", "left"]
+)
+def test_a_box_on_the_way_is_passed_on_its_free_side(box: tuple[float, float], side: float) -> None:
+    """It turns to the nearest heading that is free before it flies on."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=[box])
+
+    assert side * velocity(bench).yaw_rate_radps > 0.2
+    assert velocity(bench).forward_mps == 0.0
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_a_side_once_taken_is_kept() -> None:
+    """A box that comes to lie a little to the other side does not turn it round."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=[(1.0, 0.1)])
+    fly(bench, (2.5, 0.0), obstacles=[(1.0, -0.05)])
+
+    assert velocity(bench).yaw_rate_radps < -0.2
+
+
+WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-100, 101, 10))]
+
+
+def test_where_every_heading_is_blocked_it_stops_for_a_detour() -> None:
     """It stops at once and then goes round under the policy."""
     bench = approaching((2.5, 0.0))
-    fly(bench, (2.5, 0.0), obstacles=obstacles)
+    fly(bench, (2.5, 0.0), obstacles=WALL)
 
     assert bench.proposed is None
     assert bench.pointed == SEARCH_GIMBAL
@@ -187,12 +209,11 @@ def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
     """Turn away, step, step, then turn back to the pad."""
     policy = Says(TURN_RIGHT, ADVANCE)
     bench = approaching((2.5, 0.0), policy)
-    box = [(1.0, 0.1)]
-    fly(bench, (2.5, 0.0), obstacles=box)
-    fly(bench, (2.5, 0.0), obstacles=box, seconds=0.3)
+    fly(bench, (2.5, 0.0), obstacles=WALL)
+    fly(bench, (2.5, 0.0), obstacles=WALL, seconds=0.3)
     assert velocity(bench).yaw_rate_radps > 0.0
     for yaw_rad in (0.3, 0.6, 0.6):
-        fly(bench, (2.5, -1.0), obstacles=box, yaw_rad=yaw_rad)
+        fly(bench, (2.5, -1.0), obstacles=WALL, yaw_rad=yaw_rad)
 
     for step in (1, 2):
         fly(bench, (2.0, -1.5), seconds=0.3, yaw_rad=0.6)
