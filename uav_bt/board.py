@@ -8,6 +8,8 @@ from uav_bt.mission.blackboard import Key
 from uav_bt.types import (
     CameraModel,
     ClassMap,
+    Corridor,
+    DepthMap,
     DroneState,
     Frame,
     HeldTurn,
@@ -18,14 +20,17 @@ from uav_bt.types import (
 __all__ = [
     "CAMERA",
     "CLASS_MAP",
+    "CORRIDOR",
     "ELAPSED",
     "FRAME",
     "HEIGHT",
     "HELD_TURN",
     "HELIPAD",
+    "METRIC_DEPTH",
     "MISSION_KEYS",
     "OBSTACLES",
     "PHASE",
+    "RELATIVE_DEPTH",
     "STATE",
 ]
 
@@ -54,6 +59,28 @@ CLASS_MAP: Final = Key(
     ClassMap,
     "class id of every pixel",
     writer="Segment",
+    max_age_s=_FRAME_MAX_AGE_S,
+)
+RELATIVE_DEPTH: Final = Key(
+    "relative_depth",
+    DepthMap,
+    "depth of every pixel as the network gives it, in no unit",
+    writer="EstimateDepth",
+    max_age_s=_FRAME_MAX_AGE_S,
+)
+METRIC_DEPTH: Final = Key(
+    "metric_depth",
+    DepthMap,
+    "depth of every pixel, scaled by the ground plane",
+    unit="m",
+    writer="EstimateDepth",
+    max_age_s=_FRAME_MAX_AGE_S,
+)
+CORRIDOR: Final = Key(
+    "corridor",
+    Corridor,
+    "what stands in the five-plane safety corridor",
+    writer="BuildCorridor",
     max_age_s=_FRAME_MAX_AGE_S,
 )
 HELIPAD: Final = Key(
@@ -92,6 +119,9 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     ELAPSED,
     HEIGHT,
     CLASS_MAP,
+    RELATIVE_DEPTH,
+    METRIC_DEPTH,
+    CORRIDOR,
     HELIPAD,
     OBSTACLES,
     PHASE,

@@ -1,0 +1,159 @@
+"""The paper's second-level rule: as far ahead as the safety corridor is free, up to one metre.
+
+    front clear beyond 2 m      advance up to 1 m
+    something nearer            advance as far as is safe
+    too near for a step         turn away from the side that is intruded upon
+    carpet ends                 turn to the half with more carpet, as in the first level
+    no depth                    turn on the spot and look again
+
+A step is the least of four: what the corridor leaves (metres, from the depth map), what the carpet
+leaves (metres, from the class map and the camera's geometry), what the memory of obstacles leaves
+(a forward-looking camera does not see what stands beside the drone), and the longest step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
+from perception.geometry import project
+from uav_bt.errors import ValueRangeError
+from uav_bt.protocols import Decision, PolicyView
+
+__all__ = ["CorridorRule", "CorridorRuleConfig", "carpet_reach"]
+
+_ACROSS: int = 9  # samples of the carpet's width at each range
+_RANGE_STEP_M = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorridorRuleConfig:
+    """How far steps go and what they keep clear of."""
+
+    longest_step_m: float = 1.0  # the paper's
+    shortest_step_m: float = 0.3  # the first level's; less is not worth the stop
+    turn_rad: float = math.radians(30)  # one correction; a third of the view
+    # Kept free between the step's end and an obstacle ahead, from the body's centre: the body's
+    # half length is 0.16, a metre of step strays by a tenth, the depth errs by another.
+    front_margin_m: float = 0.6
+    # Kept between the step's end and the carpet's end, likewise.
+    edge_margin_m: float = 0.5
+    carpet_half_width_m: float = 0.4  # of the strip ahead that must be carpet
+    carpet_share: float = 0.7  # of the strip's width, at every range
+    carpet_range_m: float = 4.0  # from the camera; further away a row is too many decimetres
+    side_margin_m: float = 0.55  # from the body's centre to remembered obstacles beside the way
+    margin_relief_m: float = 0.06  # less of every margin after each full turn without a free way
+    max_full_turns: int = 3  # of relief
+    # Leaving a turn takes this much more room than a step: no dithering at the threshold.
+    hysteresis_m: float = 0.15
+    # An obstacle of unknown range within this bearing of ahead forbids a step.
+    unplaced_half_angle_rad: float = math.radians(45)
+    unplaced_min: int = 2  # fewer are specks of the mask
+    tie_ratio: float = 0.1  # halves closer than this are a tie, which the coin decides
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest_step_m <= self.longest_step_m:
+            raise ValueRangeError(f"steps must be positive and in order, got {self}")
+        if not 0.0 < self.turn_rad <= math.pi:
+            raise ValueRangeError(f"a turn must lie within 0 and pi, got {self.turn_rad} rad")
+
+
+def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRuleConfig) -> float:
+    """Return how far ahead of the camera the carpet goes on, metres.
+
+    Boxes and the helipad stand on the carpet, so they count as carpet. What lies below the image's
+    lower edge is taken for carpet: it was ahead a moment ago.
+
+    Args:
+        groups: (H, W) group ids.
+        view: the view that they belong to.
+        config: width, share and range.
+    """
+    height_m = max(view.height_above_carpet_m, 0.1)
+    ranges = np.arange(_RANGE_STEP_M, config.carpet_range_m, _RANGE_STEP_M)
+    across = np.linspace(-config.carpet_half_width_m, config.carpet_half_width_m, _ACROSS)
+    points = np.empty((ranges.size, across.size, 3))
+    points[..., 0], points[..., 1], points[..., 2] = ranges[:, None], across, height_m
+    pixels = project(points, view.camera, view.gimbal_pitch_rad)
+    with np.errstate(invalid="ignore"):
+        columns, rows = np.rint(pixels[..., 0]), np.rint(pixels[..., 1])
+        inside = (columns >= 0) & (columns < groups.shape[1]) & (rows >= 0)
+        inside &= rows < groups.shape[0]
+    is_background = np.zeros(inside.shape, dtype=bool)
+    seen = groups[rows[inside].astype(int), columns[inside].astype(int)]
+    is_background[inside] = seen == GROUP_BACKGROUND
+    ends = is_background.sum(axis=1) > (1.0 - config.carpet_share) * np.maximum(
+        inside.sum(axis=1), 1
+    )
+    return float(ranges[ends.argmax()]) if ends.any() else math.inf
+
+
+class CorridorRule:
+    """The rule as a leaf policy."""
+
+    def __init__(self, config: CorridorRuleConfig | None = None) -> None:
+        self.config = config or CorridorRuleConfig()
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Return an advance or a turn. A turn under way keeps its direction until it worked."""
+        cfg = self.config
+        relief_m = cfg.margin_relief_m * min(view.full_turns, cfg.max_full_turns)
+        if view.corridor is None:
+            return Decision(yaw_rad=self._held(view, view.coin - 0.5), reason="no depth")
+        groups = group_of(view.class_map.ids)
+        reach_m = carpet_reach(groups, view, cfg) + view.camera.forward_offset_m
+        by_carpet_m = reach_m - cfg.edge_margin_m + relief_m
+        by_corridor_m = view.corridor.free_distance_m - cfg.front_margin_m + relief_m
+        least_m = cfg.shortest_step_m + (cfg.hysteresis_m if view.turning else 0.0)
+        carpet_ends = by_carpet_m < least_m
+        step_m = min(cfg.longest_step_m, by_carpet_m, by_corridor_m)
+        if step_m >= least_m:
+            step_m = self._beside(view, step_m, cfg.side_margin_m - relief_m)
+        if step_m >= cfg.shortest_step_m and not carpet_ends and by_corridor_m >= least_m:
+            return Decision(forward_m=step_m, reason="clear")
+        if carpet_ends:
+            side = self._more(groups, view, GROUP_CARPET)
+            reason = "edge" if by_corridor_m >= least_m else "corner"
+        else:
+            side = self._away(groups, view)
+            reason = "obstacle"
+        return Decision(yaw_rad=self._held(view, side), carpet_ends=carpet_ends, reason=reason)
+
+    def _beside(self, view: PolicyView, step_m: float, margin_m: float) -> float:
+        """Return the longest step up to this one that the memory of obstacles allows, or zero."""
+        cfg, obstacles = self.config, view.obstacles
+        if obstacles is None:
+            return step_m
+        if obstacles.unplaced_within(cfg.unplaced_half_angle_rad) >= cfg.unplaced_min:
+            return 0.0
+        assumed = view.full_turns == 0
+        for length_m in (step_m, *np.arange(0.9, cfg.shortest_step_m - 0.01, -0.1)):
+            if length_m <= step_m and obstacles.allows(
+                float(length_m), margin_m=margin_m, assumed=assumed
+            ):
+                return float(length_m)
+        return 0.0
+
+    def _held(self, view: PolicyView, side: float) -> float:
+        """Return a turn to a side (positive: clockwise), or on in the direction under way."""
+        return math.copysign(self.config.turn_rad, view.turning or side)
+
+    def _away(self, groups: NDArray[np.uint8], view: PolicyView) -> float:
+        """Return the side to turn to: away from the intrusion, or to the emptier half."""
+        nearest = view.corridor.nearest_side if view.corridor is not None else None
+        if nearest in {"left", "right"}:
+            return 1.0 if nearest == "left" else -1.0
+        return -self._more(groups, view, GROUP_OBSTACLE)
+
+    def _more(self, groups: NDArray[np.uint8], view: PolicyView, group: int) -> float:
+        """Return the side that shows more of a group; the coin decides a tie."""
+        middle = groups.shape[1] // 2
+        left = int(np.count_nonzero(groups[:, :middle] == group))
+        right = int(np.count_nonzero(groups[:, middle:] == group))
+        if abs(left - right) <= self.config.tie_ratio * max(left, right):
+            return view.coin - 0.5
+        return 1.0 if right > left else -1.0
