@@ -20,7 +20,7 @@ class Explore(SteeringLeaf):
     def update(self) -> Status:
         """Go on with a step in progress, or look and begin the next."""
         state = self.state()
-        if state is None or self.moving(state):
+        if state is None or self.flow(state) or self.moving(state):
             return Status.RUNNING
         decision = self.decide()
         if decision is None:

@@ -6,7 +6,7 @@ import enum
 import math
 
 from behaviours.heading import HeadingController
-from behaviours.steering import FLIGHT_HEIGHT, POLICY, SteeringLeaf
+from behaviours.steering import FLIGHT_HEIGHT, FLOWING, POLICY, SteeringLeaf
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE
 from uav_bt.mission.context import MissionContext
 from uav_bt.tree import Port, Status
@@ -62,6 +62,7 @@ class ReturnToBase(SteeringLeaf):
     ports = (
         POLICY,
         FLIGHT_HEIGHT,
+        FLOWING,
         Port("gimbal_deg", float, default=-30.0, doc="camera pitch while searching, degrees"),
         Port("arrive_m", float, default=0.12, doc="horizontal distance that counts as above, m"),
     )
@@ -141,7 +142,7 @@ class ReturnToBase(SteeringLeaf):
 
     def _wander(self, state: DroneState) -> bool:
         """Advance or turn under the policy; True when an advance began."""
-        if self.moving(state):
+        if self.flow(state) or self.moving(state):
             return False
         decision = self.decide()
         if self._turning:

@@ -8,22 +8,26 @@ and it does not stop at every look: the drone turns steadily while the policy ju
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from behaviours.movement import MovingLeaf
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, CORRIDOR, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.mission.blackboard import Key
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Port
 from uav_bt.types import ClassMap, DroneState, Frame, HeldTurn, Velocity
 
-__all__ = ["FLIGHT_HEIGHT", "POLICY", "SteeringLeaf"]
+__all__ = ["FLIGHT_HEIGHT", "FLOWING", "POLICY", "SteeringLeaf"]
 
 POLICY = Port("policy", str, default="segmentation", doc="leaf policy that chooses the way")
 FLIGHT_HEIGHT = Port("height_m", float, default=1.5, doc="flight height above the carpet, m")
+FLOWING = Port(
+    "flowing", bool, default=False, doc="look ahead during a step: lengthen it, or break it off"
+)
 
 # Less than this is the altimeter's noise; more is corrected with the next advance.
 _ALTITUDE_SLACK_M = 0.08
@@ -34,17 +38,20 @@ _ROOM_STEP_M = 0.15
 _YAW_RATE_RADPS = 0.6
 # After a turn the airframe swings on for this long; a step begun earlier would go astray.
 _SETTLE_S = 0.2
+# A step under way is only replaced by one that ends this much further on.
+_FURTHER_M = 0.2
 
 
 class SteeringLeaf(MovingLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
-    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT)
+    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT, FLOWING)
     reads: ClassVar[tuple[Key[Any], ...]] = (
         STATE,
         FRAME,
         CLASS_MAP,
         CAMERA,
+        CORRIDOR,
         OBSTACLES,
         HELD_TURN,
     )
@@ -56,6 +63,9 @@ class SteeringLeaf(MovingLeaf):
         self._rng: np.random.Generator = mission.rng(self.path)
         super().on_setup(mission)
         self._view_from_s = -math.inf  # frames captured earlier show another view
+        self._advancing = False  # the movement under way, if any, is an advance
+        self._step_ends_m = 0.0  # ahead, of the advance under way
+        self._stepped_s = 0.0
         self._forget_turn()
 
     def state(self) -> DroneState | None:
@@ -75,11 +85,38 @@ class SteeringLeaf(MovingLeaf):
         """Start an advance, correcting the altitude on the way."""
         self.write(HELD_TURN, HeldTurn())
         error_m = state.height_above_carpet_m - self.port_value("height_m")
+        self._advancing = True
+        self._step_ends_m = decision.forward_m
+        self._stepped_s = self.clock.now()
         self.start_move(
             forward_m=decision.forward_m,
             yaw_rad=decision.yaw_rad,
             down_m=error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0,
         )
+
+    def flow(self, state: DroneState) -> bool:
+        """Look ahead during a step: replace it by one that leads further, or break it off.
+
+        Returns:
+            True when that was done; False when the step goes on, or there is none.
+        """
+        if not (self._mover.busy and self._advancing and self.port_value("flowing")):
+            return False
+        now_s = self.clock.now()
+        self._step_ends_m -= state.velocity.forward_mps * (now_s - self._stepped_s)
+        self._stepped_s = now_s
+        decision, frame = self.decide(), self.read(FRAME).value
+        if decision is None or frame is None:
+            return False
+        if decision.blocked:
+            self.look_afresh()
+            return True
+        # The decision was made for the place where the frame was captured.
+        flown_m = state.velocity.forward_mps * (now_s - frame.captured_s)
+        if decision.forward_m - flown_m < self._step_ends_m + _FURTHER_M:
+            return False
+        self.move(state, replace(decision, forward_m=decision.forward_m - flown_m))
+        return True
 
     def make_room(self) -> bool:
         """Start a step away from an obstacle that is too near; False when there is no need.
@@ -95,6 +132,7 @@ class SteeringLeaf(MovingLeaf):
         forward_m, right_m = float(away * forward_m), float(away * right_m)
         if not obstacles.allows(forward_m, right_m, margin_m=_TOO_NEAR_M):
             return False
+        self._advancing = False
         self.start_move(forward_m=forward_m, right_m=right_m)
         return True
 
@@ -171,6 +209,7 @@ class SteeringLeaf(MovingLeaf):
                 camera=camera.resized(width_px, height_px),
                 gimbal_pitch_rad=frame.gimbal_pitch_rad,
                 height_above_carpet_m=frame.height_above_carpet_m,
+                corridor=self.read(CORRIDOR).value,
                 obstacles=self.read(OBSTACLES).value,
                 turning=held.direction,
                 full_turns=held.full_turns,
