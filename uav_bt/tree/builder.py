@@ -6,18 +6,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from uav_bt.errors import TreeError, did_you_mean
+from uav_bt.errors import TreeError, ValueRangeError, did_you_mean
 from uav_bt.tree.checker import node_attributes, node_id_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.document import Document, label
-from uav_bt.tree.findings import Findings, Position
-from uav_bt.tree.mission_tree import child_paths
+from uav_bt.tree.findings import Finding, Findings, Position
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.nodes.control import ControlNode
 from uav_bt.tree.nodes.decorator import DecoratorNode
 from uav_bt.tree.port import bind_ports
 from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 from uav_bt.tree.source import MAX_DEPTH, Element
 
 __all__ = ["MAX_NODES", "Builder"]
@@ -34,6 +36,7 @@ class _Plan:
     path: str
     attributes: dict[str, str]
     children: list[_Plan]
+    mock: str | None = None  # the script of the leaf that takes its place
 
     def walk(self) -> Iterator[_Plan]:
         yield self
@@ -53,15 +56,19 @@ class Builder:
         self._registry = registry
         self._findings = findings
         self._count = 0
+        self.places: dict[str, Place] = {}  # of the nodes, by path; filled by `build`
 
-    def build(self, overrides: Mapping[str, Mapping[str, str]]) -> Node:
+    def build(
+        self, overrides: Mapping[str, Mapping[str, str]], mocks: Mapping[str, str] | None = None
+    ) -> Node:
         """Return the root node.
 
         Args:
             overrides: attribute values by node, which is named by its name or its path.
+            mocks: scripts by leaf, which is named by its path, its name or its node's id.
 
         Raises:
-            TreeError: the tree grows too large, or an override does not fit.
+            TreeError: the tree grows too large, or an override or a mock does not fit.
         """
         main = self._document.trees[self._document.main]
         root = main.children[0]
@@ -69,9 +76,10 @@ class Builder:
         try:
             plan = self._plan(root, name, f"{self._document.main}/{name}", depth=1)
         except _TooLargeError as error:
-            where = f"{main.path}:{main.position}"
-            raise TreeError(self._document.path, [f"{where}: {label(main)}: {error}"]) from error
+            finding = Finding(str(main.path), main.position, str(error), label(main))
+            raise TreeError(self._document.path, [finding]) from error
         self._apply(overrides, plan)
+        self._mock(mocks or {}, list(plan.walk()))
         self._findings.raise_any(self._document.path)
         return self._make(plan)
 
@@ -124,7 +132,41 @@ class Builder:
                     label(plan.element),
                 )
 
+    def _mock(self, mocks: Mapping[str, str], plans: list[_Plan]) -> None:
+        classes = {plan.path: leaf for plan in plans if (leaf := self._leaf_class(plan))}
+        leaves = [plan for plan in plans if plan.path in classes]
+        for names in (_id_of, lambda plan: plan.name, lambda plan: plan.path):
+            # The most exact way to name a leaf comes last, and so is the one that counts.
+            for plan in leaves:
+                plan.mock = mocks.get(names(plan), plan.mock)
+        for target, script in mocks.items():
+            hits = [plan for plan in leaves if target in _names(plan)]
+            for plan in hits:
+                self._check_mock(target, script, plan, mock_class(classes[plan.path]))
+            if not hits:
+                self._findings.add(
+                    self._document.path, Position(1, 1), _no_such_leaf(target, plans, leaves)
+                )
+
+    def _leaf_class(self, plan: _Plan) -> type[Leaf] | None:
+        if plan.element.tag == NodeKind.SUBTREE.value:
+            return None
+        node = self._registry[node_id_of(plan.element)]
+        return node if issubclass(node, Leaf) else None
+
+    def _check_mock(self, target: str, script: str, plan: _Plan, leaf: type[ScriptedLeaf]) -> None:
+        try:
+            leaf.check_script(script)
+        except ValueRangeError as error:
+            self._findings.add(
+                plan.element.path,
+                plan.element.position,
+                f"mock of '{target}': {error}",
+                label(plan.element),
+            )
+
     def _make(self, plan: _Plan) -> Node:
+        self.places[plan.path] = Place(plan.element.path, plan.element.position)
         children = [self._make(child) for child in plan.children]
         given: dict[str, object] = dict(plan.attributes)
         if plan.element.tag == NodeKind.SUBTREE.value:
@@ -133,12 +175,21 @@ class Builder:
                 key: given.pop(key) for key in plan.attributes if key in CONDITION_ATTRIBUTES
             }
             entries = {key: str(text) for key, text in given.items()}
-            return SubTree(plan.name, children[0], entries, autoremap=autoremap, **conditions)
+            return SubTree(
+                plan.name,
+                children[0],
+                entries,
+                autoremap=autoremap,
+                tree_id=plan.element.attributes["ID"],
+                **conditions,
+            )
         node = self._registry[node_id_of(plan.element)]
         if issubclass(node, ControlNode):
             return node(plan.name, children, **given)
         if issubclass(node, DecoratorNode):
             return node(plan.name, children[0], **given)
+        if plan.mock is not None and issubclass(node, Leaf):
+            return mock_class(node)(plan.name, plan.mock, **given)
         return node(plan.name, **given)
 
 
@@ -149,3 +200,22 @@ def _name_of(element: Element) -> str:
     if element.tag == NodeKind.SUBTREE.value:
         return element.attributes["ID"]
     return node_id_of(element)
+
+
+def _id_of(plan: _Plan) -> str:
+    return node_id_of(plan.element)
+
+
+def _names(plan: _Plan) -> tuple[str, str, str]:
+    return plan.path, plan.name, _id_of(plan)
+
+
+def _no_such_leaf(target: str, plans: list[_Plan], leaves: list[_Plan]) -> str:
+    for plan in plans:
+        if target in (plan.path, plan.name) or target == plan.element.tag:
+            return f"mock of '{target}': only leaves can be mocked, this is a {plan.element.tag}"
+    known = {name for plan in leaves for name in _names(plan)}
+    return (
+        f"mock of '{target}': the tree has no leaf of that path, name or node id"
+        f"{did_you_mean(target, known)}"
+    )

@@ -21,6 +21,7 @@ def load_tree(
     registry: NodeRegistry | None = None,
     *,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
+    mocks: Mapping[str, str] | None = None,
 ) -> MissionTree:
     """Load a tree file.
 
@@ -28,12 +29,15 @@ def load_tree(
         path: the file.
         registry: the nodes that may occur; default: all installed.
         overrides: attribute values that replace the file's, by a node's name or path.
+        mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
+            path, name or node id; of several that fit a leaf, in this order the first counts. Name,
+            path, kind, ports and conditions stay as the file has them.
 
     Raises:
         TreeError: the file was refused; all that is wrong with it, each with its place.
     """
     path = Path(path)
-    return parse_tree(read_source(path), registry, path=path, overrides=overrides)
+    return parse_tree(read_source(path), registry, path=path, overrides=overrides, mocks=mocks)
 
 
 def parse_tree(
@@ -42,6 +46,7 @@ def parse_tree(
     *,
     path: Path | str = "<text>",
     overrides: Mapping[str, Mapping[str, str]] | None = None,
+    mocks: Mapping[str, str] | None = None,
 ) -> MissionTree:
     """Load a tree from a tree file's text.
 
@@ -50,6 +55,9 @@ def parse_tree(
         registry: the nodes that may occur; default: all installed.
         path: what messages call the file.
         overrides: attribute values that replace the file's, by a node's name or path.
+        mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
+            path, name or node id; of several that fit a leaf, in this order the first counts. Name,
+            path, kind, ports and conditions stay as the file has them.
 
     Raises:
         TreeError: the text was refused; all that is wrong with it, each with its place.
@@ -61,5 +69,8 @@ def parse_tree(
     document = outline(parse_source(data, path), registry, findings)
     Checker(document, registry, findings).check()
     findings.raise_any(path)
-    root = Builder(document, registry, findings).build(overrides or {})
-    return MissionTree(root, name=document.main, text=data.decode(errors="replace"))
+    builder = Builder(document, registry, findings)
+    root = builder.build(overrides or {}, mocks or {})
+    return MissionTree(
+        root, name=document.main, text=data.decode(errors="replace"), places=builder.places
+    )

@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from uav_bt.errors import MissionError, NodeFailedError
 from uav_bt.mission.context import MissionContext
+from uav_bt.tree.findings import Position
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
-__all__ = ["MissionTree", "child_paths"]
+__all__ = ["MissionTree", "Place", "child_paths"]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a tree file has a node."""
+
+    path: Path  # of the file; with includes, the included one
+    position: Position
+
+    def __str__(self) -> str:
+        """Return `file:line:column`."""
+        return f"{self.path}:{self.position}"
 
 
 def child_paths(parent: str, names: Sequence[str]) -> list[str]:
@@ -34,12 +49,21 @@ class MissionTree:
         root: the root node; it and all below belong to this tree from now on.
         name: the tree's name, first part of all paths.
         text: the tree file's text, for records; empty for a tree composed in Python.
+        places: where the tree file has the nodes, by path; empty for a tree composed in Python.
     """
 
-    def __init__(self, root: Node, *, name: str = "Tree", text: str = "") -> None:
+    def __init__(
+        self,
+        root: Node,
+        *,
+        name: str = "Tree",
+        text: str = "",
+        places: Mapping[str, Place] | None = None,
+    ) -> None:
         self.root = root
         self.name = name
         self.text = text
+        self.places = dict(places or {})
         self.variables = Variables()
         self._ready = False
         self._place(root, f"{name}/{root.name}", self.variables)

@@ -1,0 +1,147 @@
+"""Scripted leaves, and the loader that puts them in the place of others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tree_world import World, document
+
+from uav_bt.board import ELAPSED
+from uav_bt.errors import InputError, TreeError, ValueRangeError
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree import Leaf, MissionTree, NodeKind, NodeRegistry, Port, Status, load_tree
+from uav_bt.tree.scripted import AnswerScript, ScriptedLeaf, mock_class
+
+OWN = Key("own", float, "a plug-in's own key")
+
+
+class Fly(Leaf):
+    """Needs hardware."""
+
+    ports = (Port("speed_mps", float, default=1.0, doc="speed, m/s"),)
+    reads = (ELAPSED,)
+    writes = (OWN,)
+
+    def __init__(self, *_arguments: object, **_given: object) -> None:
+        raise RuntimeError("no hardware here")
+
+
+class Clear(Leaf):
+    """Asks the hardware."""
+
+    condition = True
+
+
+REGISTRY = NodeRegistry([Fly, Clear])
+TREE = document(
+    '<Sequence><Clear/><Fly name="out" speed_mps="2" _skipIf="nothing_to_do"/>'
+    '<SubTree ID="Home"/></Sequence>',
+    '<BehaviorTree ID="Home"><Fallback><Fly name="back"/><Fly name="back"/></Fallback>'
+    "</BehaviorTree>",
+)
+LETTERS = {Status.RUNNING: "R", Status.SUCCESS: "S", Status.FAILURE: "F", Status.INVALID: "K"}
+
+
+def loaded(tmp_path: Path, world: World, **mocks: str) -> MissionTree:
+    return loaded_by(tmp_path, world, mocks)
+
+
+def loaded_by(tmp_path: Path, world: World, mocks: dict[str, str]) -> MissionTree:
+    path = tmp_path / "mission.xml"
+    path.write_text(TREE, encoding="utf-8")
+    tree = load_tree(path, REGISTRY, mocks=mocks)
+    world.board.declare(ELAPSED)
+    tree.setup(world.context)
+    tree.variables["nothing_to_do"] = False
+    return tree
+
+
+@pytest.mark.parametrize(
+    ("text", "answers"),
+    [
+        ("S", "SSSSSSS"),
+        ("RRS", "RRSSSSS"),
+        ("R", "RRRRRRR"),
+        ("(RRS)", "RRSRRSR"),
+        ("F(RS)", "FRSRSRS"),
+        (" R F\nK ", "RFKKKKK"),
+    ],
+)
+def test_a_script_is_answered_letter_by_letter(text: str, answers: str) -> None:
+    """The last letter repeats for ever, or what stands in brackets does."""
+    script = AnswerScript.parse(text)
+    assert "".join(LETTERS[script.answer(tick)] for tick in range(7)) == answers
+
+
+@pytest.mark.parametrize("text", ["", "  ", "RRX", "rs", "(RS)F", "R()", "(R", "((R))", "R)"])
+def test_other_texts_are_refused(text: str) -> None:
+    """The message shows what a script looks like and what came."""
+    with pytest.raises(ValueRangeError, match=r"R \(running\), S .* as in 'RRS' or 'F\(RS\)'"):
+        AnswerScript.parse(text)
+
+
+def test_a_scripted_leaf_stands_alone(world: World) -> None:
+    """Trees composed in Python use it as it is; setting up begins the script anew."""
+    tree = MissionTree(ScriptedLeaf("a", "RS"))
+    for _ in range(2):
+        tree.setup(world.context)
+        assert [tree.tick() for _ in range(2)] == [Status.RUNNING, Status.SUCCESS]
+
+
+def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> None:
+    """Name, path, kind, ports, board keys and conditions stay; the class's own code never runs."""
+    tree = loaded(tmp_path, world, Fly="R", Clear="S")
+    out = tree.find("Main/Sequence/out")
+    assert isinstance(out, ScriptedLeaf)
+    assert (out.name, out.node_id, out.kind) == ("out", "Fly", NodeKind.ACTION)
+    assert out.port_value("speed_mps") == 2.0
+    assert (out.reads, out.writes, out.mocked) == ((ELAPSED,), (OWN,), Fly)
+    assert tree.find("Clear").kind is NodeKind.CONDITION
+    tree.variables["nothing_to_do"] = True
+    tree.tick()
+    assert out.status is Status.INVALID
+    assert tree.find("Main/Sequence/Home/Fallback/back").status is Status.RUNNING
+
+
+def test_the_most_exact_selector_counts(tmp_path: Path, world: World) -> None:
+    """A path before a name before a node id; a name mocks all that carry it."""
+    path = "Main/Sequence/Home/Fallback/back#2"
+    scripts = {path: "S", "Clear": "S", "Fly": "RS", "back": "F"}
+    tree = loaded_by(tmp_path, world, scripts)
+    assert [tree.tick() for _ in range(2)] == [Status.RUNNING, Status.SUCCESS]
+    texts = [leaf.script for leaf in tree.leaves() if isinstance(leaf, ScriptedLeaf)]
+    assert texts == [AnswerScript.parse(text) for text in ("S", "RS", "F", "S")]
+
+
+@pytest.mark.parametrize(
+    ("selector", "script", "message"),
+    [
+        ("otu", "S", "mock of 'otu': the tree has no leaf of that path, name or node id; did you"),
+        ("Sequence", "S", "mock of 'Sequence': only leaves can be mocked, this is a Sequence"),
+        ("Home", "S", "only leaves can be mocked, this is a SubTree"),
+        ("out", "RX", "1:.*: Fly 'out': mock of 'out': a script has the letters"),
+        ("Clear", "RS", "the condition Clear answers at once, so its script cannot have an R"),
+    ],
+)
+def test_mocks_that_do_not_fit_are_refused(
+    tmp_path: Path, world: World, selector: str, script: str, message: str
+) -> None:
+    """The file, the selector and a suggestion are named."""
+    with pytest.raises(TreeError, match=message) as error:
+        loaded_by(tmp_path, world, {"Fly": "S", "Clear": "S", selector: script})
+    assert isinstance(error.value, InputError)
+
+
+def test_attributes_of_a_mock_are_checked() -> None:
+    """A wrong value is an error, as for the leaf itself."""
+    with pytest.raises(InputError, match=r"speed_mps.*expected a number"):
+        mock_class(Fly)("x", "S", speed_mps="fast")
+
+
+def test_nodes_know_their_place_in_the_file(tmp_path: Path, world: World) -> None:
+    """Each path has its file, line and column; both uses of a subtree's node share theirs."""
+    tree = loaded(tmp_path, world, Fly="S", Clear="S")
+    assert set(tree.places) == {node.path for node in tree.nodes()}
+    place = tree.places["Main/Sequence/Clear"]
+    assert str(place) == f"{tmp_path / 'mission.xml'}:1:{TREE.index('<Clear') + 1}"

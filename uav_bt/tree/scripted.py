@@ -1,0 +1,135 @@
+"""Leaves that answer what a script says, in place of those that fly: for tests and dry runs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar, Final
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
+
+__all__ = ["AnswerScript", "ScriptedLeaf", "mock_class"]
+
+_LETTERS: Final = {"R": RUNNING, "S": SUCCESS, "F": FAILURE, "K": SKIPPED}
+_SCRIPT: Final = re.compile(r"(?P<once>[RSFK]*)(?:\((?P<again>[RSFK]+)\))?")
+
+
+@dataclass(frozen=True)
+class AnswerScript:
+    """What a scripted leaf answers, a letter a tick: R running, S success, F failure, K skipped.
+
+    One letter is used up each time the leaf is ticked, whether an activation begins, goes on or was
+    halted in between. After the last letter the last one is answered for ever; letters in brackets
+    at the end are answered over and over instead:
+
+    - `RRS`: running, running, and from then on success at every tick;
+    - `(RRS)`: takes three ticks every time it is started;
+    - `F(RS)`: fails once, then takes two ticks every time;
+    - `R`: runs until it is halted.
+
+    This is how the scripted leaves of BehaviorTree.CPP's reference traces answer; the brackets are
+    an addition.
+    """
+
+    once: tuple[Status, ...]  # answered first
+    again: tuple[Status, ...]  # then over and over; never empty
+
+    @classmethod
+    def parse(cls, text: str) -> AnswerScript:
+        """Return the script that a text is; spaces between the letters mean nothing.
+
+        Raises:
+            ValueRangeError: it is empty, or has other letters, or brackets elsewhere.
+        """
+        letters = "".join(text.split())
+        match = _SCRIPT.fullmatch(letters)
+        if match is None or not letters:
+            raise ValueRangeError(
+                f"a script has the letters R (running), S (success), F (failure) and K (skipped), "
+                f"those that repeat in brackets at its end, as in 'RRS' or 'F(RS)'; got '{text}'"
+            )
+        once = tuple(_LETTERS[letter] for letter in match["once"])
+        again = tuple(_LETTERS[letter] for letter in match["again"] or match["once"][-1])
+        return cls(once, again)
+
+    def answer(self, tick: int) -> Status:
+        """Return what is answered when the leaf is ticked for the `tick`-th time, from 0."""
+        if tick < len(self.once):
+            return self.once[tick]
+        return self.again[(tick - len(self.once)) % len(self.again)]
+
+    @property
+    def runs(self) -> bool:
+        """Whether it ever answers RUNNING."""
+        return RUNNING in self.once or RUNNING in self.again
+
+
+class ScriptedLeaf(Leaf):
+    """Answers what its script says and does nothing else.
+
+    Args:
+        name: the instance's name; default: the node's id.
+        script: the script's text; see `AnswerScript`.
+        given: values of the ports.
+
+    Raises:
+        ValueRangeError: the script cannot be read, or a condition's script has an R.
+    """
+
+    mocked: ClassVar[type[Leaf] | None] = None  # whose place it takes
+
+    def __init__(self, name: str | None = None, script: str = "S", /, **given: object) -> None:
+        super().__init__(name, **given)
+        self.script = self.check_script(script)
+        self._ticks = 0
+
+    @classmethod
+    def check_script(cls, text: str) -> AnswerScript:
+        """Return a script that leaves of this class can have.
+
+        Raises:
+            ValueRangeError: it cannot be read, or a condition's script has an R.
+        """
+        script = AnswerScript.parse(text)
+        if cls.condition and script.runs:
+            raise ValueRangeError(
+                f"the condition {cls.node_id} answers at once, "
+                f"so its script cannot have an R; got '{text}'"
+            )
+        return script
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Begin the script."""
+        del mission
+        self._ticks = 0
+
+    def update(self) -> Status:
+        """Answer the next letter."""
+        status = self.script.answer(self._ticks)
+        self._ticks += 1
+        return status
+
+
+@cache
+def mock_class(leaf: type[Leaf]) -> type[ScriptedLeaf]:
+    """Return a class of scripted leaves that stand in for a class of leaves.
+
+    They have its id, kind, ports and board keys, and run none of its code.
+    """
+    return type(
+        f"Scripted{leaf.__name__}",
+        (ScriptedLeaf,),
+        {
+            "__doc__": leaf.__doc__,
+            "node_id": leaf.node_id,
+            "ports": leaf.ports,
+            "condition": leaf.condition,
+            "reads": leaf.reads,
+            "writes": leaf.writes,
+            "mocked": leaf,
+        },
+    )
