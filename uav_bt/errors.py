@@ -93,10 +93,16 @@ class WeightsError(FileError):
 
 
 class TreeError(FileError):
-    """A tree file was refused; `findings` holds every line of the report."""
+    """A tree file was refused; `findings` holds every line of the report.
 
-    def __init__(self, path: Path | str, findings: Sequence[str]) -> None:
-        self.findings = tuple(findings)
+    Args:
+        path: the file.
+        findings: texts, or values whose text is the line; `details` keeps them as they are.
+    """
+
+    def __init__(self, path: Path | str, findings: Sequence[object]) -> None:
+        self.details = tuple(findings)
+        self.findings = tuple(str(finding) for finding in findings)
         count = len(self.findings)
         head = f"refused, {count} error{'s' if count != 1 else ''}"
         super().__init__(path, "\n  ".join([head, *self.findings]))

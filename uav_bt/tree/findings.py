@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from uav_bt.errors import TreeError
 
-__all__ = ["Finding", "Findings", "Position"]
+__all__ = ["WHOLE_FILE", "Finding", "Findings", "Position"]
 
 
 @dataclass(frozen=True, order=True)
@@ -23,6 +24,10 @@ class Position:
         return f"{self.line}:{self.column}"
 
 
+WHOLE_FILE: Final = Position(0, 0)
+"""The position of what is wrong with a file, but nowhere in it."""
+
+
 @dataclass(frozen=True, order=True)
 class Finding:
     """One thing wrong."""
@@ -34,7 +39,7 @@ class Finding:
 
     def __str__(self) -> str:
         """Return the finding as compilers write theirs."""
-        where = f"{self.path}:{self.position}"
+        where = self.path if self.position == WHOLE_FILE else f"{self.path}:{self.position}"
         return f"{where}: {self.node}: {self.message}" if self.node else f"{where}: {self.message}"
 
 
@@ -63,4 +68,4 @@ class Findings:
             TreeError: something was.
         """
         if self._found:
-            raise TreeError(path, [str(finding) for finding in self])
+            raise TreeError(path, list(self))

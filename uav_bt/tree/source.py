@@ -14,7 +14,7 @@ from typing import Final
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError
-from uav_bt.tree.findings import Position
+from uav_bt.tree.findings import WHOLE_FILE, Finding, Position
 
 __all__ = ["MAX_BYTES", "MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_source", "read_source"]
 
@@ -114,12 +114,12 @@ def read_source(path: Path) -> bytes:
     """
     try:
         if not path.is_file():
-            raise TreeError(path, [f"{path}: no such file"])
+            raise _refused(path, "no such file")
         if path.stat().st_size > MAX_BYTES:
-            raise TreeError(path, [f"{path}: larger than {MAX_BYTES} bytes"])
+            raise _refused(path, f"larger than {MAX_BYTES} bytes")
         return path.read_bytes()
     except OSError as error:
-        raise TreeError(path, [f"{path}: cannot be read: {error.strerror}"]) from error
+        raise _refused(path, f"cannot be read: {error.strerror}") from error
 
 
 def parse_source(data: bytes, path: Path) -> Element:
@@ -129,16 +129,20 @@ def parse_source(data: bytes, path: Path) -> Element:
         TreeError: it is no well-formed XML, or has what a tree file must not have.
     """
     if len(data) > MAX_BYTES:
-        raise TreeError(path, [f"{path}: larger than {MAX_BYTES} bytes"])
+        raise _refused(path, f"larger than {MAX_BYTES} bytes")
     builder = _Builder(data, path)
     try:
         builder.parser.Parse(data, True)
     except expat.ExpatError as error:
         where = Position(error.lineno, error.offset + 1)
         reason = expat.errors.messages[error.code]
-        raise TreeError(path, [f"{path}:{where}: not well-formed XML: {reason}"]) from error
+        raise _refused(path, f"not well-formed XML: {reason}", where) from error
     except (_RefusedError, LookupError, ValueError) as error:
-        raise TreeError(path, [f"{path}:{builder.here()}: {error}"]) from error
+        raise _refused(path, str(error), builder.here()) from error
     if builder.root is None:
-        raise TreeError(path, [f"{path}:1:1: no root element"])
+        raise _refused(path, "no root element", Position(1, 1))
     return builder.root
+
+
+def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeError:
+    return TreeError(path, [Finding(str(path), position, message)])
