@@ -79,8 +79,9 @@ class Node(Behaviour):
                 wrong[key] = f"attribute '{key}': {message}"
         if wrong:
             raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(wrong.values())}")
-        self._references = {key: at for key, at in bound.items() if isinstance(at, Reference)}
-        self._literals = {key: at for key, at in bound.items() if key not in self._references}
+        self._given = {key: at for key, at in bound.items() if isinstance(at, Reference)}
+        self._references = self._given  # once placed: a subtree's variable may be a board key
+        self._literals = {key: at for key, at in bound.items() if key not in self._given}
         self._variables = Variables()
         self._mission: MissionContext | None = None
         self._conditions = Conditions(scripts) if scripts else None
@@ -119,11 +120,26 @@ class Node(Behaviour):
             self._environment = Environment(self._variables, board)
         return self._environment
 
+    @property
+    def condition_scripts(self) -> dict[str, str]:
+        """The scripts of the pre- and post-conditions by attribute."""
+        if self._conditions is None:
+            return {}
+        return {name: script.source for name, script in self._conditions.scripts.items()}
+
     def place(self, path: str, variables: Variables) -> None:
         """Give the node its place in a tree; `MissionTree` does."""
         self.path = path
         self._variables = variables
         self._environment = None
+        self._references = {
+            name: self._placed(reference, variables) for name, reference in self._given.items()
+        }
+
+    @staticmethod
+    def _placed(reference: Reference, variables: Variables) -> Reference:
+        key = None if reference.on_board else variables.board_key(reference.key)
+        return reference if key is None else Reference(key, on_board=True)
 
     def setup(self, mission: MissionContext | None = None, **_kwargs: Any) -> None:
         """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too.

@@ -20,9 +20,10 @@ class SubTree(DecoratorNode):
     Args:
         name: the instance's name.
         child: the root of the other tree.
-        entries: the inner tree's variables by name: `{outer}` shares the outer tree's variable, any
-            other text is the variable's first value.
+        entries: the inner tree's variables by name: `{outer}` shares the outer tree's variable,
+            `{@key}` is a key of the mission board, any other text is the variable's first value.
         autoremap: all variables that are not private (`_x`) are the outer tree's.
+        tree_id: the other tree's id in its file; default: the instance's name.
     """
 
     node_id = "SubTree"
@@ -40,30 +41,36 @@ class SubTree(DecoratorNode):
         entries: Mapping[str, str] | None = None,
         *,
         autoremap: bool = False,
+        tree_id: str = "",
         **conditions: object,
     ) -> None:
         super().__init__(name, child, **conditions)
+        self.tree_id = tree_id or self.name
+        self.attributes = dict(entries or {})  # as a tree file has them, for those who write one
+        if autoremap:
+            self.attributes["_autoremap"] = "true"
         self._autoremap = autoremap
         self._shared: dict[str, str] = {}
+        self._board: dict[str, str] = {}
         self._constants: dict[str, str] = {}
         for inner, text in (entries or {}).items():
             reference = parse_reference(text, inner)
             if reference is None:
                 self._constants[inner] = text
-            elif not reference.on_board:
-                self._shared[inner] = reference.key
+            elif reference.on_board:
+                self._board[inner] = reference.key
             else:
-                raise ValueError(
-                    f"'{inner}': a tree's variable cannot be the board key {reference}; "
-                    "use the key inside the subtree"
-                )
+                self._shared[inner] = reference.key
 
     def open_scope(self, outer: Variables) -> Variables:
         """Return the scope of the tree inside."""
-        inner = Variables(outer, self._shared, autoremap=self._autoremap)
-        for key, text in self._constants.items():
-            inner[key] = text
-        return inner
+        return Variables(
+            outer,
+            self._shared,
+            board=self._board,
+            constants=self._constants,
+            autoremap=self._autoremap,
+        )
 
     def _tick(self) -> Status:
         if self.status is IDLE:
