@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from uav_bt.errors import did_you_mean
+from uav_bt.errors import BoardAccessError, did_you_mean
 
 __all__ = ["Entry", "Variables"]
 
 
-@dataclass
+@dataclass(slots=True)
 class Entry:
     """A variable. `writes` counts how often it was written, so that a change can be noticed."""
 
@@ -25,6 +25,9 @@ class Variables:
     Args:
         parent: the scope of the tree that contains this one as a `SubTree`.
         remapped: names here that are other names in the parent.
+        board: names here that are keys of the mission board.
+        constants: first values of names here. They are this scope's own, even when all other names
+            are the parent's.
         autoremap: every name that is not private (`_x`) is the parent's of the same name.
     """
 
@@ -33,27 +36,57 @@ class Variables:
         parent: Variables | None = None,
         remapped: Mapping[str, str] | None = None,
         *,
+        board: Mapping[str, str] | None = None,
+        constants: Mapping[str, Any] | None = None,
         autoremap: bool = False,
     ) -> None:
         self._parent = parent
         self._remapped = dict(remapped or {})
+        self._board = dict(board or {})
         self._autoremap = autoremap
-        self._entries: dict[str, Entry] = {}
+        self._entries = {key: Entry(value) for key, value in (constants or {}).items()}
+        # Where names lead, found once: the walk through the doors is most of a read.
+        self._places: dict[str, tuple[Variables, str]] = {}
 
-    def _place(self, key: str) -> tuple[dict[str, Entry], str]:
-        scope: Variables = self
-        while scope._parent is not None:
-            if key in scope._remapped:
-                key = scope._remapped[key]
-            elif not (scope._autoremap and not key.startswith("_") and key not in scope._entries):
+    def _place(self, key: str) -> tuple[Variables, str]:
+        """Return the scope that holds a name, and its name there."""
+        place = self._places.get(key)
+        return self._find_place(key) if place is None else place
+
+    def _find_place(self, key: str) -> tuple[Variables, str]:
+        scope, name, lasting = self, key, True
+        while scope._parent is not None and name not in scope._board:
+            if name in scope._remapped:
+                name = scope._remapped[name]
+            elif not scope._autoremap or name.startswith("_"):
+                break
+            elif name in scope._entries:
+                lasting = False  # a constant that is removed uncovers the parent's variable
                 break
             scope = scope._parent
-        return scope._entries, key  # noqa: SLF001  # of the same class
+        if lasting:
+            self._places[key] = (scope, name)
+        return scope, name
+
+    def _own(self, key: str) -> tuple[dict[str, Entry], str]:
+        scope, name = self._place(key)
+        if name in scope._board:  # noqa: SLF001  # of the same class
+            raise BoardAccessError(
+                f"variable '{key}' is the board key {{@{scope._board[name]}}}: only a leaf's "  # noqa: SLF001
+                "output port writes that"
+            )
+        return scope._entries, name  # noqa: SLF001
+
+    def board_key(self, key: str) -> str | None:
+        """Return the key of the mission board that a name is, or None for a variable."""
+        scope, name = self._place(key)
+        return scope._board.get(name)  # noqa: SLF001  # of the same class
 
     def entry(self, key: str) -> Entry | None:
-        """Return a variable, or None when it was never written."""
-        entries, name = self._place(key)
-        return entries.get(name)
+        """Return a variable, or None when it was never written; a board key is no variable."""
+        place = self._places.get(key)
+        scope, name = self._find_place(key) if place is None else place
+        return scope._entries.get(name)  # noqa: SLF001  # of the same class
 
     def __getitem__(self, key: str) -> Any:
         """Return a variable's value.
@@ -72,8 +105,12 @@ class Variables:
         return default if entry is None else entry.value
 
     def __setitem__(self, key: str, value: Any) -> None:
-        """Write a variable."""
-        entries, name = self._place(key)
+        """Write a variable.
+
+        Raises:
+            BoardAccessError: the name is a key of the mission board.
+        """
+        entries, name = self._own(key)
         entry = entries.get(name)
         if entry is None:
             entries[name] = Entry(value)
@@ -82,8 +119,12 @@ class Variables:
             entry.writes += 1
 
     def __delitem__(self, key: str) -> None:
-        """Remove a variable; one that does not exist is fine."""
-        entries, name = self._place(key)
+        """Remove a variable; one that does not exist is fine.
+
+        Raises:
+            BoardAccessError: the name is a key of the mission board.
+        """
+        entries, name = self._own(key)
         entries.pop(name, None)
 
     def __contains__(self, key: str) -> bool:

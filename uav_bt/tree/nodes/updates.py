@@ -38,12 +38,14 @@ class _Watch:
 
     def _look(self) -> object:
         reference = self._node.reference(ENTRY)
-        if reference is not None and reference.on_board:
-            held = self._node.mission.board.snapshot().get(reference.key)
+        key = str(self._node.port(ENTRY)) if reference is None else reference.key
+        on_board = reference is not None and reference.on_board
+        board_key = key if on_board else self._node.variables.board_key(key)
+        if board_key is not None:
+            held = self._node.mission.board.snapshot().get(board_key)
             # The board does not count: a value written again is another object, or captured later.
             return None if held is None else (id(held[0]), held[1])
-        key = self._node.port(ENTRY) if reference is None else reference.key
-        entry = self._node.variables.entry(str(key))
+        entry = self._node.variables.entry(key)
         return None if entry is None else entry.writes
 
 

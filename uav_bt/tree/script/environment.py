@@ -40,7 +40,8 @@ class Environment:
         """
         if name in self._enums:
             return float(self._enums[name])
-        value = self._read_board(name[1:]) if name.startswith("@") else self._variables.get(name)
+        key = self._board_key(name)
+        value = self._variables.get(name) if key is None else self._read_board(key)
         if value is None:
             hint = did_you_mean(name, [*self._variables, *self._enums])
             raise ScriptError(f"'{name}' has no value{hint}")
@@ -51,7 +52,7 @@ class Environment:
 
     def holds(self, name: str) -> bool:
         """Return whether a variable exists."""
-        return name in self._variables
+        return name in self._variables or self._board_key(name) is not None
 
     def write(self, name: str, value: Value) -> Any:
         """Write a variable in the type it has, and return what it holds now.
@@ -59,13 +60,18 @@ class Environment:
         Raises:
             ScriptError: the value has another type, or the name is a board key.
         """
-        if name.startswith("@"):
-            raise ScriptError(f"'{name}' is a board key; leaves write those, scripts only read")
+        key = self._board_key(name)
+        if key is not None:
+            what = f"'{name}' is a board key" if name == f"@{key}" else f"'{name}' is '@{key}'"
+            raise ScriptError(f"{what}; leaves write those, scripts only read")
         try:
             self._variables[name] = kept = assigned(self._variables.get(name), value)
         except ScriptError as error:
             raise ScriptError(f"'{name}': {error}") from error
         return kept
+
+    def _board_key(self, name: str) -> str | None:
+        return name[1:] if name.startswith("@") else self._variables.board_key(name)
 
     def _read_board(self, key: str) -> Any:
         if self._board is None:
