@@ -7,23 +7,26 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
+from uav_bt.tree.elements import EDITOR_ATTRIBUTES, check_attributes, check_no_text, label
 from uav_bt.tree.findings import Findings
 from uav_bt.tree.includes import Includes
+from uav_bt.tree.models import read_models
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.source import Element
 
-__all__ = ["EDITOR_ATTRIBUTES", "Document", "check_attributes", "label", "outline"]
-
-# What graphical editors write for themselves; it means nothing to the engine.
-EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath", "_uid"})
+__all__ = [
+    "EDITOR_ATTRIBUTES",
+    "Document",
+    "check_attributes",
+    "check_no_text",
+    "label",
+    "outline",
+]
 
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
 _TREE_ATTRIBUTES: Final = frozenset({"ID"})
 _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
-_KINDS: Final = {kind.value: kind for kind in NodeKind}
-_MODEL_PORTS: Final = ("input_port", "output_port", "inout_port")
-_MODEL_PORT_ATTRIBUTES: Final = frozenset({"name", "type", "default"})
 
 
 @dataclass
@@ -35,34 +38,6 @@ class Document:
     trees: dict[str, Element] = field(default_factory=dict)
     # Port names of the trees that the file describes as SubTree in its TreeNodesModel.
     subtree_ports: dict[str, frozenset[str]] = field(default_factory=dict)
-
-
-def label(element: Element) -> str:
-    """Return how messages name an element."""
-    name = element.attributes.get("name") or element.attributes.get("ID")
-    return f"{element.tag} '{name}'" if name else element.tag
-
-
-def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
-    """Note every attribute that the element cannot have."""
-    for attribute in element.attributes:
-        if attribute in known or attribute in EDITOR_ATTRIBUTES:
-            continue
-        findings.add(
-            element.path,
-            element.at(attribute),
-            f"unknown attribute '{attribute}'{did_you_mean(attribute, known)}",
-            label(element),
-        )
-
-
-def check_no_text(element: Element, findings: Findings) -> None:
-    """Note text between tags, which a tree file has no place for."""
-    text = element.text.strip()
-    if text:
-        findings.add(
-            element.path, element.position, f"unexpected text '{text[:40]}'", label(element)
-        )
 
 
 def outline(root: Element, registry: NodeRegistry, findings: Findings) -> Document:
@@ -167,54 +142,11 @@ def _find_main(root: Element, document: Document, findings: Findings) -> str:
 def _read_models(
     models: Element, document: Document, registry: NodeRegistry, findings: Findings
 ) -> None:
-    path = models.path
-    check_attributes(models, frozenset(), findings)
-    seen: set[str] = set()
-    for model in models.children:
-        kind = _KINDS.get(model.tag)
-        if kind is None:
-            findings.add(
-                path,
-                model.position,
-                f"<{model.tag}> cannot stand in <TreeNodesModel>{did_you_mean(model.tag, _KINDS)}",
-            )
-            continue
-        check_attributes(model, frozenset({"ID", "editable"}), findings)
-        node_id = model.attributes.get("ID", "")
-        if not node_id:
-            findings.add(path, model.position, "attribute 'ID' is missing", model.tag)
-            continue
-        if node_id in seen:
-            findings.add(path, model.at("ID"), "described twice", label(model))
-        seen.add(node_id)
-        ports = _read_model_ports(model, findings)
-        if kind is NodeKind.SUBTREE:
-            document.subtree_ports[node_id] = frozenset(ports)
-        elif node_id in registry:
-            _compare_model(model, ports, registry[node_id], findings)
-
-
-def _read_model_ports(model: Element, findings: Findings) -> dict[str, Element]:
-    path = model.path
-    ports: dict[str, Element] = {}
-    for port in model.children:
-        if port.tag not in _MODEL_PORTS:
-            findings.add(
-                path,
-                port.position,
-                f"<{port.tag}> cannot stand here{did_you_mean(port.tag, _MODEL_PORTS)}",
-                label(model),
-            )
-            continue
-        check_attributes(port, _MODEL_PORT_ATTRIBUTES, findings)
-        name = port.attributes.get("name", "")
-        if not name:
-            findings.add(path, port.position, "attribute 'name' is missing", label(model))
-        elif name in ports:
-            findings.add(path, port.at("name"), f"port '{name}' is described twice", label(model))
-        else:
-            ports[name] = port
-    return ports
+    for model in read_models(models, findings):
+        if model.kind is NodeKind.SUBTREE:
+            document.subtree_ports[model.node_id] = frozenset(model.ports)
+        elif model.node_id in registry:
+            _compare_model(model.element, model.ports, registry[model.node_id], findings)
 
 
 def _compare_model(
