@@ -66,7 +66,7 @@ def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRu
     """Return how far ahead of the camera the carpet goes on, metres.
 
     Boxes and the helipad stand on the carpet, so they count as carpet. What lies below the image's
-    lower edge is taken for carpet: it was ahead a moment ago.
+    lower edge is taken for carpet when the carpet in view begins there.
 
     Args:
         groups: (H, W) group ids.
@@ -86,10 +86,13 @@ def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRu
     is_background = np.zeros(inside.shape, dtype=bool)
     seen = groups[rows[inside].astype(int), columns[inside].astype(int)]
     is_background[inside] = seen == GROUP_BACKGROUND
-    ends = is_background.sum(axis=1) > (1.0 - config.carpet_share) * np.maximum(
-        inside.sum(axis=1), 1
-    )
-    return float(ranges[ends.argmax()]) if ends.any() else math.inf
+    visible = inside.any(axis=1)
+    allowed = (1.0 - config.carpet_share) * np.maximum(inside.sum(axis=1), 1)
+    ends = is_background.sum(axis=1) > allowed
+    if not ends.any():
+        return math.inf
+    # No carpet in view at all: it ended somewhere below the view.
+    return 0.0 if ends[visible.argmax()] else float(ranges[ends.argmax()])
 
 
 class CorridorRule:

@@ -13,7 +13,7 @@ from uav_bt.board import CLASS_MAP, STATE
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, Status
-from uav_bt.types import Attitude, ClassMap, DroneState, FlyingState, MovementStatus
+from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, MovementStatus
 
 __all__ = [
     "ADVANCE",
@@ -66,6 +66,7 @@ def show(
     yaw_rad: float = 0.0,
     gimbal_deg: float = -30.0,
     movement: MovementStatus | None = None,
+    velocity: BodyVelocity | None = None,
     ids: NDArray[np.uint8] | None = None,
 ) -> None:
     """Let time pass and write a world of now on the board, all of it fresh."""
@@ -80,6 +81,7 @@ def show(
             height_above_carpet_m=height_m,
             gimbal_pitch_rad=math.radians(gimbal_deg),
             movement=movement,
+            velocity=velocity or BodyVelocity(),
         )
     )
     shown = carpet() if ids is None else ids

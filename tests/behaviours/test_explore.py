@@ -8,9 +8,10 @@ from leaf_world import ADVANCE, TURN_RIGHT, Says, halted_proposals, live, show, 
 from behaviours.explore import Explore
 from uav_bt.board import CLASS_MAP, FRAME, HELD_TURN, PHASE, STATE
 from uav_bt.errors import UnknownNameError
+from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import ClassMap, HeldTurn, MoveBy, MovementState
+from uav_bt.types import BodyVelocity, ClassMap, HeldTurn, MoveBy, MovementState
 
 
 def stepping(policy: Says | None = None, **attributes: object) -> LeafBench:
@@ -161,3 +162,55 @@ def test_an_advance_forgets_the_held_turn() -> None:
 
     assert (policy.views[0].turning, policy.views[0].full_turns) == (-1, 1)
     assert bench.board[HELD_TURN] == HeldTurn()
+
+
+# --- flowing --------------------------------------------------------------------------------------
+
+FAR = Decision(forward_m=1.0, reason="clear")
+
+
+def moving_on(bench: LeafBench, forward_mps: float) -> Status:
+    """Show the leaf a world of now in which the drone flies ahead, and tick it."""
+    show(bench, velocity=BodyVelocity(forward_mps=forward_mps))
+    return bench.tick()
+
+
+def test_a_flowing_step_is_replaced_by_one_that_leads_further() -> None:
+    """No stop between: the new step begins while the old one is under way."""
+    bench = stepping(Says(FAR), flowing="true")
+    for _ in range(2):
+        moving_on(bench, 0.7)
+        assert bench.proposed == MoveBy(id=1, forward_m=1.0)  # it leads 0.07 m further a tick
+    moving_on(bench, 0.7)
+
+    assert bench.proposed == MoveBy(id=2, forward_m=1.0)
+
+
+def test_what_was_flown_since_the_frame_is_not_flown_again() -> None:
+    """The decision was made for the place where the frame was captured."""
+    bench = stepping(Says(ADVANCE, FAR), flowing="true")
+    show(bench, velocity=BodyVelocity(forward_mps=0.5))
+    bench.clock.advance(0.2)  # the video is late
+
+    bench.tick()
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.forward_m == pytest.approx(0.9)
+
+
+def test_a_flowing_step_is_broken_off_when_the_way_is_blocked() -> None:
+    """It hovers, looks afresh, and only then fails."""
+    bench = stepping(Says(FAR, TURN_RIGHT), flowing="true")
+
+    assert moving_on(bench, 0.5) is Status.RUNNING
+    assert bench.proposed is None
+    assert live(bench, seconds=0.3) is Status.FAILURE
+
+
+def test_without_flowing_a_step_is_flown_to_its_end() -> None:
+    """As the paper's first level does."""
+    policy = Says(FAR, TURN_RIGHT)
+    bench = stepping(policy)
+    moving_on(bench, 0.5)
+
+    assert bench.proposed == MoveBy(id=1, forward_m=1.0)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cast_world import CAMERA, FOR_EVER, Box, cast, view
 from numpy.typing import NDArray
 
 from behaviours.policies.segmentation_rule import (
@@ -15,20 +16,11 @@ from behaviours.policies.segmentation_rule import (
     SegmentationRule,
     SegmentationRuleConfig,
 )
-from perception.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX
-from perception.geometry import ground_points, pixel_rays
+from perception.classes import BACKGROUND, BOXES, HELIPAD_BOX
+from perception.geometry import ground_points
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
-from uav_bt.types import CameraModel, ClassMap, ObstaclePoints
-
-# The ANAFI's video, resized to the network's size.
-CAMERA = CameraModel(
-    width_px=640, height_px=360, fx_px=465.6, fy_px=465.6, cx_px=319.5, cy_px=179.5
-).resized(224, 112)
-PITCH_RAD = math.radians(-28)
-HEIGHT_M = 1.5
-FOR_EVER = 1e3
-HIGH_M = 2.2  # of a box that reaches above the flight altitude
+from uav_bt.types import CameraModel, ObstaclePoints
 
 # Fixed here, so that tuning the defaults does not change what these tests ask.
 CONFIG = SegmentationRuleConfig(
@@ -48,47 +40,6 @@ CONFIG = SegmentationRuleConfig(
     tie_ratio=0.1,
 )
 RULE = SegmentationRule(CONFIG)
-
-Box = tuple[float, float, float]  # front face: metres ahead of the camera, its left and right ends
-
-
-def cast(
-    boxes: Sequence[Box] = (),
-    *,
-    carpet_m: float = FOR_EVER,
-    slant: float = 0.0,
-    camera: CameraModel = CAMERA,
-    pitch_rad: float = PITCH_RAD,
-    height_m: float = HEIGHT_M,
-    thing: int = BOXES[2],
-) -> NDArray[np.uint8]:
-    """Ray-cast boxes' fronts and carpet as far as forward + slant * right < carpet_m."""
-    rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
-    pixels = np.stack([columns, rows], axis=-1)
-    ground = ground_points(pixels, camera, pitch_rad, height_m)
-    ids = np.full(rows.shape, BACKGROUND, dtype=np.uint8)
-    ids[ground[..., 0] + slant * ground[..., 1] < carpet_m] = CARPET
-    rays = pixel_rays(pixels, camera, pitch_rad)
-    for ahead_m, left_m, right_m in boxes:
-        scale = ahead_m / rays[..., 0]
-        across, down = scale * rays[..., 1], scale * rays[..., 2]
-        hit = (across >= left_m) & (across <= right_m)
-        ids[hit & (down <= height_m) & (down >= height_m - HIGH_M)] = thing
-    return ids
-
-
-def view(
-    ids: NDArray[np.uint8], *, camera: CameraModel = CAMERA, coin: float = 0.9, turning: int = 0
-) -> PolicyView:
-    return PolicyView(
-        class_map=ClassMap(ids=ids, captured_s=0.0),
-        camera=camera,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=HEIGHT_M,
-        turning=turning,
-        coin=coin,
-    )
-
 
 # --- the rule's table -----------------------------------------------------------------------------
 
