@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from itertools import combinations
 from pathlib import Path
 
 import click
@@ -40,6 +41,8 @@ __all__ = ["fly"]
 )
 @output_option("--report", "Write the flight's report there, as JSON.")
 @output_option("--video", "Film the flight: an mp4 file.")
+@output_option("--footage", "Keep frames and telemetry for `uav-bt train depth`: an npz file.")
+@output_option("--truth", "Keep exact depth of the footage's frames (simulated drones): npz.")
 @click.option("--realtime", is_flag=True, help="Let the twin keep pace with the clock on the wall.")
 @click.option(
     "--image-size",
@@ -68,6 +71,8 @@ def fly(
     policies: dict[str, str],
     report: Path | None,
     video: Path | None,
+    footage: Path | None,
+    truth: Path | None,
     realtime: bool,
     image_size: tuple[int, int],
     threads: int,
@@ -78,12 +83,18 @@ def fly(
     the report is still written. Exits with 0 when the mission succeeded, 1 when it did not, and 2
     when nothing was flown because something given was refused.
     """
-    if report is not None and report == video:
-        raise click.UsageError("--report and --video name the same file")
+    written = {"report": report, "video": video, "footage": footage, "truth": truth}
+    files = {what: path for what, path in written.items() if path is not None}
+    for one, other in combinations(files, 2):
+        if files[one] == files[other]:
+            raise click.UsageError(f"--{one} and --{other} name the same file")
+    if truth is not None and footage is None:
+        raise click.UsageError("--truth needs --footage: the frames it is about")
 
     from rich.console import Console  # noqa: PLC0415 - `--help` need not wait for all of these
 
     from uav_bt import app, watching  # noqa: PLC0415
+    from uav_bt.footage import flight_footage  # noqa: PLC0415
     from uav_bt.mission.judge import Outcome  # noqa: PLC0415
     from uav_bt.view.status import summary  # noqa: PLC0415
 
@@ -104,12 +115,13 @@ def fly(
             title = f"{Path(tree).stem}, {scene or drone}, seed {seed}"
             film = stack.enter_context(watching.flight_video(video, title=title))
             watchers.append(film)
+        if footage is not None:
+            watchers.append(stack.enter_context(flight_footage(footage, truth=truth)))
         flown = app.fly(tree, options, report=report, listeners=watching.all_of(*watchers))
         if film is not None:
             film.conclude(flown)
     Console().print(summary(flown))
-    for what, path in (("report", report), ("video", video)):
-        if path is not None:
-            click.echo(f"{what}: {path}")
+    for what, path in files.items():
+        click.echo(f"{what}: {path}")
     if flown.outcome != Outcome.SUCCESS.value:
         ctx.exit(MissionError.exit_code)
