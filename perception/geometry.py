@@ -7,8 +7,9 @@ axis):
 
     optical axis = (cos p, 0, -sin p),  image right = (0, 1, 0),  image down = (sin p, 0, cos p)
 
-with p the gimbal pitch, negative when it looks down. The paper's axes (X up, Y lateral, Z forward)
-map to (-z, y, x) here.
+with p the gimbal pitch, negative when it looks down. A gimbal leaves a little roll about the
+optical axis at times; where it is known it can be given. The paper's axes (X up, Y lateral, Z
+forward) map to (-z, y, x) here.
 """
 
 from __future__ import annotations
@@ -33,10 +34,20 @@ __all__ = [
 _BESIDE_RAD = math.pi / 2 - 1e-6  # from the optical axis; beyond, rays do not meet the image plane
 
 
-def camera_axes(gimbal_pitch_rad: float) -> NDArray[np.float64]:
-    """Return the rotation from the camera frame to the level frame, (3, 3)."""
+def camera_axes(gimbal_pitch_rad: float, roll_rad: float = 0.0) -> NDArray[np.float64]:
+    """Return the rotation from the camera frame to the level frame, (3, 3).
+
+    Args:
+        gimbal_pitch_rad: of the optical axis to the horizon, negative down.
+        roll_rad: of the image about the optical axis, its right side down positive; what the gimbal
+            did not level.
+    """
     c, s = math.cos(gimbal_pitch_rad), math.sin(gimbal_pitch_rad)
-    return np.array([[0.0, s, c], [1.0, 0.0, 0.0], [0.0, c, -s]])
+    upright = np.array([[0.0, s, c], [1.0, 0.0, 0.0], [0.0, c, -s]])
+    if roll_rad == 0.0:
+        return upright
+    c, s = math.cos(roll_rad), math.sin(roll_rad)
+    return np.asarray(upright @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
 
 
 def _pixels(points: ArrayLike) -> NDArray[np.float64]:
@@ -47,7 +58,7 @@ def _pixels(points: ArrayLike) -> NDArray[np.float64]:
 
 
 def pixel_rays(
-    pixels: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float
+    pixels: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float, roll_rad: float = 0.0
 ) -> NDArray[np.float64]:
     """Cast pixels into the level frame.
 
@@ -55,6 +66,7 @@ def pixel_rays(
         pixels: (..., 2) as (column, row), at the camera model's size.
         camera: intrinsics at that size; its distortion is not applied (undistort first).
         gimbal_pitch_rad: 0 level, negative down.
+        roll_rad: as for `camera_axes`.
 
     Returns:
         (..., 3) rays of unit depth along the optical axis, in the level frame.
@@ -66,7 +78,7 @@ def pixel_rays(
     x = (array[..., 0] - camera.cx_px) / camera.fx_px
     y = (array[..., 1] - camera.cy_px) / camera.fy_px
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
-    return np.asarray(rays @ camera_axes(gimbal_pitch_rad).T)
+    return np.asarray(rays @ camera_axes(gimbal_pitch_rad, roll_rad).T)
 
 
 def ground_points(
@@ -95,13 +107,16 @@ def ground_points(
     return np.asarray(rays[..., :2] * (height_m / down)[..., None])
 
 
-def project(points: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float) -> NDArray[np.float64]:
+def project(
+    points: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float, roll_rad: float = 0.0
+) -> NDArray[np.float64]:
     """Project points of the level frame into the image.
 
     Args:
         points: (..., 3) metres forward, right and down of the camera.
         camera: intrinsics at the image size asked for.
         gimbal_pitch_rad: 0 level, negative down.
+        roll_rad: as for `camera_axes`.
 
     Returns:
         (..., 2) pixels as (column, row); NaN for points not in front of the camera.
@@ -112,7 +127,7 @@ def project(points: ArrayLike, camera: CameraModel, gimbal_pitch_rad: float) -> 
     array = np.asarray(points, dtype=np.float64)
     if array.ndim < 1 or array.shape[-1] != 3:
         raise ShapeError("points", expected="...x3", actual=array.shape)
-    in_camera = array @ camera_axes(gimbal_pitch_rad)
+    in_camera = array @ camera_axes(gimbal_pitch_rad, roll_rad)
     depth = np.where(in_camera[..., 2] > 1e-9, in_camera[..., 2], np.nan)
     column = camera.fx_px * in_camera[..., 0] / depth + camera.cx_px
     row = camera.fy_px * in_camera[..., 1] / depth + camera.cy_px

@@ -1,0 +1,1 @@
+"""Depth from one camera: a network, the ground plane, and the scale that joins them."""

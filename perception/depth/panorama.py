@@ -1,0 +1,107 @@
+"""A class map unrolled into azimuth by depression, so that vertical edges become columns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.ground import CameraView
+from perception.geometry import camera_axes, pixel_rays, project
+
+__all__ = ["OUTSIDE", "Panorama", "unroll"]
+
+OUTSIDE = 255  # in the unrolled map: not in the image
+_ROWS_PER_PX = 2.0  # finer than the image, so that the borders between its pixels are found
+_FLATTEST_RAD = 0.02  # flatter than this the ground is beyond every lab
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panorama:
+    """The unrolled map; row 0 looks down most steeply."""
+
+    ids: NDArray[np.uint8]  # (R, A) class ids, OUTSIDE where the image does not reach
+    azimuth_rad: NDArray[np.float64]  # (A,) of each column, growing, clockwise from the heading
+    depression_rad: NDArray[np.float64]  # (R,) of each row, falling
+    pixel_rad: float  # depression that one pixel of the image spans at its centre
+
+    @property
+    def rows_per_px(self) -> float:
+        """Rows that one pixel of the image spans at its centre."""
+        return _ROWS_PER_PX
+
+    def columns(self, azimuth_rad: NDArray[np.floating]) -> NDArray[np.intp]:
+        """Return the column nearest to each azimuth."""
+        step = self.azimuth_rad[1] - self.azimuth_rad[0]
+        nearest = np.rint((azimuth_rad - self.azimuth_rad[0]) / step)
+        return np.asarray(np.clip(nearest, 0, self.azimuth_rad.size - 1).astype(np.intp))
+
+    def rows(self, depression_rad: NDArray[np.floating]) -> NDArray[np.intp]:
+        """Return the row nearest to each depression."""
+        step = self.depression_rad[0] - self.depression_rad[1]
+        nearest = np.rint((self.depression_rad[0] - depression_rad) / step)
+        return np.asarray(np.clip(nearest, 0, self.depression_rad.size - 1).astype(np.intp))
+
+
+def unroll(ids: NDArray[np.uint8], view: CameraView) -> Panorama:
+    """Unroll a map below the horizon.
+
+    Args:
+        ids: (H, W) class ids.
+        view: the camera, at the map's size.
+    """
+    camera = view.camera
+    pixel_rad = 1.0 / camera.fy_px
+    left, right, steepest = _extent(view)
+    azimuths = np.arange(left, right, 1.0 / camera.fx_px)
+    flattest = min(_FLATTEST_RAD, steepest - 2.0 * pixel_rad)
+    depressions = np.arange(steepest, flattest, -pixel_rad / _ROWS_PER_PX)
+    axes = camera_axes(view.pitch_rad, view.roll_rad)
+    level = np.stack([np.cos(azimuths), np.sin(azimuths)])
+    flat, down = np.cos(depressions), np.sin(depressions)
+    # Each camera component of a direction: its level part by azimuth, its downward part added.
+    x, y, z = (
+        (np.outer(flat, axes[:2, k] @ level) + (axes[2, k] * down)[:, None]).astype(np.float32)
+        for k in range(3)
+    )
+    ahead = z > 1e-3
+    np.copyto(z, 1.0, where=~ahead)
+    column = np.where(ahead, np.float32(camera.fx_px) * x / z + np.float32(camera.cx_px), -9.0)
+    row = np.float32(camera.fy_px) * y / z + np.float32(camera.cy_px)
+    unrolled = cv2.remap(
+        ids,
+        column.astype(np.float32),
+        row,
+        cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=OUTSIDE,
+    )
+    return Panorama(
+        ids=np.asarray(unrolled, dtype=np.uint8),
+        azimuth_rad=azimuths,
+        depression_rad=depressions,
+        pixel_rad=pixel_rad,
+    )
+
+
+def _extent(view: CameraView) -> tuple[float, float, float]:
+    """Return the azimuths left and right and the steepest depression that the image shows."""
+    camera = view.camera
+    width, height = camera.width_px - 0.5, camera.height_px - 0.5
+    across, along = np.linspace(-0.5, width, 17), np.linspace(-0.5, height, 9)
+    border = np.concatenate(
+        [np.stack([across, np.full_like(across, edge)], axis=-1) for edge in (-0.5, height)]
+        + [np.stack([np.full_like(along, edge), along], axis=-1) for edge in (-0.5, width)]
+    )
+    rays = pixel_rays(border, camera, view.pitch_rad, view.roll_rad)
+    azimuth = np.arctan2(rays[:, 1], rays[:, 0])
+    depression = np.arctan2(rays[:, 2], np.hypot(rays[:, 0], rays[:, 1]))
+    with np.errstate(invalid="ignore"):
+        nadir = project(np.array([0.0, 0.0, 1.0]), camera, view.pitch_rad, view.roll_rad)
+        below = bool(np.all((nadir >= -0.5) & (nadir <= (width, height))))
+    if below:
+        return -math.pi, math.pi, math.pi / 2 - 1e-3
+    return float(azimuth.min()), float(azimuth.max()), float(depression.max())
