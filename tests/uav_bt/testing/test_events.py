@@ -1,0 +1,149 @@
+"""The event log: what it writes down, and how its assertions fail."""
+
+from __future__ import annotations
+
+import pytest
+
+from uav_bt.errors import NodeFailedError, UnknownNameError
+from uav_bt.testing import TreeBench, parse_tree
+from uav_bt.tree import Leaf, NodeRegistry, Status
+
+
+class Look(Leaf):
+    """Looks."""
+
+    def update(self) -> Status:
+        raise ZeroDivisionError("blind")
+
+
+class Fly(Leaf):
+    """Flies."""
+
+    update = Look.update
+
+
+class Clear(Leaf):
+    """Says whether the way is clear."""
+
+    condition = True
+
+
+REGISTRY = NodeRegistry([Look, Fly, Clear])
+
+
+def bench_of(body: str, **mocks: str) -> TreeBench:
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>'
+    return parse_tree(text, REGISTRY, mocks=mocks)
+
+
+def happened(bench: TreeBench) -> list[str]:
+    return [f"{e.tick} {e.path.rpartition('/')[2]} {e.happening.value}" for e in bench.log.events]
+
+
+REACTIVE = '<ReactiveSequence name="r"><Clear/><Fly/></ReactiveSequence>'
+
+
+def test_every_node_is_followed_from_start_to_end() -> None:
+    """Starts, further ticks, answers and halts, in the order in which they happen."""
+    bench = bench_of(REACTIVE, Clear="SSF", Fly="R")
+    for _ in range(3):
+        bench.tick()
+    assert happened(bench) == [
+        *("1 r started", "1 Clear started", "1 Clear succeeded", "1 Fly started"),
+        *("2 r ran", "2 Clear started", "2 Clear succeeded", "2 Fly ran"),
+        *("3 r ran", "3 Clear started", "3 Clear failed", "3 Fly halted", "3 r failed"),
+    ]
+
+
+def test_conditions_forestall_and_skip() -> None:
+    """A node that its conditions answer for never starts."""
+    bench = bench_of('<Sequence><Fly _successIf="true"/><Look _skipIf="true"/></Sequence>')
+    assert bench.tick() is Status.SUCCESS
+    bench.log.assert_not_started("Fly")
+    bench.log.assert_succeeded("Fly")
+    bench.log.assert_skipped("Look", times=1, tick=1)
+
+
+def test_a_finished_leaf_that_nobody_reset_does_not_start_again() -> None:
+    """A tick passes over it, and the log says so."""
+    bench = bench_of("<Parallel success_count='2'><Fly/><Look/></Parallel>", Fly="S", Look="RRS")
+    bench.tick_until(Status.SUCCESS, max_ticks=3)
+    bench.log.assert_started("Fly", times=1)
+    bench.log.assert_ran("Look", times=3)
+
+
+def test_halting_the_tree_is_told_once() -> None:
+    """Every running node once, idle ones not at all, a second halt nothing."""
+    bench = bench_of("<Sequence><Look/><Fly/></Sequence>", Look="S", Fly="R")
+    bench.tick()
+    bench.halt()
+    bench.halt()
+    bench.log.assert_halted("Fly", times=1)
+    bench.log.assert_halted("Sequence", times=1)
+    bench.log.assert_not_halted("Look")
+
+
+def test_an_exception_is_an_event_of_its_node() -> None:
+    """The node that raised, not those above it; what ran is halted."""
+    bench = bench_of("<Parallel><Fly/><Look/></Parallel>", Fly="R")
+    with pytest.raises(NodeFailedError, match="'M/Parallel/Look' failed"):
+        bench.tick()
+    assert [e.path for e in bench.log.of("Look", "raised")] == ["M/Parallel/Look"]
+    assert not bench.log.of("Parallel", "raised")
+    bench.log.assert_order("Look raised", "Fly halted")
+
+
+def test_order() -> None:
+    """Steps may have others between them, but not change places."""
+    bench = bench_of(REACTIVE, Clear="SF", Fly="R")
+    bench.tick()
+    bench.tick()
+    bench.log.assert_order("Clear started", "M/r/Fly started", "Clear failed", "Fly halted")
+    with pytest.raises(AssertionError) as failure:
+        bench.log.assert_order("Fly halted", "Clear failed")
+    message = str(failure.value)
+    assert message.startswith(
+        "expected in this order: Fly halted, Clear failed; "
+        "'Clear failed' did not happen after 'Fly halted'\n"
+    )
+    assert message.endswith(bench.log.table())
+
+
+def test_a_failing_assertion_shows_the_log() -> None:
+    """What was expected, how often it was, and a table of everything."""
+    bench = bench_of("<Fly/>", Fly="RS")
+    bench.tick_until(Status.SUCCESS, max_ticks=2)
+    with pytest.raises(AssertionError) as failure:
+        bench.log.assert_halted("Fly")
+    assert str(failure.value) == (
+        "expected 'Fly' halted at least once, it was 0 times\n"
+        " tick     time  event      node\n"
+        "    1     0.00  started    M/Fly\n"
+        "    2     0.10  ran        M/Fly\n"
+        "    2     0.10  succeeded  M/Fly"
+    )
+    with pytest.raises(AssertionError, match="'Fly' started or ran in tick 2 3 times, it was 1"):
+        bench.log.assert_ran("Fly", times=3, tick=2)
+    with pytest.raises(AssertionError, match="'Fly' started never, it was 1 times"):
+        bench.log.assert_not_started("Fly")
+    with pytest.raises(AssertionError, match="'Fly' failed at least once, it was 0 times"):
+        bench.log.assert_failed("Fly")
+
+
+def test_a_long_log_is_cut() -> None:
+    """The last events are shown, and how many came before."""
+    bench = bench_of("<Fly/>", Fly="R")
+    assert "(nothing happened)" in bench.log.table()
+    for _ in range(300):
+        bench.tick()
+    assert "... 100 earlier events ..." in bench.log.table()
+    assert len(bench.log.table().splitlines()) == 202
+
+
+def test_misspelt_names_are_no_silent_pass() -> None:
+    """A node or a kind that there is not is an error, also in a negative assertion."""
+    bench = bench_of("<Fly/>", Fly="R")
+    with pytest.raises(UnknownNameError, match="unknown node 'Flu'; did you mean 'Fly'"):
+        bench.log.assert_not_started("Flu")
+    with pytest.raises(UnknownNameError, match="unknown happening 'halts'; did you mean 'halted'"):
+        bench.log.assert_order("Fly halts")

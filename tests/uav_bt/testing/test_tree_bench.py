@@ -1,0 +1,154 @@
+"""The tree bench: a tree file with mocked leaves, ticked by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.board import ELAPSED, HEIGHT, STATE
+from uav_bt.errors import BoardAccessError, NodeFailedError, TreeError, ValueRangeError
+from uav_bt.testing import TreeBench, load_tree, parse_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
+from uav_bt.tree.scripted import ScriptedLeaf
+from uav_bt.types import GimbalTo, Hover, MoveBy
+
+
+class Climb(Leaf):
+    """Asks for a movement until it is high enough."""
+
+    ports = (Port("to_m", float, default=1.0, doc="height, m"),)
+    reads = (HEIGHT, STATE)
+
+    def update(self) -> Status:
+        if self.read(STATE).value is None:
+            return Status.FAILURE
+        if (self.read(HEIGHT).value or 0.0) >= self.port_value("to_m"):
+            return Status.SUCCESS
+        self.propose(Hover())
+        self.point(GimbalTo(pitch_rad=-0.5))
+        return Status.RUNNING
+
+
+class Late(Leaf):
+    """Reads what it did not declare."""
+
+    def update(self) -> Status:
+        self.read(ELAPSED)
+        return Status.SUCCESS
+
+
+REGISTRY = NodeRegistry([Climb, Late])
+
+
+def text_of(body: str) -> str:
+    return f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
+
+
+def test_a_file_with_a_real_and_a_mocked_leaf(tmp_path: Path) -> None:
+    """Ticks come a tick's time apart, and each leaves what was proposed in it."""
+    path = tmp_path / "mission.xml"
+    path.write_text(text_of('<Sequence><Late/><Climb to_m="9"/></Sequence>'), encoding="utf-8")
+    bench = load_tree(path, REGISTRY, mocks={"Late": "(RS)"}, overrides={"Climb": {"to_m": "1.5"}})
+    bench.hover(height_m=1.0)
+    assert [bench.tick() for _ in range(2)] == [Status.RUNNING] * 2
+    bench.advance(5.0)
+    bench.tick()
+    bench.hover(height_m=1.5)
+    assert bench.tick_until(Status.SUCCESS, max_ticks=3) == 1
+    assert bench.answers == "RRRS"
+    assert [outcome.time_s for outcome in bench.outcomes] == pytest.approx([0.0, 0.1, 5.2, 5.3])
+    first, second, *_ = bench.outcomes
+    assert (first.movement, first.proposed_by, first.gimbal) == (None, None, None)
+    assert (second.movement, second.proposed_by) == (Hover(), "Main/Sequence/Climb")
+    assert second.gimbal == GimbalTo(pitch_rad=-0.5)
+    assert bench.proposed is None
+
+
+def test_telemetry_goes_on_until_it_is_lost() -> None:
+    """What the drone told once stays fresh; lost telemetry grows old, which the kit refuses."""
+    bench = parse_tree(text_of('<Climb to_m="9"/>'), REGISTRY, tick_s=1.0)
+    bench.hover()
+    for _ in range(5):
+        assert bench.tick() is Status.RUNNING
+    bench.lose_telemetry()
+    with pytest.raises(NodeFailedError, match=r"'state' is stale in this test: 1\.00 s"):
+        bench.tick()
+    bench.allow_stale()
+    assert bench.tick() is Status.FAILURE
+
+
+def test_access_that_is_not_declared_fails_the_test() -> None:
+    """As on the leaf bench."""
+    with pytest.raises(NodeFailedError, match="'Main/Late' reads board key 'elapsed_s'") as error:
+        parse_tree(text_of("<Late/>"), REGISTRY).tick()
+    assert isinstance(error.value.__cause__, BoardAccessError)
+
+
+def test_waiting_in_vain_tells_what_happened() -> None:
+    """The message has the status, the limit, the answers, what runs and the log."""
+    bench = parse_tree(
+        text_of("<Sequence><Late/><Climb/></Sequence>"),
+        REGISTRY,
+        mocks={
+            "Late": "S",
+            "Climb": "R",
+        },
+    )
+    with pytest.raises(AssertionError) as failure:
+        bench.tick_until(Status.FAILURE, max_ticks=3)
+    message = str(failure.value)
+    assert message.startswith(
+        "expected FAILURE within 3 ticks, the last answers were RRR; running: Sequence > Climb\n"
+    )
+    assert "    3     0.20  ran        Main/Sequence/Climb" in message
+
+
+def test_a_root_that_is_skipped() -> None:
+    """SKIPPED is waited for as what it is."""
+    bench = parse_tree(text_of('<Late _skipIf="late"/>'), REGISTRY, mocks={"Late": "R"})
+    bench.variables["late"] = False
+    assert bench.tick() is Status.RUNNING
+    bench.halt()
+    with pytest.raises(AssertionError, match="expected SKIPPED within 2 ticks"):
+        bench.tick_until(Status.INVALID, max_ticks=2)
+    bench.halt()
+    bench.variables["late"] = True
+    assert bench.tick_until(Status.INVALID, max_ticks=1) == 1
+    assert bench.answers == "RRRK"
+
+
+def test_the_board_can_be_refreshed_before_each_tick() -> None:
+    """A hook of the test's own runs when time has passed."""
+    bench = parse_tree(text_of('<Climb to_m="1.3"/>'), REGISTRY)
+
+    def climb(bench: TreeBench) -> None:
+        bench.hover(height_m=1.0 + bench.clock.now())
+
+    bench.before_tick = climb
+    assert bench.tick_until(Status.SUCCESS, max_ticks=9) == 4
+
+
+def test_a_tree_composed_in_python() -> None:
+    """Any tree can stand on the bench; its movements can be ended."""
+
+    class Step(Leaf):
+        """Asks for a step."""
+
+        def update(self) -> Status:
+            self.propose(MoveBy(id=1, forward_m=0.3))
+            return Status.RUNNING
+
+    bench = TreeBench(MissionTree(Step()))
+    bench.tick()
+    bench.finish_movement()
+    assert bench.board[STATE].movement is not None
+    assert TreeBench(MissionTree(ScriptedLeaf("a", "S"))).tick() is Status.SUCCESS
+
+
+def test_wrong_use_is_explained() -> None:
+    """Time goes forward, mocks fit the tree."""
+    with pytest.raises(ValueRangeError, match=r"got -0\.1 s between them"):
+        parse_tree(text_of("<AlwaysSuccess/>"), tick_s=-0.1)
+    with pytest.raises(TreeError, match=r"mock of 'Clim': .*did you mean 'Climb'"):
+        parse_tree(text_of("<Climb/>"), REGISTRY, mocks={"Clim": "S"})

@@ -1,0 +1,204 @@
+"""What happened in a tree, tick by tick, and assertions on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from uav_bt.errors import UnknownNameError
+from uav_bt.protocols import Clock
+from uav_bt.testing.watching import Happening, watch_nodes
+from uav_bt.tree import MissionTree, Node
+
+__all__ = ["Event", "EventLog"]
+
+# A failure message shows at most so many events, the last ones.
+_SHOWN: Final = 200
+_WORDS: Final = {happening.value: happening for happening in Happening}
+_TICKED: Final = (Happening.STARTED, Happening.RAN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that happened to a node."""
+
+    tick: int  # counted from 1; a halt between two ticks belongs to the first of them
+    time_s: float  # of the mission clock
+    path: str
+    happening: Happening
+
+    def __str__(self) -> str:
+        """Return a line of the table."""
+        return f"{self.tick:>5}  {self.time_s:>7.2f}  {self.happening.value:<9}  {self.path}"
+
+
+class EventLog:
+    """Writes down what happens in a tree, and checks it.
+
+    A node is named by its path, its name or its node id; where several nodes carry a name, any of
+    them is meant. Every failing assertion shows the whole log.
+
+    Args:
+        tree: the tree to watch.
+        clock: the mission's clock.
+    """
+
+    def __init__(self, tree: MissionTree, clock: Clock) -> None:
+        self.events: list[Event] = []
+        self.tick = 0  # the number of the tick that is going on; whoever ticks counts it up
+        self._clock = clock
+        self._paths: dict[str, set[str]] = {}
+        for node in tree.nodes():
+            for name in (node.path, node.name, node.node_id):
+                self._paths.setdefault(name, set()).add(node.path)
+        watch_nodes(tree, self._note)
+
+    def _note(self, node: Node, happening: Happening) -> None:
+        event = Event(tick=self.tick, time_s=self._clock.now(), path=node.path, happening=happening)
+        self.events.append(event)
+
+    # --- questions --------------------------------------------------------------------------------
+
+    def of(
+        self, node: str, *happenings: Happening | str, tick: int | None = None
+    ) -> tuple[Event, ...]:
+        """Return what happened to a node.
+
+        Args:
+            node: its path, name or node id.
+            happenings: which kinds; none: all.
+            tick: only in this tick.
+
+        Raises:
+            UnknownNameError: the tree has no such node, or there is no such kind.
+        """
+        paths = self._find(node)
+        wanted = {_happening(one) for one in happenings} or set(Happening)
+        return tuple(
+            event
+            for event in self.events
+            if event.path in paths
+            and event.happening in wanted
+            and (tick is None or event.tick == tick)
+        )
+
+    def _find(self, node: str) -> set[str]:
+        try:
+            return self._paths[node]
+        except KeyError:
+            raise UnknownNameError("node", node, self._paths) from None
+
+    def table(self) -> str:
+        """Return the log as text, a line each event."""
+        events = self.events[-_SHOWN:]
+        lines = [" tick     time  event      node", *(str(event) for event in events)]
+        left_out = len(self.events) - len(events)
+        if left_out:
+            lines.insert(1, f"       ... {left_out} earlier events ...")
+        if not events:
+            lines.append("       (nothing happened)")
+        return "\n".join(lines)
+
+    # --- assertions -------------------------------------------------------------------------------
+
+    def assert_started(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node began, at all or so many times, in any tick or that one."""
+        __tracebackhide__ = True
+        self._assert(node, (Happening.STARTED,), times, tick)
+
+    def assert_ran(self, node: str, *, times: int | None = None, tick: int | None = None) -> None:
+        """Fail unless a node was ticked, be it for the first time or again."""
+        __tracebackhide__ = True
+        self._assert(node, _TICKED, times, tick)
+
+    def assert_halted(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node was stopped while it ran."""
+        __tracebackhide__ = True
+        self._assert(node, (Happening.HALTED,), times, tick)
+
+    def assert_succeeded(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node answered SUCCESS."""
+        __tracebackhide__ = True
+        self._assert(node, (Happening.SUCCEEDED,), times, tick)
+
+    def assert_failed(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node answered FAILURE."""
+        __tracebackhide__ = True
+        self._assert(node, (Happening.FAILED,), times, tick)
+
+    def assert_skipped(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node was passed over by itself or by its conditions."""
+        __tracebackhide__ = True
+        self._assert(node, (Happening.SKIPPED,), times, tick)
+
+    def assert_not_started(self, node: str, *, tick: int | None = None) -> None:
+        """Fail when a node began."""
+        __tracebackhide__ = True
+        self._assert(node, (Happening.STARTED,), 0, tick)
+
+    def assert_not_halted(self, node: str, *, tick: int | None = None) -> None:
+        """Fail when a node was stopped while it ran."""
+        __tracebackhide__ = True
+        self._assert(node, (Happening.HALTED,), 0, tick)
+
+    def assert_order(self, *steps: str) -> None:
+        """Fail unless these things happened one after another; others may lie between.
+
+            log.assert_order("look_around started", "Avoid started", "look_around halted")
+
+        Args:
+            steps: a node and what happened to it: started, ran, succeeded, failed, skipped, halted
+                or raised.
+
+        Raises:
+            UnknownNameError: the tree has no such node, or nothing of that kind can happen.
+        """
+        __tracebackhide__ = True
+        wanted = [self._step(step) for step in steps]
+        events = iter(self.events)
+        for index, (paths, happening) in enumerate(wanted):
+            if not any(e.path in paths and e.happening is happening for e in events):
+                after = f" after '{steps[index - 1]}'" if index else ""
+                raise AssertionError(
+                    f"expected in this order: {', '.join(steps)}; "
+                    f"'{steps[index]}' did not happen{after}\n{self.table()}"
+                )
+
+    def _step(self, step: str) -> tuple[set[str], Happening]:
+        node, _, word = step.strip().rpartition(" ")
+        return self._find(node.strip()), _happening(word)
+
+    def _assert(
+        self, node: str, kinds: Iterable[Happening], times: int | None, tick: int | None
+    ) -> None:
+        __tracebackhide__ = True
+        kinds = tuple(kinds)
+        found = len(self.of(node, *kinds, tick=tick))
+        if (found > 0) if times is None else (found == times):
+            return
+        what = " or ".join(kind.value for kind in kinds)
+        when = "" if tick is None else f" in tick {tick}"
+        expected = "at least once" if times is None else "never" if times == 0 else f"{times} times"
+        raise AssertionError(
+            f"expected '{node}' {what}{when} {expected}, it was {found} times\n{self.table()}"
+        )
+
+
+def _happening(word: Happening | str) -> Happening:
+    if isinstance(word, Happening):
+        return word
+    try:
+        return _WORDS[word]
+    except KeyError:
+        raise UnknownNameError("happening", word, _WORDS) from None

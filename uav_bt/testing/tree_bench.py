@@ -1,0 +1,180 @@
+"""A workbench for a whole tree file: leaves mocked by scripts, ticked by hand, events to check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.testing.events import EventLog
+from uav_bt.testing.world import BenchWorld
+from uav_bt.tree import MissionTree, NodeRegistry, Status
+from uav_bt.tree import load_tree as load_mission
+from uav_bt.tree import parse_tree as parse_mission
+from uav_bt.types import DroneState, GimbalTo, Movement
+
+__all__ = ["TickOutcome", "TreeBench", "load_tree", "parse_tree"]
+
+_SHOWN: Final = 40  # answers in a failure message
+_LETTERS: Final = {
+    Status.SUCCESS: "S",
+    Status.FAILURE: "F",
+    Status.RUNNING: "R",
+    Status.INVALID: "K",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickOutcome:
+    """What one tick came to."""
+
+    tick: int  # counted from 1
+    time_s: float  # of the mission clock
+    status: Status  # of the root; `Status.INVALID`: skipped
+    movement: Movement | None  # proposed in this tick
+    proposed_by: str | None  # the path of the leaf
+    gimbal: GimbalTo | None
+
+
+class TreeBench(BenchWorld):
+    """A tree, its surroundings and what happens in it.
+
+        bench = load_tree("mission.xml", mocks={"TakeOff": "RRS", "Land": "S"})
+        bench.tick_until(Status.SUCCESS, max_ticks=10)
+        bench.log.assert_order("TakeOff succeeded", "Land started")
+
+    A tick comes `tick_s` after the one before, as in a mission. A drone that the test told of once
+    (`hover`, `observe`) goes on telling the same before every tick, until `lose_telemetry`.
+
+    Args:
+        tree: the tree.
+        tick_s: time between two ticks.
+
+    Raises:
+        ValueRangeError: the time between two ticks is negative.
+    """
+
+    def __init__(self, tree: MissionTree, *, tick_s: float = 0.1) -> None:
+        if tick_s < 0.0:
+            raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
+        super().__init__(tree)
+        self.tick_s = tick_s
+        self.log = EventLog(tree, self.clock)
+        self.outcomes: list[TickOutcome] = []
+        # Called before each tick, when time has passed: refresh there what grows old on the board.
+        self.before_tick: Callable[[TreeBench], None] | None = None
+        self._telemetry: DroneState | None = None
+
+    def observe(self, state: DroneState) -> None:
+        """Let the drone tell this now and before every tick that follows."""
+        self._telemetry = state
+        super().observe(state)
+
+    def lose_telemetry(self) -> None:
+        """Let the drone tell nothing new; what it told grows old."""
+        self._telemetry = None
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass without a tick.
+
+        Raises:
+            ValueRangeError: the time is negative.
+        """
+        self.clock.advance(seconds)
+
+    def tick(self) -> Status:
+        """Tick the tree once and return what the root answered.
+
+        Raises:
+            NodeFailedError: a node raised; nothing runs any more.
+        """
+        if self.outcomes:
+            self.clock.advance(self.tick_s)
+        self._prepare()
+        if self._telemetry is not None:
+            self.observe(replace(self._telemetry, captured_s=self.clock.now()))
+        self.log.tick += 1
+        if self.before_tick is not None:
+            self.before_tick(self)
+        status = self.tree.tick()
+        self.outcomes.append(
+            TickOutcome(
+                tick=self.log.tick,
+                time_s=self.clock.now(),
+                status=status,
+                movement=self.proposals.movement,
+                proposed_by=self.proposals.movement_owner,
+                gimbal=self.proposals.gimbal,
+            )
+        )
+        return status
+
+    def tick_until(self, status: Status, max_ticks: int) -> int:
+        """Tick until the root answers a status.
+
+        Returns:
+            How many ticks that took.
+
+        Raises:
+            AssertionError: it did not within so many ticks.
+            NodeFailedError: a node raised.
+        """
+        __tracebackhide__ = True
+        for count in range(1, max_ticks + 1):
+            if self.tick() is status:
+                return count
+        answers = self.answers[-_SHOWN:]
+        running = " > ".join(self.tree.active_path()) or "nothing"
+        raise AssertionError(
+            f"expected {_name(status)} within {max_ticks} ticks, the last answers were {answers}; "
+            f"running: {running}\n{self.log.table()}"
+        )
+
+    @property
+    def answers(self) -> str:
+        """What the root answered so far, a letter a tick, as in scripts: R, S, F and K."""
+        return "".join(_LETTERS[outcome.status] for outcome in self.outcomes)
+
+
+def _name(status: Status) -> str:
+    return "SKIPPED" if status is Status.INVALID else status.name
+
+
+def load_tree(
+    path: Path | str,
+    registry: NodeRegistry | None = None,
+    *,
+    mocks: Mapping[str, str] | None = None,
+    overrides: Mapping[str, Mapping[str, str]] | None = None,
+    tick_s: float = 0.1,
+) -> TreeBench:
+    """Put a tree file on a bench.
+
+    Args:
+        path: the file.
+        registry: the nodes that may occur; default: all installed.
+        mocks: scripts such as `RRS` for leaves that are not to run themselves, by path, name or
+            node id; see `uav_bt.tree.scripted.AnswerScript`.
+        overrides: attribute values that replace the file's, by a node's name or path.
+        tick_s: time between two ticks.
+
+    Raises:
+        TreeError: the file was refused, or a mock or an override does not fit.
+    """
+    tree = load_mission(path, registry, mocks=mocks, overrides=overrides)
+    return TreeBench(tree, tick_s=tick_s)
+
+
+def parse_tree(
+    source: str | bytes,
+    registry: NodeRegistry | None = None,
+    *,
+    mocks: Mapping[str, str] | None = None,
+    overrides: Mapping[str, Mapping[str, str]] | None = None,
+    tick_s: float = 0.1,
+) -> TreeBench:
+    """Put the text of a tree file on a bench; otherwise as `load_tree`."""
+    tree = parse_mission(source, registry, mocks=mocks, overrides=overrides)
+    return TreeBench(tree, tick_s=tick_s)
