@@ -1,0 +1,127 @@
+"""What Groot2 asks and what it is answered, as bytes.
+
+Facts from BehaviorTree.CPP's `groot2_protocol.h`: a request's first frame is protocol (u8), type
+(u8) and id (u32), little endian; the first frame of its answer is the same six bytes and the
+tree's 16-byte id. What else there is to say is the second frame. An error is answered by two
+frames, the word `error` and the reason.
+"""
+
+from __future__ import annotations
+
+import enum
+import struct
+from dataclasses import dataclass
+from typing import Final
+from uuid import UUID
+
+from uav_bt.errors import InputError
+
+__all__ = [
+    "DEFAULT_PORT",
+    "HEADER_BYTES",
+    "PROTOCOL",
+    "ProtocolError",
+    "Request",
+    "RequestType",
+    "error_reply",
+    "parse_request",
+]
+
+PROTOCOL: Final = 2
+DEFAULT_PORT: Final = 1667  # of the requests; notifications have the next one
+
+_HEADER: Final = struct.Struct("<BBI")
+HEADER_BYTES: Final = _HEADER.size
+_MAX_FRAMES: Final = 2
+
+
+class RequestType(enum.Enum):
+    """What can be asked."""
+
+    FULL_TREE = "T"
+    STATUS = "S"
+    BLACKBOARD = "B"
+    TOGGLE_RECORDING = "r"
+    GET_TRANSITIONS = "t"
+    HOOK_INSERT = "I"
+    HOOK_REMOVE = "R"
+    HOOKS_DUMP = "D"
+    REMOVE_ALL_HOOKS = "A"
+    DISABLE_ALL_HOOKS = "X"
+    BREAKPOINT_UNLOCK = "U"
+    BREAKPOINT_REACHED = "N"
+
+    @property
+    def changes_tree(self) -> bool:
+        """True for what is about hooks and breakpoints, which would change how a tree ticks."""
+        return self in _HOOKS
+
+
+_HOOKS: Final = frozenset(
+    {
+        RequestType.HOOK_INSERT,
+        RequestType.HOOK_REMOVE,
+        RequestType.HOOKS_DUMP,
+        RequestType.REMOVE_ALL_HOOKS,
+        RequestType.DISABLE_ALL_HOOKS,
+        RequestType.BREAKPOINT_UNLOCK,
+        RequestType.BREAKPOINT_REACHED,
+    }
+)
+
+
+class ProtocolError(InputError):
+    """A request that cannot be answered; the message is the answer."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """A well-formed request."""
+
+    type: RequestType
+    id: int  # the client's, repeated in the answer
+    body: bytes | None  # the second frame
+
+    def text(self) -> str:
+        """Return the body as text.
+
+        Raises:
+            ProtocolError: there is none, or it is no text.
+        """
+        if self.body is None:
+            raise ProtocolError("must be 2 parts message")
+        try:
+            return self.body.decode()
+        except UnicodeDecodeError:
+            raise ProtocolError("the second part must be UTF-8 text") from None
+
+    def reply_header(self, tree_id: UUID) -> bytes:
+        """Return the first frame of the answer."""
+        return _HEADER.pack(PROTOCOL, ord(self.type.value), self.id) + tree_id.bytes
+
+
+def parse_request(frames: list[bytes]) -> Request:
+    """Return what a message asks for.
+
+    Raises:
+        ProtocolError: it is no request of this protocol.
+    """
+    if not 1 <= len(frames) <= _MAX_FRAMES:
+        raise ProtocolError(f"a request has 1 or {_MAX_FRAMES} parts, got {len(frames)}")
+    if len(frames[0]) != HEADER_BYTES:
+        raise ProtocolError(
+            f"wrong request header: expected {HEADER_BYTES} bytes, got {len(frames[0])}"
+        )
+    protocol, kind, request_id = _HEADER.unpack(frames[0])
+    if protocol != PROTOCOL:
+        raise ProtocolError(f"protocol {PROTOCOL} is spoken here, got {protocol}")
+    try:
+        request_type = RequestType(chr(kind))
+    except ValueError:
+        raise ProtocolError(f"request not recognized: type {kind}") from None
+    return Request(type=request_type, id=request_id, body=frames[1] if len(frames) > 1 else None)
+
+
+def error_reply(reason: str) -> list[bytes]:
+    """Return the frames that tell a client that it gets no answer, and why."""
+    return [b"error", reason.encode(errors="replace")]
