@@ -31,6 +31,7 @@ from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
 from uav_bt.protocols import Drone, DroneOptions, LeafPolicy, Referee, Segmenter
 from uav_bt.report.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
+from uav_bt.tree_files import resolve_tree
 from uav_bt.types import ClassMap, Frame
 
 __all__ = [
@@ -107,26 +108,6 @@ def make_drone(options: FlightOptions) -> Drone:
         )
     )
     return drone
-
-
-def resolve_tree(tree: str | Path) -> Path:
-    """Return a tree file: a path, or the name of a shipped mission.
-
-    Raises:
-        FileError: there is neither.
-    """
-    path = Path(tree)
-    if path.is_file():
-        return path
-    from importlib import resources  # noqa: PLC0415 - only needed outside a checkout
-
-    folder = Path(str(resources.files("trees")))
-    shipped = folder / f"{path.stem}.xml"
-    # A name with a folder in it means that very file, which does not exist.
-    if path.parent in (Path(), Path("trees")) and shipped.is_file():
-        return shipped
-    known = ", ".join(sorted(file.stem for file in folder.glob("*.xml")))
-    raise FileError(path, f"no such tree file, nor a shipped mission of that name ({known})")
 
 
 def check(tree: str | Path, registry: NodeRegistry | None = None) -> MissionTree:

@@ -6,19 +6,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from uav_bt import plugins
-from uav_bt.errors import InputError, TreeError, UnknownNameError
+from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
-from uav_bt.tree.findings import Finding, Position
+from uav_bt.tree.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.palette import PaletteLeaf
 from uav_bt.tree.source import Element, parse_source
 
-__all__ = ["POLICY_PORT", "tree_findings", "unknown_policies"]
+__all__ = ["POLICY_PORT", "check_file", "findings_of", "tree_findings", "unknown_policies"]
 
 POLICY_PORT = "policy"
 """By this name a leaf declares the port that names its leaf policy."""
 
 
-def tree_findings(path: Path, registry: NodeRegistry | None = None) -> tuple[str, ...]:
-    """Return all that is wrong with a tree file, a line each; empty for a good one.
+def check_file(path: Path, registry: NodeRegistry | None = None) -> tuple[Finding, ...]:
+    """Return all that is wrong with a tree file; nothing for a good one.
 
     Args:
         path: the file.
@@ -26,18 +27,46 @@ def tree_findings(path: Path, registry: NodeRegistry | None = None) -> tuple[str
     """
     try:
         mission = load_tree(path, registry)
-    except TreeError as error:
-        return error.findings
     except InputError as error:
-        return (str(error),)
-    return tuple(str(finding) for finding in unknown_policies(mission, path))
+        return findings_of(error, path)
+    return unknown_policies(mission, path)
+
+
+def tree_findings(path: Path, registry: NodeRegistry | None = None) -> tuple[str, ...]:
+    """Return all that is wrong with a tree file, a line each; nothing for a good one.
+
+    Args:
+        path: the file.
+        registry: the nodes that may occur; default: all installed.
+    """
+    return tuple(str(finding) for finding in check_file(path, registry))
+
+
+def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
+    """Return what an error says as findings.
+
+    Args:
+        error: what was raised when a tree file was to be loaded.
+        path: the file.
+    """
+    if isinstance(error, FileError) and not isinstance(error, TreeError):
+        position = WHOLE_FILE if error.line is None else Position(error.line, 1)
+        where = error.path if error.line is None else f"{error.path}:{error.line}"
+        message = str(error).removeprefix(f"{where}: ")
+        return (Finding(str(error.path), position, message),)
+    details = error.details if isinstance(error, TreeError) else (error,)
+    return tuple(
+        detail if isinstance(detail, Finding) else Finding(str(path), WHOLE_FILE, str(detail))
+        for detail in details
+    )
 
 
 def unknown_policies(mission: MissionTree, path: Path) -> tuple[Finding, ...]:
     """Return a finding for each leaf that names a policy which nobody registered.
 
     Args:
-        mission: the loaded file; a policy that a variable names is only known in flight.
+        mission: the loaded file; a policy that a variable names is only known in flight, and a leaf
+            that is known from a palette only has policies of its own.
         path: what the findings call the file.
 
     Raises:
@@ -52,7 +81,7 @@ def unknown_policies(mission: MissionTree, path: Path) -> tuple[Finding, ...]:
     findings: dict[Finding, None] = {}
     for leaf in mission.leaves():
         port = next((port for port in leaf.ports if port.name == POLICY_PORT), None)
-        if port is None or leaf.reference(port) is not None:
+        if port is None or leaf.reference(port) is not None or isinstance(leaf, PaletteLeaf):
             continue
         name = str(leaf.port_value(POLICY_PORT))
         if name not in known:

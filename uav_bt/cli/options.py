@@ -6,11 +6,22 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-__all__ = ["node_policies", "output_option", "picture_size", "seed_option", "views_option"]
+if TYPE_CHECKING:
+    from uav_bt.tree import NodeRegistry
+
+__all__ = [
+    "node_policies",
+    "output_option",
+    "palette_option",
+    "picture_size",
+    "registry_with",
+    "seed_option",
+    "views_option",
+]
 
 _Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -70,6 +81,29 @@ def output_option(name: str, help_: str) -> _Decorator:
         callback=_writable,
         help=help_,
     )
+
+
+def palette_option() -> _Decorator:
+    """Return the option for a palette of nodes that are not installed."""
+    return click.option(
+        "--palette",
+        metavar="FILE",
+        type=click.Path(dir_okay=False, path_type=Path),
+        help="A TreeNodesModel, such as Groot2 exports, of nodes that are not installed here.",
+    )
+
+
+def registry_with(palette: Path | None) -> NodeRegistry:
+    """Return the installed nodes, with those of a palette.
+
+    Raises:
+        TreeError: the palette cannot be read or makes no sense.
+    """
+    from uav_bt.tree import NodeRegistry  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.tree.palette import read_palette, with_palette  # noqa: PLC0415
+
+    installed = NodeRegistry.installed()
+    return installed if palette is None else with_palette(installed, read_palette(palette))
 
 
 def seed_option(default: int = 0) -> _Decorator:

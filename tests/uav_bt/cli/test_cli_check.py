@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -69,3 +70,63 @@ def test_a_folder_is_no_tree_file(tmp_path: Path) -> None:
 
 def test_nothing_to_check_is_wrong_usage() -> None:
     assert_refused(run("check"), "TREE")
+
+
+# --- folders, palettes, JSON ----------------------------------------------------------------------
+
+
+def test_a_folder_stands_for_all_tree_files_in_it(tmp_path: Path) -> None:
+    (tmp_path / "more").mkdir()
+    (tmp_path / ".hidden").mkdir()
+    first = tree_file(tmp_path, HOP, "a.xml")
+    second = tree_file(tmp_path / "more", HOP, "b.xml")
+    tree_file(tmp_path / ".hidden", "<Unknown/>")
+    (tmp_path / "notes.txt").write_text("no tree", encoding="utf-8")
+    result = run("check", tmp_path)
+    assert (result.exit_code, result.stdout) == (0, f"{first}: good\n{second}: good\n")
+
+
+def test_a_foreign_tree_is_checked_with_its_palette(tmp_path: Path) -> None:
+    palette = tmp_path / "palette.txt"
+    palette.write_text(
+        '<root BTCPP_format="4"><TreeNodesModel><Action ID="DockRobot"><input_port name="dock" '
+        'type="int"/><input_port name="policy" type="std::string"/></Action></TreeNodesModel>'
+        "</root>",
+        encoding="utf-8",
+    )
+    good = tree_file(tmp_path, '<DockRobot dock="1" policy="of their own"/>', "good.xml")
+    bad = tree_file(tmp_path, '<DockRobot dock="one"/>', "bad.xml")
+    result = run("check", good, bad, "--palette", palette)
+    assert (result.exit_code, result.stdout) == (2, f"{good}: good\n")
+    assert "expected an integer, got 'one'" in result.stderr
+    assert "unknown node 'DockRobot'" in run("check", good).stderr
+    assert_refused(run("check", good, "--palette", bad), "expected a <TreeNodesModel>")
+    assert_refused(run("check", good, "--palette", tmp_path / "absent.xml"), "no such file")
+
+
+def test_json_has_one_object_a_line_and_file(tmp_path: Path) -> None:
+    good = tree_file(tmp_path, HOP, "good.xml")
+    bad = tree_file(tmp_path, '<Sequence>\n<Land\n  hight="1"/>\n</Sequence>', "bad.xml")
+    result = run("check", good, bad, tmp_path / "absent.xml", "--format", "json")
+    assert (result.exit_code, result.stderr) == (2, "")
+    first, second, third = (json.loads(line) for line in result.stdout.splitlines())
+    assert first == {"file": str(good), "ok": True, "findings": []}
+    assert (second["file"], second["ok"]) == (str(bad), False)
+    (finding,) = second["findings"]
+    assert finding.pop("message").startswith("unknown attribute 'hight'")
+    assert finding == {"path": str(bad), "line": 5, "column": 3, "node": "Land"}
+    (finding,) = third["findings"]
+    assert finding.pop("message").startswith("no such tree file")
+    assert finding == {
+        "path": str(tmp_path / "absent.xml"),
+        "line": None,
+        "column": None,
+        "node": "",
+    }
+
+
+def test_json_tells_where_the_xml_breaks(tmp_path: Path) -> None:
+    broken = tree_file(tmp_path, "<Sequence>")
+    (line,) = run("check", broken, "--format", "json").stdout.splitlines()
+    (finding,) = json.loads(line)["findings"]
+    assert (finding["line"], finding["message"][:19]) == (4, "not well-formed XML")

@@ -10,7 +10,7 @@ import click
 import pytest
 from cli_world import assert_refused, run
 
-from uav_bt import __version__, app
+from uav_bt import __version__, tree_files
 from uav_bt.cli.rooms import check_rooms
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import DroneError, InputError
@@ -82,7 +82,7 @@ def test_an_error_of_ours_is_one_message_with_its_own_exit_code(
     def unreachable(_: str) -> None:
         raise DroneError("the drone does not answer")
 
-    monkeypatch.setattr(app, "resolve_tree", unreachable)
+    monkeypatch.setattr(tree_files, "resolve_tree", unreachable)
     result = run("check", "land_only")
     assert (result.exit_code, result.stderr) == (1, "Error: the drone does not answer\n")
 
@@ -93,7 +93,7 @@ def test_an_unexpected_exception_is_one_line_and_debug_shows_the_rest(
     def broken(_: str) -> None:
         raise ZeroDivisionError("of the twin")
 
-    monkeypatch.setattr(app, "resolve_tree", broken)
+    monkeypatch.setattr(tree_files, "resolve_tree", broken)
     result = run("check", "land_only")
     assert result.exit_code == 1
     assert result.stderr.count("\n") == 1
@@ -109,7 +109,7 @@ def test_a_break_before_flying_exits_with_1_quietly(monkeypatch: pytest.MonkeyPa
     def interrupted(_: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(app, "resolve_tree", interrupted)
+    monkeypatch.setattr(tree_files, "resolve_tree", interrupted)
     result = run("check", "land_only")
     assert result.exit_code == 1
     assert result.stderr.strip() == "Aborted!"

@@ -1,0 +1,206 @@
+"""Palettes: nodes of other engines, known by their models only."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conformance import Scripted
+from tree_world import World, document
+
+from uav_bt.errors import NodeFailedError, TreeError
+from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.describe import palette_xml
+from uav_bt.tree.nodes import Sequence
+from uav_bt.tree.palette import PaletteLeaf, read_palette, with_palette
+
+FOREIGN = """<TreeNodesModel>
+  <Action ID="ComputePath" editable="true">
+    <input_port name="goal" type="geometry_msgs::msg::PoseStamped"/>
+    <input_port name="planner" type="std::string" default="GridBased">which planner</input_port>
+    <input_port name="retries" type="unsigned int"/>
+    <input_port name="hz" type="double" default="0.5"/>
+    <input_port name="straight" type="bool"/>
+    <input_port name="otherwise" type="BT::NodeStatus" default="FAILURE"/>
+    <output_port name="path" type="nav_msgs::msg::Path" default="{path}"/>
+    <inout_port name="count" type="int"/>
+    <MetadataFields><Metadata author="somebody"/></MetadataFields>
+  </Action>
+  <Condition ID="IsStuck"/>
+  <Control ID="PipelineSequence"/>
+  <Decorator ID="RateController"><input_port name="hz"/></Decorator>
+  <SubTree ID="Elsewhere"><input_port name="x"/></SubTree>
+</TreeNodesModel>
+"""
+
+
+class Land(Leaf):
+    """Lands."""
+
+    ports = (Port("speed_mps", float, doc="m/s"),)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "palette.xml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def foreign(tmp_path: Path) -> NodeRegistry:
+    return with_palette(NodeRegistry(), read_palette(written(tmp_path, FOREIGN)))
+
+
+def findings(body: str, registry: NodeRegistry) -> list[str]:
+    with pytest.raises(TreeError) as error:
+        parse_tree(document(body), registry, path="m.xml")
+    return [finding.removeprefix("m.xml:") for finding in error.value.findings]
+
+
+def test_kinds_ports_and_descriptions_come_from_the_model(foreign: NodeRegistry) -> None:
+    kinds = {name: foreign[name].kind for name in foreign if name not in NodeRegistry()}
+    assert kinds == {
+        "ComputePath": NodeKind.ACTION,
+        "IsStuck": NodeKind.CONDITION,
+        "PipelineSequence": NodeKind.CONTROL,
+        "RateController": NodeKind.DECORATOR,
+    }
+    ports = {port.name: port for port in foreign["ComputePath"].ports}
+    types = {name: port.type for name, port in ports.items()}
+    assert types == {
+        "goal": object,
+        "planner": str,
+        "retries": int,
+        "hz": float,
+        "straight": bool,
+        "otherwise": str,
+        "path": object,
+        "count": int,
+    }
+    assert (ports["path"].direction, ports["count"].direction) == ("output", "inout")
+    assert (ports["planner"].default, ports["planner"].doc) == ("GridBased", "which planner")
+
+
+def test_a_foreign_tree_is_good_and_no_port_must_be_given(foreign: NodeRegistry) -> None:
+    """A model does not say what is required, so nothing of it is."""
+    body = (
+        '<PipelineSequence><RateController hz="1.0"><ComputePath goal="{goal}" path="{path}"/>'
+        '</RateController><Inverter><IsStuck/></Inverter><ComputePath goal="1;2;3"/>'
+        "</PipelineSequence>"
+    )
+    tree = parse_tree(document(body), foreign)
+    assert [node.node_id for node in tree.nodes()][:3] == [
+        "PipelineSequence",
+        "RateController",
+        "ComputePath",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ('gaol="{goal}"', "unknown attribute 'gaol'; did you mean 'goal'?"),
+        ('retries="two"', "attribute 'retries': expected an integer, got 'two'"),
+        ('retries="-1"', "attribute 'retries': expected 0 or more, got -1"),
+        ('hz="fast"', "attribute 'hz': expected a number, got 'fast'"),
+        ('straight="yes"', "attribute 'straight': expected true or false, got 'yes'"),
+        ('otherwise="LATER"', "expected one of SUCCESS, FAILURE, RUNNING, SKIPPED, IDLE"),
+        ('path="here"', "attribute 'path': an output port needs a reference like {key}"),
+    ],
+)
+def test_attributes_of_foreign_nodes_are_checked(
+    foreign: NodeRegistry, attributes: str, message: str
+) -> None:
+    (finding,) = findings(f"<ComputePath {attributes}/>", foreign)
+    assert message in finding
+
+
+def test_children_of_foreign_nodes_are_counted_as_their_kind_allows(foreign: NodeRegistry) -> None:
+    body = (
+        "<Sequence><RateController><IsStuck/><IsStuck/></RateController>"
+        "<IsStuck><IsStuck/></IsStuck></Sequence>"
+    )
+    assert len(findings(body, foreign)) == 2
+
+
+def test_a_foreign_node_is_not_ticked(foreign: NodeRegistry, world: World) -> None:
+    for body in ("<IsStuck/>", "<PipelineSequence><AlwaysSuccess/></PipelineSequence>"):
+        tree = parse_tree(document(body), foreign)
+        tree.setup(world.context)
+        with pytest.raises(NodeFailedError, match="known from a palette only"):
+            tree.tick()
+
+
+def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
+    """Ids, kinds and ports survive the way through the exported model."""
+    ours = NodeRegistry.installed()
+    read = {node.node_id: node for node in read_palette(written(tmp_path, palette_xml(ours)))}
+    assert set(read) == set(ours) - set(NodeRegistry())
+    for node_id, node in read.items():
+        known = ours[node_id]
+        assert node.kind is known.kind
+        assert [(port.name, port.type, port.direction, port.doc) for port in node.ports] == [
+            (port.name, port.type, port.direction, port.doc) for port in known.ports
+        ]
+
+
+def test_a_node_of_the_format_stays_what_it_is(tmp_path: Path) -> None:
+    text = '<TreeNodesModel><Action ID="Sequence"/></TreeNodesModel>'
+    registry = with_palette(NodeRegistry(), read_palette(written(tmp_path, text)))
+    assert registry["Sequence"] is Sequence
+
+
+def test_an_installed_node_stays_when_described_as_it_is(tmp_path: Path) -> None:
+    installed = NodeRegistry([Land])
+    read = read_palette(written(tmp_path, palette_xml(installed)))
+    assert with_palette(installed, read)["Land"] is Land
+
+
+def test_another_node_of_the_same_name_replaces_an_installed_one(tmp_path: Path) -> None:
+    text = '<TreeNodesModel><Action ID="Land"><input_port name="topic"/></Action></TreeNodesModel>'
+    registry = with_palette(NodeRegistry([Land]), read_palette(written(tmp_path, text)))
+    assert issubclass(registry["Land"], PaletteLeaf)
+    parse_tree(document('<Land topic="/land"/>'), registry)
+
+
+def test_installed_nodes_remain_beside_the_palette(tmp_path: Path) -> None:
+    registry = with_palette(NodeRegistry([Scripted]), read_palette(written(tmp_path, FOREIGN)))
+    assert registry["Scripted"] is Scripted
+
+
+def test_a_project_file_with_trees_and_includes_is_a_palette_too(tmp_path: Path) -> None:
+    text = (
+        '<root BTCPP_format="4" project_name="P"><include path="../x.xml"/>'
+        f'<BehaviorTree ID="A"><Unknown/></BehaviorTree>{FOREIGN}</root>'
+    )
+    assert len(read_palette(written(tmp_path, text))) == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<root/>", "1:1: expected a <TreeNodesModel>, or a <root> that holds one; got <root>"),
+        ("<TreeNodesModel><Actoin ID='A'/></TreeNodesModel>", "did you mean 'Action'?"),
+        ("<TreeNodesModel><Action/></TreeNodesModel>", "attribute 'ID' is missing"),
+        (
+            "<TreeNodesModel><Action ID='A'><input_port name='b c'/></Action></TreeNodesModel>",
+            "'b c' cannot be a port's name",
+        ),
+        (
+            (
+                "<TreeNodesModel><Action ID='A'><input_port name='n' type='int' default='x'/>"
+                "</Action></TreeNodesModel>"
+            ),
+            "port 'n': expected an integer, got 'x'",
+        ),
+        ("<TreeNodesModel>", "not well-formed XML"),
+    ],
+)
+def test_a_palette_that_makes_no_sense_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(TreeError) as error:
+        read_palette(written(tmp_path, text))
+    assert message in error.value.findings[0]
+    assert error.value.findings[0].startswith(f"{tmp_path / 'palette.xml'}:1:")

@@ -1,0 +1,212 @@
+"""Nodes that are known from a palette only, so that trees of other engines can be checked.
+
+A palette is a TreeNodesModel, as Groot2 exports it and BehaviorTree.CPP writes it. It says of each
+node its kind and its ports, and of a port its direction, type and default. It does not say which
+ports must be given, how many children a node takes, or what a node does: none of that is checked,
+and such a node cannot be ticked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from uav_bt.errors import MissionError
+from uav_bt.tree.elements import label
+from uav_bt.tree.findings import Findings
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.models import PORT_DIRECTIONS, NodeModel, read_models
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.nodes import BUILTIN_NODES
+from uav_bt.tree.nodes.control import ControlNode
+from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.port import Port
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.source import Element, parse_source, read_source
+from uav_bt.tree.status import Status
+
+__all__ = [
+    "PaletteControl",
+    "PaletteDecorator",
+    "PaletteLeaf",
+    "PalettePort",
+    "read_palette",
+    "with_palette",
+]
+
+# By the names that C++ engines and editors write; every other type takes any text.
+_INTEGERS: Final = frozenset(
+    {"int", "short", "long", "int8_t", "int16_t", "int32_t", "int64_t", "long long"}
+)
+_UNSIGNED: Final = frozenset(
+    {"unsigned", "unsigned int", "unsigned short", "unsigned long", "uint8_t", "uint16_t"}
+    | {"uint32_t", "uint64_t", "size_t", "unsigned long long"}
+)
+_NUMBERS: Final = frozenset({"double", "float"})
+_TEXTS: Final = frozenset({"std::string", "string"})
+_STATUSES: Final = frozenset({"NodeStatus", "BT::NodeStatus"})
+_STATUS_NAMES: Final = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED", "IDLE")
+
+
+@dataclass(frozen=True)
+class PalettePort(Port[Any]):
+    """A port of a palette, which does not say whether a tree file must give it."""
+
+    @property
+    def required(self) -> bool:
+        """Never: nobody said so."""
+        return False
+
+
+class PaletteLeaf(Leaf):
+    """An action or a condition of a palette."""
+
+    def update(self) -> Status:
+        """Refuse.
+
+        Raises:
+            MissionError: always.
+        """
+        raise MissionError(_cannot_tick(self))
+
+
+class PaletteControl(ControlNode):
+    """A control node of a palette."""
+
+    def _tick(self) -> Status:
+        raise MissionError(_cannot_tick(self))
+
+
+class PaletteDecorator(DecoratorNode):
+    """A decorator of a palette."""
+
+    def _tick(self) -> Status:
+        raise MissionError(_cannot_tick(self))
+
+
+_BASES: Final[dict[NodeKind, type[Node]]] = {
+    NodeKind.ACTION: PaletteLeaf,
+    NodeKind.CONDITION: PaletteLeaf,
+    NodeKind.CONTROL: PaletteControl,
+    NodeKind.DECORATOR: PaletteDecorator,
+}
+
+
+def _cannot_tick(node: Node) -> str:
+    return f"'{node.node_id}' is known from a palette only: it can be checked, not ticked"
+
+
+def read_palette(path: Path) -> tuple[type[Node], ...]:
+    """Return node classes for what a file's TreeNodesModel describes.
+
+    Trees and includes in the file are passed over, subtrees in the model, too: they are no nodes
+    of their own.
+
+    Args:
+        path: the file; its root is a TreeNodesModel, or holds one or several.
+
+    Raises:
+        TreeError: the file cannot be read, has no model, or a model that makes no sense.
+    """
+    root = parse_source(read_source(path), path)
+    findings = Findings()
+    models = [root] if root.tag == "TreeNodesModel" else _models_of(root)
+    if not models:
+        expected = f"expected a <TreeNodesModel>, or a <root> that holds one; got <{root.tag}>"
+        findings.add(path, root.position, expected)
+    nodes: dict[str, type[Node]] = {}
+    for element in models:
+        for model in read_models(element, findings):
+            if model.kind in _BASES:
+                nodes[model.node_id] = _node_of(model, findings)
+    findings.raise_any(path)
+    return tuple(nodes.values())
+
+
+def _models_of(root: Element) -> list[Element]:
+    return [child for child in root.children if child.tag == "TreeNodesModel"]
+
+
+def _node_of(model: NodeModel, findings: Findings) -> type[Node]:
+    ports = (_port_of(model, name, element, findings) for name, element in model.ports.items())
+    return type(
+        model.node_id,
+        (_BASES[model.kind],),
+        {
+            "__doc__": "Known from a palette only.",
+            "node_id": model.node_id,
+            "condition": model.kind is NodeKind.CONDITION,
+            "ports": tuple(port for port in ports if port is not None),
+        },
+    )
+
+
+def _port_of(
+    model: NodeModel, name: str, element: Element, findings: Findings
+) -> PalettePort | None:
+    type_name = " ".join(element.attributes.get("type", "").split())
+    default = element.attributes.get("default", "")
+    type_, check, choices = _type_of(type_name)
+    try:
+        port = PalettePort(
+            name=name,
+            type=type_,
+            default=default or Port.REQUIRED,
+            doc=" ".join(element.text.split()),
+            direction=PORT_DIRECTIONS[element.tag],  # type: ignore[arg-type]  # one of the three
+            choices=choices,
+            check=check,
+        )
+        if default:
+            port.bind(default)
+    except ValueError as error:
+        attribute = "default" if default else "name"
+        findings.add(
+            element.path, element.at(attribute), f"port '{name}': {error}", label(model.element)
+        )
+        return None
+    return port
+
+
+def _type_of(name: str) -> tuple[type, Any, tuple[str, ...]]:
+    if name in _INTEGERS:
+        return int, None, ()
+    if name in _UNSIGNED:
+        return int, _not_negative, ()
+    if name in _NUMBERS:
+        return float, None, ()
+    if name == "bool":
+        return bool, None, ()
+    if name in _STATUSES:
+        return str, None, _STATUS_NAMES
+    return (str if name in _TEXTS else object), None, ()
+
+
+def _not_negative(value: int) -> None:
+    if value < 0:
+        raise ValueError(f"expected 0 or more, got {value}")
+
+
+def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeRegistry:
+    """Return a registry with the nodes of a palette beside those of another registry.
+
+    A palette that repeats a node of the format changes nothing about it. One that describes an
+    installed node as it is (same kind, same ports) leaves it in place, because we know more about
+    it; one that describes another node of the same name replaces it, because the tree was made for
+    that one.
+    """
+    described = {node.node_id: node for node in palette}
+    chosen: dict[str, type[Node]] = {}
+    for node_id in registry:
+        known = registry[node_id]
+        other = described.pop(node_id, None)
+        ours = other is None or known in BUILTIN_NODES or _looks_like(other, known)
+        chosen[node_id] = known if ours or other is None else other
+    return NodeRegistry([*chosen.values(), *described.values()])
+
+
+def _looks_like(model: type[Node], node: type[Node]) -> bool:
+    names = {port.name for port in node.ports}
+    return model.kind is node.kind and {port.name for port in model.ports} == names
