@@ -6,10 +6,18 @@ import re
 from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.mission.blackboard import Key
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
-from uav_bt.tree.document import EDITOR_ATTRIBUTES, Document, check_no_text, label
+from uav_bt.tree.document import Document
+from uav_bt.tree.elements import (
+    KIND_TAGS,
+    check_no_text,
+    label,
+    node_attributes,
+    node_id_of,
+    walk,
+)
 from uav_bt.tree.findings import Findings
+from uav_bt.tree.fit import key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
@@ -17,27 +25,11 @@ from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import parse_script
 from uav_bt.tree.script.expressions import Name
 from uav_bt.tree.source import Element
+from uav_bt.tree.variable_checker import check_variables
 
 __all__ = ["Checker", "node_attributes", "node_id_of"]
 
-_KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
-
-
-def node_id_of(element: Element) -> str:
-    """Return the id of the node; `<Explore/>` and `<Action ID="Explore"/>` are the same."""
-    if element.tag in _KIND_TAGS and element.tag != NodeKind.SUBTREE.value:
-        return element.attributes.get("ID", "")
-    return element.tag
-
-
-def node_attributes(element: Element) -> dict[str, str]:
-    """Return the attributes that are ports (or a subtree's entries)."""
-    return {
-        name: text
-        for name, text in element.attributes.items()
-        if name not in {"ID", "name", "_autoremap"} and name not in EDITOR_ATTRIBUTES
-    }
 
 
 class Checker:
@@ -55,6 +47,7 @@ class Checker:
             for child in tree.children:
                 self._check_node(child)
         self._check_recursion()
+        check_variables(self._document, self._registry, self._findings)
 
     def _note(self, element: Element, message: str, attribute: str = "") -> None:
         self._findings.add(element.path, element.at(attribute), message, label(element))
@@ -80,7 +73,7 @@ class Checker:
             self._note(element, f"<{element.tag}> needs an attribute 'ID'")
             return None
         if node_id not in self._registry:
-            attribute = "ID" if element.tag in _KIND_TAGS else ""
+            attribute = "ID" if element.tag in KIND_TAGS else ""
             if node_id in self._document.trees:
                 hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
             else:
@@ -88,11 +81,11 @@ class Checker:
             self._note(element, f"unknown node '{node_id}'{hint}", attribute)
             return None
         node = self._registry[node_id]
-        if element.tag in _KIND_TAGS and element.tag != node.kind.value:
+        if element.tag in KIND_TAGS and element.tag != node.kind.value:
             self._note(
                 element, f"'{node_id}' is of kind {node.kind.value}, not {element.tag}", "ID"
             )
-        elif element.tag not in _KIND_TAGS and "ID" in element.attributes:
+        elif element.tag not in KIND_TAGS and "ID" in element.attributes:
             self._note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
         return node
 
@@ -156,7 +149,7 @@ class Checker:
                 f"attribute '{port.name}': the board has no key '{at.key}'{hint}",
                 port.name,
             )
-        elif not _fits(port, key):
+        elif not key_fits(port, key):
             self._note(
                 element,
                 f"attribute '{port.name}' takes {port.type.__name__}, "
@@ -203,17 +196,17 @@ class Checker:
         except ValueError as error:
             self._note(element, f"attribute '{name}': {error}", name)
             return
-        if reference is not None and reference.on_board:
+        if reference is not None and reference.on_board and reference.key not in self._board_keys:
+            hint = did_you_mean(reference.key, self._board_keys)
             self._note(
                 element,
-                f"attribute '{name}': a variable cannot be the board key {reference}; "
-                "use the key inside the subtree",
+                f"attribute '{name}': the board has no key '{reference.key}'{hint}",
                 name,
             )
 
     def _check_recursion(self) -> None:
         uses = {
-            tree_id: [node for node in _walk(tree) if node.tag == NodeKind.SUBTREE.value]
+            tree_id: [node for node in walk(tree) if node.tag == NodeKind.SUBTREE.value]
             for tree_id, tree in self._document.trees.items()
         }
         done: set[str] = set()
@@ -231,16 +224,3 @@ class Checker:
         for tree_id in self._document.trees:
             if tree_id not in done:
                 visit(tree_id, (tree_id,))
-
-
-def _walk(element: Element) -> list[Element]:
-    found = list(element.children)
-    for child in element.children:
-        found.extend(_walk(child))
-    return found
-
-
-def _fits(port: Port[Any], key: Key[Any]) -> bool:
-    if port.direction == "input":
-        return issubclass(key.type, port.type) or (port.type is float and key.type is int)
-    return issubclass(port.type, key.type) or (key.type is float and port.type is int)

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.findings import Findings
+from uav_bt.tree.node import NodeKind
 from uav_bt.tree.source import Element
 
-__all__ = ["EDITOR_ATTRIBUTES", "check_attributes", "check_no_text", "label"]
+__all__ = [
+    "EDITOR_ATTRIBUTES",
+    "KIND_TAGS",
+    "check_attributes",
+    "check_no_text",
+    "label",
+    "node_attributes",
+    "node_id_of",
+    "walk",
+]
+
+KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
 
 # What graphical editors write for themselves; it means nothing to the engine.
 EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath", "_uid"})
@@ -40,3 +53,26 @@ def check_no_text(element: Element, findings: Findings) -> None:
         findings.add(
             element.path, element.position, f"unexpected text '{text[:40]}'", label(element)
         )
+
+
+def walk(element: Element) -> Iterator[Element]:
+    """Iterate over everything below an element."""
+    for child in element.children:
+        yield child
+        yield from walk(child)
+
+
+def node_id_of(element: Element) -> str:
+    """Return the id of the node; `<Explore/>` and `<Action ID="Explore"/>` are the same."""
+    if element.tag in KIND_TAGS and element.tag != NodeKind.SUBTREE.value:
+        return element.attributes.get("ID", "")
+    return element.tag
+
+
+def node_attributes(element: Element) -> dict[str, str]:
+    """Return the attributes that are ports (or a subtree's entries)."""
+    return {
+        name: text
+        for name, text in element.attributes.items()
+        if name not in {"ID", "name", "_autoremap"} and name not in EDITOR_ATTRIBUTES
+    }

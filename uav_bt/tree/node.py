@@ -229,7 +229,7 @@ class Node(Behaviour):
 
     def _converted(self, port: Port[T], value: object) -> T:
         try:
-            return port.convert(value)
+            return port.read(value)
         except ValueError as error:
             raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
 

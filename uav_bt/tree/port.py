@@ -124,6 +124,22 @@ class Port(Generic[T]):
                 raise ValueError(str(error)) from error
         return typed  # type: ignore[no-any-return]  # of type T by the two parsers
 
+    def read(self, value: object) -> T:
+        """Return what a variable holds as this port's type.
+
+        As the engine does, and unlike `convert`, this takes 0 and 1 (what scripts make of `false`
+        and `true`) as truth values and writes numbers out as texts.
+
+        Raises:
+            ValueError: the value does not fit; the message says what was expected.
+        """
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if self.type is bool and value in {0, 1}:
+                return self.convert(bool(value))
+            if self.type is str:
+                return self.convert(str(value) if isinstance(value, int) else f"{value:.6f}")
+        return self.convert(value)
+
     def _parse(self, text: str) -> object:
         if self.type in {str, object}:
             return text

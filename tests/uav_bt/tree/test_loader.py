@@ -123,7 +123,7 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ('<SubTree ID="Main"/>', "the tree contains itself: Main > Main"),
         ('<SubTree ID="Other"><Safe/></SubTree>', "needs no children, has 1"),
         ('<SubTree ID="Other" a-b.c="1" _autoremap="maybe"/>', "expected true or false"),
-        ('<SubTree ID="Other" x="{@helipad}"/>', "use the key inside the subtree"),
+        ('<SubTree ID="Other" x="{@helipd}"/>', "no key 'helipd'; did you mean 'helipad'"),
         ('<SubTree ID="Other" x="{a b}"/>', "is no reference"),
         ('<SubTree ID="Other" _onHalted="x 1"/>', "attribute '_onHalted': column 3: expected ';'"),
         ('<SubTree ID="Other" _onHalt="x"/>', "unknown attribute '_onHalt'; did you mean '_onH"),

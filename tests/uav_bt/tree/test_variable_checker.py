@@ -1,0 +1,371 @@
+"""Types of variables over a whole file: what must fail in flight is refused before."""
+
+from __future__ import annotations
+
+import pytest
+from tree_world import document
+
+from uav_bt.board import HEIGHT, HELIPAD
+from uav_bt.errors import TreeError
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.types import HelipadFix
+
+
+class FindPad(Leaf):
+    """Finds the pad."""
+
+    ports = (Port("pad", HelipadFix, doc="the pad", direction="output"),)
+    reads = (HELIPAD, HEIGHT)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class Measure(Leaf):
+    """Measures."""
+
+    ports = (
+        Port("height_m", float, doc="height, m", direction="output"),
+        Port("count", int, doc="how many", direction="output"),
+        Port("sure", bool, doc="is it", direction="output"),
+        Port("word", str, doc="what", direction="output"),
+        Port("thing", object, doc="whatever", direction="output"),
+    )
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class Use(Leaf):
+    """Uses."""
+
+    ports = (
+        Port("height_m", float, default=1.0, doc="height, m"),
+        Port("count", int, default=1, doc="how many"),
+        Port("sure", bool, default=True, doc="is it"),
+        Port("word", str, default="", doc="what"),
+        Port("side", str, default="left", doc="which", choices=("left", "right")),
+        Port("pad", HelipadFix, default="{@helipad}", doc="the pad"),
+        Port("both", float, default="{x_m}", doc="read and written, m", direction="inout"),
+    )
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class Need(Leaf):
+    """Needs a height."""
+
+    ports = (Port("height_m", float, doc="height, m"),)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+REGISTRY = NodeRegistry([FindPad, Measure, Use, Need])
+
+
+def sequence(*nodes: str) -> str:
+    return f"<Sequence>{''.join(nodes)}</Sequence>"
+
+
+def inner(*nodes: str, tree_id: str = "In") -> str:
+    return f'<BehaviorTree ID="{tree_id}">{sequence(*nodes)}</BehaviorTree>'
+
+
+def findings(*parts: str) -> list[str]:
+    """Return what is wrong with a file, without its path."""
+    try:
+        parse_tree(document(*parts), REGISTRY, path="m.xml")
+    except TreeError as error:
+        return [finding.removeprefix("m.xml:") for finding in error.findings]
+    return []
+
+
+# --- what goes well, or may -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("writer", "reader"),
+    [
+        ('<Measure height_m="{x}"/>', '<Use height_m="{x}"/>'),
+        ('<Measure height_m="{x}"/>', '<Use count="{x}"/>'),  # a whole one fits
+        ('<Measure count="{x}"/>', '<Use height_m="{x}"/>'),
+        ('<Measure count="{x}"/>', '<Use word="{x}"/>'),
+        ('<Measure sure="{x}"/>', '<Use sure="{x}"/>'),
+        ('<FindPad pad="{x}"/>', '<Use both="{x}"/>'),  # it writes, too
+        ('<Measure word="{x}"/>', '<Use count="{x}"/>'),  # a text may be a number
+        ('<Measure thing="{x}"/>', '<Use pad="{x}"/>'),
+        ('<FindPad pad="{x}"/>', '<Use pad="{x}"/>'),
+        ('<SetBlackboard value="1.5" output_key="x"/>', '<Use height_m="{x}"/>'),
+        ('<SetBlackboard value="right" output_key="x"/>', '<Use side="{x}"/>'),
+        ('<SetBlackboard value="{@helipad}" output_key="x"/>', '<Use pad="{x}"/>'),
+        ('<Script code="x := 1"/>', '<Use count="{x}" height_m="{x}" sure="{x}"/>'),
+        ('<Script code="x := true"/>', '<Use sure="{x}"/>'),
+        ("<Script code=\"x := '2'\"/>", '<Use count="{x}"/>'),
+        ("<Script code=\"x := 'far'; x = '2'\"/>", '<Use count="{x}"/>'),
+        ("<Script code=\"x := y ? 'far' : 2\"/>", '<Use count="{x}"/>'),
+        ('<Script code="x := y"/>', '<Use pad="{x}"/>'),
+        ('<Script code="y := x"/>', '<Use pad="{x}"/>'),
+        ('<FindPad pad="{x}"/>', '<Use _skipIf="y == 1"/>'),
+        ('<SetBlackboard value="a" output_key="{k}"/>', '<Use height_m="{x}"/>'),
+        ('<FindPad pad="{x}"/><Measure height_m="{x}"/>', '<Use height_m="{x}" pad="{x}"/>'),
+        ('<FindPad pad="{x}"/><Script code="{code}"/>', '<Use height_m="{x}"/>'),
+        ("", '<Use height_m="{x}" pad="{x}"/>'),  # set from Python
+    ],
+)
+def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
+    """Only certain errors are errors."""
+    assert findings(sequence(writer, reader)) == []
+
+
+# --- what cannot ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("writer", "reader", "message"),
+    [
+        (
+            '<FindPad name="find" pad="{x}"/>',
+            '<Use name="use" height_m="{x}"/>',
+            "variable 'x' holds HelipadFix, from FindPad 'find', attribute 'pad', at m.xml:1:107",
+        ),
+        (
+            '<Measure height_m="{x}"/>',
+            '<Use pad="{x}"/>',
+            "attribute 'pad' takes HelipadFix, but variable 'x' holds float",
+        ),
+        (
+            '<Measure word="{x}"/>',
+            '<Use pad="{x}"/>',
+            "attribute 'pad' takes HelipadFix, but variable 'x' holds str",
+        ),
+        ('<Measure sure="{x}"/>', '<Use height_m="{x}"/>', "holds bool"),
+        (
+            '<SetBlackboard value="high" output_key="x"/>',
+            '<Use height_m="{x}"/>',
+            "fit (expected a number, got 'high'), from SetBlackboard, attribute 'output_key', at m",
+        ),
+        (
+            '<SetBlackboard value="rihgt" output_key="x"/>',
+            '<Use side="{x}"/>',
+            "(expected one of left, right; got 'rihgt'; did you mean 'right'?)",
+        ),
+        (
+            '<SetBlackboard value="{@helipad}" output_key="x"/>',
+            '<Use height_m="{x}"/>',
+            "variable 'x' holds HelipadFix",
+        ),
+        (
+            '<FindPad pad="{y}"/><SetBlackboard value="{y}" output_key="x"/>',
+            '<Use height_m="{x}"/>',
+            "variable 'x' holds HelipadFix, from FindPad, attribute 'pad'",
+        ),
+        (
+            '<FindPad pad="{y}"/><Script code="x := y"/>',
+            '<Use height_m="{x}"/>',
+            "attribute 'code': variable 'y' holds HelipadFix, no number and no text",
+        ),
+        ('<Script code="x := 1 + 2"/>', '<Use pad="{x}"/>', "holds float"),
+        ("<Script code=\"x := 'a' .. 1\"/>", '<Use pad="{x}"/>', "holds str"),
+        ("<Script code=\"x := 'a'\"/>", '<Use height_m="{x}"/>', "expected a number, got 'a'"),
+        ("<Script code=\"x := y ? 'a' : 'b'\"/>", '<Use pad="{x}"/>', "holds str"),
+        (
+            '<FindPad pad="{x}"/>',
+            '<Use _skipIf="x &gt; 1"/>',
+            "attribute '_skipIf': variable 'x' holds HelipadFix, no number and no text",
+        ),
+        (
+            '<FindPad pad="{x}"/><FindPad pad="{x}"/>',
+            '<Use height_m="{x}"/>',
+            "(and 1 more like it)",
+        ),
+        ('<LoopInt queue="1;2" value="{x}"><FindPad/></LoopInt>', '<Use pad="{x}"/>', "holds int"),
+    ],
+)
+def test_what_must_fail_is_refused(writer: str, reader: str, message: str) -> None:
+    """The report names the reader, the writer and both places."""
+    found = findings(sequence(writer, reader))
+    assert any(message in finding for finding in found), found
+
+
+def test_the_place_is_the_readers_attribute() -> None:
+    """Line and column lead to where the variable is read."""
+    text = document(sequence('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>'))
+    column = text.index("height_m") + 1
+    assert findings(sequence('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>'))[0].startswith(
+        f"1:{column}: Use: attribute 'height_m' takes float"
+    )
+
+
+# --- through subtrees -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "door",
+    ['<SubTree ID="In" y="{x}"/>', '<SubTree ID="Mid" z="{x}"/>'],
+)
+def test_types_pass_through_remapped_subtrees(door: str) -> None:
+    """A variable keeps its type under its other name, two doors further, too."""
+    middle = inner('<SubTree ID="In" y="{z}"/>', tree_id="Mid")
+    use = inner('<Use height_m="{y}"/>')
+    used = [use, middle] if "Mid" in door else [use]
+    assert findings(sequence('<Measure height_m="{x}"/>', door), *used) == []
+    found = findings(sequence('<FindPad pad="{x}"/>', door), *used)
+    assert len(found) == 1
+    assert "attribute 'height_m' takes float, but variable 'x' holds HelipadFix" in found[0]
+
+
+def test_types_come_out_of_subtrees() -> None:
+    """A subtree that writes a shared variable gives it its type."""
+    found = findings(
+        sequence('<SubTree ID="In" y="{x}"/>', '<Use height_m="{x}"/>'),
+        inner('<FindPad pad="{y}"/>'),
+    )
+    assert len(found) == 1
+    assert "variable 'x' holds HelipadFix, from FindPad" in found[0]
+
+
+def test_autoremapped_names_are_shared_and_private_ones_are_not() -> None:
+    """`_autoremap` carries a type in, but not that of `_x`."""
+    door = '<SubTree ID="In" _autoremap="true"/>'
+    pads = sequence('<FindPad pad="{x}"/>', '<FindPad pad="{_x}"/>', door)
+    assert len(findings(pads, inner('<Use height_m="{x}"/>'))) == 1
+    assert findings(pads, inner('<Use height_m="{_x}"/>')) == []
+    assert findings(pads.replace(' _autoremap="true"', ""), inner('<Use height_m="{x}"/>')) == []
+
+
+def test_a_subtree_is_checked_for_each_of_its_uses() -> None:
+    """One use is right, the other is not: the report names the wrong one's writer."""
+    found = findings(
+        sequence(
+            '<Measure height_m="{a}"/>',
+            '<FindPad name="wrong" pad="{b}"/>',
+            '<SubTree ID="In" y="{a}"/>',
+            '<SubTree ID="In" y="{b}"/>',
+        ),
+        inner('<Use height_m="{y}"/>'),
+    )
+    assert len(found) == 1
+    assert "FindPad 'wrong'" in found[0]
+
+
+def test_literal_entries_are_texts() -> None:
+    """They are parsed by the port that reads them, and one that cannot be is found."""
+    use = inner('<Use height_m="{y}"/>')
+    assert findings('<SubTree ID="In" y="1.5"/>', use) == []
+    found = findings('<SubTree ID="In" y="high"/>', use)
+    assert len(found) == 1
+    assert "(expected a number, got 'high'), from SubTree 'In', attribute 'y'" in found[0]
+    assert findings('<SubTree ID="In" y="high" _autoremap="true"/>', use) == found_again(found)
+
+
+def found_again(found: list[str]) -> list[str]:
+    """Return findings with the place moved by the attribute that stands before it."""
+    shift = len(' _autoremap="true"')
+    place, rest = found[0].split(": ", 1)
+    line, column = place.split(":")
+    return [f"{line}:{int(column) + shift}: {rest}"]
+
+
+def test_trees_that_nobody_uses_are_typed_too() -> None:
+    """A spare tree is read as one that is flown itself."""
+    spare = inner('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>')
+    assert len(findings("<AlwaysSuccess/>", spare)) == 1
+
+
+# --- variables that nothing writes ----------------------------------------------------------------
+
+
+def test_an_unwritten_variable_of_a_subtree_is_found() -> None:
+    """A subtree's own variable can only be written in the file."""
+    found = findings('<SubTree ID="In" name="go"/>', inner('<Need height_m="{speed}"/>'))
+    assert len(found) == 1
+    assert (
+        "Need: attribute 'height_m': nothing writes variable 'speed' of tree 'In', and SubTree "
+        "'go' at m.xml:1:76 gives no entry 'speed'"
+    ) in found[0]
+
+
+def test_a_misspelt_entry_is_found_with_the_right_one() -> None:
+    """Both ends are reported: the entry that nobody uses, and the variable that has no value."""
+    found = findings('<SubTree ID="In" sped="1"/>', inner('<Need height_m="{speed}"/>'))
+    assert len(found) == 2
+    assert "entry 'sped' is used by no node of tree 'In'; did you mean 'speed'?" in found[0]
+    assert "nothing writes variable 'speed'" in found[1]
+    assert found[1].endswith("did you mean 'sped'?")
+
+
+def test_an_unwritten_name_in_a_script_is_found() -> None:
+    """A script that must fail is an error; one that may never come there is none."""
+    door = '<SubTree ID="In"/>'
+    found = findings(door, inner('<AlwaysSuccess _skipIf="n &gt; 1"/>'))
+    assert "attribute '_skipIf': nothing writes variable 'n' of tree 'In'" in found[0]
+    found = findings(door, inner('<Script code="n += 1"/>'))
+    assert "attribute 'code': nothing writes variable 'n' of tree 'In'" in found[0]
+    assert findings(door, inner('<Script code="n := 1; n += n"/>')) == []
+    assert findings(door, inner('<Script code="x := 1; y := x ? 1 : n"/>')) == []
+    assert findings(door, inner('<Script code="x := 1; y := x == 2 == n"/>')) == []
+
+
+@pytest.mark.parametrize(
+    ("door", "nodes"),
+    [
+        ('<SubTree ID="In" speed="{v}"/>', '<Need height_m="{speed}"/>'),  # the outer tree's
+        ('<SubTree ID="In" _autoremap="1"/>', '<Need height_m="{speed}"/>'),
+        ('<SubTree ID="In"/>', '<Script code="speed := 1"/><Need height_m="{speed}"/>'),
+        ('<SubTree ID="In"/>', '<Need height_m="{_speed}"/>'),  # private: a leaf may keep it
+        ('<SubTree ID="In"/>', '<Use pad="{pad}"/>'),  # not required
+        ('<SubTree ID="In" unused="1" a="{b}"/>', "<AlwaysSuccess/>"),
+        ('<SubTree ID="In"/>', '<WasEntryUpdated entry="{e}"/>'),
+        (
+            '<SubTree ID="In"/>',
+            '<Switch2 variable="{v}" case_1="1" case_2="2"><Use/><Use/><Use/></Switch2>',
+        ),
+        ('<SubTree ID="In"/>', '<Script code="{c}"/><Need height_m="{speed}"/>'),
+    ],
+)
+def test_variables_that_may_have_a_value_are_accepted(door: str, nodes: str) -> None:
+    """What the outer tree, a script or nobody's need leaves open is no error."""
+    assert findings(sequence("<Script code=\"c := 'speed := 1'\"/>", door), inner(nodes)) == []
+
+
+# --- board keys under another name ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("nodes", "message"),
+    [
+        ('<Use pad="{p}"/>', None),
+        (
+            '<Use height_m="{p}"/>',
+            "takes float, but 'p' is board key 'helipad', which holds HelipadFix",
+        ),
+        ('<FindPad pad="{p}"/>', None),
+        ('<Measure height_m="{p}"/>', "takes float, but 'p' is board key 'helipad'"),
+        ('<Script code="p := 1"/>', "'p' is board key 'helipad'; only a leaf's output port writes"),
+        ('<UnsetBlackboard key="p"/>', "only a leaf's output port writes that"),
+        ('<SetBlackboard value="1" output_key="p"/>', "only a leaf's output port writes that"),
+        ('<Use _skipIf="p == 1"/>', "which holds HelipadFix, no number and no text"),
+        ('<SetBlackboard value="{p}" output_key="q"/><Use pad="{q}"/>', None),
+        ('<SetBlackboard value="{p}" output_key="q"/><Use word="{q}"/>', "holds HelipadFix"),
+        ('<SubTree ID="Deep" d="{p}"/>', "takes float, but 'd' is board key 'helipad'"),
+    ],
+)
+def test_board_keys_keep_their_type(nodes: str, message: str | None) -> None:
+    """`{@key}` as an entry: the subtree's variable is the key, with its type and its rules."""
+    deep = inner('<Use height_m="{d}"/>', tree_id="Deep") if "Deep" in nodes else ""
+    found = findings('<SubTree ID="In" p="{@helipad}"/>', inner(nodes), deep)
+    if message is None:
+        assert found == []
+    else:
+        assert len(found) == 1
+        assert message in found[0]
+
+
+def test_a_bounded_part_of_a_multiplying_tree_is_typed() -> None:
+    """Trees that double at every level do not stop the check."""
+    levels = [inner(*[f'<SubTree ID="T{n + 1}"/>'] * 2, tree_id=f"T{n}") for n in range(30)] + [
+        inner("<FindPad/>", tree_id="T30")
+    ]
+    assert "more than 20000 nodes" in findings('<SubTree ID="T0"/>', *levels)[0]

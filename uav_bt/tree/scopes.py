@@ -1,0 +1,176 @@
+"""The variables of a tree file before it flies: who writes each, who reads it, through all doors.
+
+A `Scope` resolves names exactly as `Variables` will in flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree.elements import label
+from uav_bt.tree.port import Port
+from uav_bt.tree.source import Element
+
+__all__ = ["UNKNOWN", "Read", "Scope", "Slot", "Use", "Write"]
+
+
+class UNKNOWN:
+    """The type of a value of which nothing is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Use:
+    """Where in a file a variable is used."""
+
+    element: Element
+    attribute: str
+
+    def __str__(self) -> str:
+        """Return node, attribute and place."""
+        element = self.element
+        return (
+            f"{label(element)}, attribute '{self.attribute}', "
+            f"at {element.path}:{element.at(self.attribute)}"
+        )
+
+
+@dataclass(frozen=True)
+class Write:
+    """Something that may write a variable."""
+
+    use: Use
+    kind: type  # of the value, or UNKNOWN
+    text: str | None = None  # the value, where it is a text in the file
+    copied: Slot | None = None  # the variable whose value it is
+    creates: bool = True  # False: only changes a variable that exists
+
+
+@dataclass(frozen=True)
+class Read:
+    """Something that reads a variable."""
+
+    use: Use
+    port: Port[Any] | None  # None: a script
+    needed: bool  # without a value the reader fails
+
+
+@dataclass(eq=False)
+class Slot:
+    """A variable of one scope."""
+
+    name: str
+    writes: list[Write] = field(default_factory=list)
+    reads: list[Read] = field(default_factory=list)
+    obscure: bool = False  # something writes it that the file does not tell
+
+    @property
+    def created(self) -> bool:
+        """True when something in the file gives it its first value, or may."""
+        return self.obscure or any(write.creates for write in self.writes)
+
+    def sources(self) -> list[Write] | None:
+        """Return what gives it its values, copies followed back; None when that is not known."""
+        found: dict[Write, None] = {}
+        seen: set[int] = set()
+        waiting = [self]
+        while waiting:
+            slot = waiting.pop()
+            if id(slot) in seen:
+                continue
+            seen.add(id(slot))
+            if not slot.created or slot.obscure:
+                return None
+            changed = any(not write.creates for write in slot.writes)
+            for write in slot.writes:
+                if not write.creates:
+                    continue  # it keeps the type that there is
+                if write.copied is not None:
+                    waiting.append(write.copied)
+                else:
+                    found[replace(write, text=None) if changed else write] = None
+        return list(found)
+
+
+class Scope:
+    """The variables of one use of a tree.
+
+    Args:
+        tree_id: the tree.
+        parent: the scope of the tree that uses it; None for a tree that is flown itself.
+        door: the SubTree element that uses it.
+        remapped: names here that are other names in the parent.
+        board: names here that are keys of the mission board.
+        constants: first values of names here.
+        autoremap: every name that is not private is the parent's.
+    """
+
+    def __init__(
+        self,
+        tree_id: str,
+        parent: Scope | None = None,
+        door: Element | None = None,
+        *,
+        remapped: Mapping[str, str] | None = None,
+        board: Mapping[str, Key[Any] | None] | None = None,
+        constants: Mapping[str, str] | None = None,
+        autoremap: bool = False,
+    ) -> None:
+        self.tree_id = tree_id
+        self.parent = parent
+        self.door = door
+        self.touched: set[str] = set()  # names that something inside uses
+        self._remapped = dict(remapped or {})
+        self._board = dict(board or {})
+        self._autoremap = autoremap
+        self._slots: dict[str, Slot] = {}
+        self._constants = dict(constants or {})
+        if door is not None:
+            for name, text in self._constants.items():
+                write = Write(Use(door, name), str, text)
+                self._slots[name] = Slot(name, [write])
+
+    def place(self, name: str) -> Slot | Key[Any] | None:
+        """Return the variable or the board key that a name is; None for a key nobody knows."""
+        self.touched.add(name)
+        if name in self._board:
+            return self._board[name]
+        if self.parent is not None:
+            if name in self._remapped:
+                return self.parent.place(self._remapped[name])
+            if self._autoremap and not name.startswith("_") and name not in self._constants:
+                return self.parent.place(name)
+        return self._slots.setdefault(name, Slot(name))
+
+    def obscure(self) -> None:
+        """Note that anything may be written from here."""
+        for slot in self._slots.values():
+            slot.obscure = True
+        if self.parent is None:
+            return
+        for name in self._remapped.values():
+            outer = self.parent.place(name)
+            if isinstance(outer, Slot):
+                outer.obscure = True
+        if self._autoremap:
+            self.parent.obscure()
+
+    def uncovers(self, name: str) -> bool:
+        """Return whether removing a name here makes it the parent's."""
+        return self._autoremap and name in self._constants and not name.startswith("_")
+
+    def slots(self) -> Iterator[Slot]:
+        """Iterate over the variables that live here."""
+        yield from self._slots.values()
+
+    def known_names(self) -> list[str]:
+        """Return the names that have a value here."""
+        own = [name for name, slot in self._slots.items() if slot.created]
+        return [*own, *self._remapped, *self._board]
+
+    @property
+    def entries(self) -> list[str]:
+        """The names that the SubTree element gives."""
+        return [*self._remapped, *self._board, *self._constants]

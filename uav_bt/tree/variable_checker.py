@@ -1,0 +1,125 @@
+"""Checks the types of variables across a whole file: what is read must be able to fit.
+
+Only what must fail in flight is noted: a variable is wrong for its reader when nothing that gives
+it a value ever gives it one that the reader can take. Variables of the tree that is flown itself
+may also be set from Python, so there only a value that the file gives wrongly counts.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from uav_bt.errors import did_you_mean
+from uav_bt.tree.document import Document
+from uav_bt.tree.elements import label
+from uav_bt.tree.findings import Findings
+from uav_bt.tree.fit import key_fits, may_convert, related
+from uav_bt.tree.port import Port
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
+from uav_bt.tree.variable_uses import BoardUse, VariableUses
+
+__all__ = ["check_variables"]
+
+_IN_SCRIPTS: Final = (int, float, str)
+
+
+def check_variables(document: Document, registry: NodeRegistry, findings: Findings) -> None:
+    """Note the uses of variables that cannot go well."""
+    _VariableChecker(document, registry, findings).check()
+
+
+class _VariableChecker:
+    def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
+        self._findings = findings
+        self._uses = VariableUses(document, registry)
+
+    def check(self) -> None:
+        for scope in self._uses.find():
+            for slot in scope.slots():
+                sources = slot.sources()
+                for read in slot.reads:
+                    if sources is not None:
+                        self._check_read(slot, read, sources)
+                    elif read.needed and not slot.created:
+                        self._check_unwritten(scope, slot, read)
+        for board_use in self._uses.on_board:
+            self._check_board_use(board_use)
+
+    def _note(self, use: Use, message: str) -> None:
+        element = use.element
+        self._findings.add(
+            element.path,
+            element.at(use.attribute),
+            f"attribute '{use.attribute}'{message}",
+            label(element),
+        )
+
+    # --- variables --------------------------------------------------------------------------------
+
+    def _check_read(self, slot: Slot, read: Read, sources: list[Write]) -> None:
+        reasons = [_misfit(read.port, write) for write in sources]
+        if not reasons or None in reasons:
+            return
+        more = f" (and {len(reasons) - 1} more like it)" if len(reasons) > 1 else ""
+        takes = "" if read.port is None else f" takes {read.port.type.__name__}, but"
+        self._note(
+            read.use,
+            f"{takes or ':'} variable '{slot.name}' {reasons[0]}, from {sources[0].use}{more}",
+        )
+
+    def _check_unwritten(self, scope: Scope, slot: Slot, read: Read) -> None:
+        door = scope.door
+        if door is None or slot.name.startswith("_"):
+            return
+        tree = scope.tree_id
+        unused = [name for name in scope.entries if name not in scope.touched]
+        hint = did_you_mean(slot.name, scope.known_names())
+        self._note(
+            read.use,
+            f": nothing writes variable '{slot.name}' of tree '{tree}', and {label(door)} at "
+            f"{door.path}:{door.position} gives no entry '{slot.name}'{hint}",
+        )
+        for name in unused:
+            if did_you_mean(name, [slot.name]):
+                self._findings.add(
+                    door.path,
+                    door.at(name),
+                    f"entry '{name}' is used by no node of tree '{tree}'"
+                    f"{did_you_mean(name, [slot.name])}",
+                    label(door),
+                )
+
+    # --- board keys by another name ---------------------------------------------------------------
+
+    def _check_board_use(self, used: BoardUse) -> None:
+        key, port = used.key, used.port
+        what = f"'{used.name}' is board key '{key.name}'"
+        if used.writes:
+            self._note(used.use, f": {what}; only a leaf's output port writes that")
+        elif port is None and not issubclass(key.type, _IN_SCRIPTS):
+            self._note(
+                used.use, f": {what}, which holds {key.type.__name__}, no number and no text"
+            )
+        elif port is not None and not key_fits(port, key):
+            self._note(
+                used.use,
+                f" takes {port.type.__name__}, but {what}, which holds {key.type.__name__}",
+            )
+
+
+def _misfit(port: Port[Any] | None, write: Write) -> str | None:
+    """Return why a written value can never be read, or None when it perhaps can."""
+    kind = write.kind
+    if kind is UNKNOWN:
+        return None
+    if port is None:
+        fits = any(related(kind, known) for known in _IN_SCRIPTS)
+        return None if fits else f"holds {kind.__name__}, no number and no text"
+    if write.text is None:
+        return None if may_convert(kind, port.type) else f"holds {kind.__name__}"
+    try:
+        port.read(write.text)
+    except ValueError as error:
+        return f"holds a text that does not fit ({error})"
+    return None

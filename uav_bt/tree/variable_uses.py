@@ -1,0 +1,257 @@
+"""Finds who writes and who reads each variable of a tree file, subtrees put in place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from uav_bt.errors import InputError
+from uav_bt.mission.blackboard import Key
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
+from uav_bt.tree.document import Document
+from uav_bt.tree.elements import node_attributes, node_id_of, walk
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.nodes import SetBlackboard, SubTree, UnsetBlackboard
+from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
+from uav_bt.tree.script import Script, ScriptError, parse_script
+from uav_bt.tree.script.expressions import Assignment, Literal, Name
+from uav_bt.tree.script.kinds import certain_names, kind_of
+from uav_bt.tree.source import Element
+
+__all__ = ["BoardUse", "VariableUses"]
+
+_MAX_NODES: Final = 20_000  # as many as a tree may have once its subtrees are in place
+
+
+@dataclass(frozen=True)
+class BoardUse:
+    """A use of a board key by the name of a subtree's variable."""
+
+    key: Key[Any]
+    name: str  # of the variable
+    use: Use
+    port: Port[Any] | None = None  # None: a script, or a node that writes variables by name
+    writes: bool = False  # without a port
+
+
+class VariableUses:
+    """Walks the trees of a document as they will be flown.
+
+    Args:
+        document: the file.
+        registry: the nodes that may occur.
+    """
+
+    def __init__(self, document: Document, registry: NodeRegistry) -> None:
+        self._document = document
+        self._registry = registry
+        self._board_keys = registry.board_keys
+        self.on_board: list[BoardUse] = []
+        self._scopes: list[Scope] = []
+        self._obscured: list[Scope] = []
+        self._count = 0
+
+    def find(self) -> Iterator[Scope]:
+        """Iterate over all scopes: of the main tree, of its subtrees, of trees nobody uses.
+
+        Trees that contain themselves are followed once, and of trees that multiply without bound
+        only a part; the loader refuses both.
+        """
+        used = {
+            element.attributes.get("ID")
+            for tree in self._document.trees.values()
+            for element in walk(tree)
+            if element.tag == NodeKind.SUBTREE.value
+        }
+        for tree_id in self._document.trees:
+            if tree_id == self._document.main or tree_id not in used:
+                self._enter(Scope(tree_id), (tree_id,))
+        for scope in self._obscured:
+            scope.obscure()
+        yield from self._scopes
+
+    def _enter(self, scope: Scope, chain: tuple[str, ...]) -> None:
+        self._scopes.append(scope)
+        for child in self._document.trees[scope.tree_id].children:
+            self._visit(child, scope, chain)
+
+    def _visit(self, element: Element, scope: Scope, chain: tuple[str, ...]) -> None:
+        self._count += 1
+        if self._count > _MAX_NODES:
+            self._obscured.append(scope)
+            return
+        given = node_attributes(element)
+        for name in CONDITION_ATTRIBUTES.intersection(given):
+            self._script(given.pop(name), scope, Use(element, name))
+        if element.tag == NodeKind.SUBTREE.value:
+            self._subtree(element, given, scope, chain)
+            return
+        node_id = node_id_of(element)
+        if node_id in self._registry:
+            self._node(element, self._registry[node_id], given, scope)
+        else:
+            self._obscured.append(scope)
+        for child in element.children:
+            self._visit(child, scope, chain)
+
+    # --- subtrees ---------------------------------------------------------------------------------
+
+    def _subtree(
+        self, element: Element, given: dict[str, str], outer: Scope, chain: tuple[str, ...]
+    ) -> None:
+        remapped: dict[str, str] = {}
+        board: dict[str, Key[Any] | None] = {}
+        constants: dict[str, str] = {}
+        for name, text in given.items():
+            try:
+                reference = parse_reference(text, name)
+            except ValueError:
+                reference = Reference(name, on_board=True)  # refused; say nothing more about it
+            if reference is None:
+                constants[name] = text
+            elif reference.on_board:
+                board[name] = self._board_keys.get(reference.key)
+            else:
+                remapped[name] = reference.key
+        scope = Scope(
+            element.attributes.get("ID", ""),
+            outer,
+            element,
+            remapped=remapped,
+            board=board,
+            constants=constants,
+            autoremap=_autoremap(element),
+        )
+        if scope.tree_id in chain or scope.tree_id not in self._document.trees:
+            self._obscured.append(scope)
+        else:
+            self._enter(scope, (*chain, scope.tree_id))
+
+    # --- nodes ------------------------------------------------------------------------------------
+
+    def _node(
+        self, element: Element, node: type[Node], given: dict[str, str], scope: Scope
+    ) -> None:
+        bound, _ = bind_ports(node.ports, dict(given))
+        for port in node.ports:
+            value = bound.get(port.name)
+            use = Use(element, port.name)
+            if isinstance(value, Reference):
+                if not value.on_board:
+                    self._port(port, value, use, scope, explicit=port.name in given)
+                if port.check is parse_script:
+                    self._obscured.append(scope)  # a script that only the flight shows
+            elif port.check is parse_script and isinstance(value, str):
+                self._script(value, scope, use)
+        if node is SetBlackboard:
+            self._set(bound, element, scope)
+        elif node is UnsetBlackboard:
+            self._unset(bound, Use(element, UnsetBlackboard.KEY.name), scope)
+
+    def _port(
+        self, port: Port[Any], at: Reference, use: Use, scope: Scope, *, explicit: bool
+    ) -> None:
+        slot = scope.place(at.key)
+        if slot is None:
+            return
+        if isinstance(slot, Key):
+            self.on_board.append(BoardUse(slot, at.key, use, port))
+            return
+        if port.direction != "output":
+            needed = explicit and port.required and port.type is not object
+            slot.reads.append(Read(use, port, needed))
+        if port.direction != "input":
+            slot.writes.append(Write(use, UNKNOWN if port.type is object else port.type))
+
+    def _set(self, bound: dict[str, Any], element: Element, scope: Scope) -> None:
+        name = bound.get(SetBlackboard.OUTPUT_KEY.name)
+        value = bound.get(SetBlackboard.VALUE.name)
+        use = Use(element, SetBlackboard.OUTPUT_KEY.name)
+        if not isinstance(name, str):
+            self._obscured.append(scope)
+            return
+        slot = self._written(name, use, scope)
+        if slot is None:
+            return
+        write = Write(use, str, value) if isinstance(value, str) else Write(use, UNKNOWN)
+        if isinstance(value, Reference):
+            source = self._board_keys.get(value.key) if value.on_board else scope.place(value.key)
+            if isinstance(source, Key):
+                write = Write(use, source.type)
+            elif isinstance(source, Slot):
+                write = Write(use, UNKNOWN, copied=source)
+        slot.writes.append(write)
+
+    def _unset(self, bound: dict[str, Any], use: Use, scope: Scope) -> None:
+        name = bound.get(use.attribute)
+        if isinstance(name, str):
+            slot = self._written(name, use, scope)
+            if slot is not None and scope.uncovers(name):
+                slot.obscure = True
+
+    def _written(self, name: str, use: Use, scope: Scope) -> Slot | None:
+        slot = scope.place(name)
+        if isinstance(slot, Key):
+            self.on_board.append(BoardUse(slot, name, use, writes=True))
+            return None
+        return slot
+
+    # --- scripts ----------------------------------------------------------------------------------
+
+    def _script(self, text: str, scope: Scope, use: Use) -> None:
+        try:
+            script = parse_script(text)
+        except (ScriptError, InputError):
+            return
+        certain = {id(name) for statement in script.statements for name in certain_names(statement)}
+        for part in script.walk():
+            if isinstance(part, Assignment):
+                self._assignment(part, scope, use)
+            elif isinstance(part, Name) and not part.name.startswith("@"):
+                self._name(part, scope, use, needed=id(part) in certain)
+        self._changed(script, scope, use)
+
+    def _name(self, name: Name, scope: Scope, use: Use, *, needed: bool) -> None:
+        slot = scope.place(name.name)
+        if isinstance(slot, Key):
+            self.on_board.append(BoardUse(slot, name.name, use))
+        elif slot is not None:
+            slot.reads.append(Read(use, None, needed))
+
+    def _changed(self, script: Script, scope: Scope, use: Use) -> None:
+        for statement in script.statements:
+            if isinstance(statement, Assignment) and statement.sign != ":=":
+                slot = scope.place(statement.name)
+                if isinstance(slot, Slot):
+                    slot.reads.append(Read(use, None, needed=True))
+
+    def _assignment(self, part: Assignment, scope: Scope, use: Use) -> None:
+        slot = self._written(part.name, use, scope)
+        if slot is None:
+            return
+        source = None
+        if isinstance(part.value, Name) and not part.value.name.startswith("@"):
+            source = scope.place(part.value.name)
+        kind = kind_of(part.value) or UNKNOWN
+        if isinstance(source, Key):
+            kind, source = source.type, None
+        text = part.value.value if isinstance(part.value, Literal) and kind is str else None
+        slot.writes.append(
+            Write(
+                use,
+                kind,
+                text=str(text) if text is not None else None,
+                copied=source,
+                creates=part.sign == ":=",
+            )
+        )
+
+
+def _autoremap(element: Element) -> bool:
+    try:
+        return SubTree.AUTOREMAP.convert(element.attributes.get("_autoremap", False))
+    except ValueError:
+        return True  # refused; the fewest conclusions follow from this
