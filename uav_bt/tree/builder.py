@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.errors import TreeError, ValueRangeError, did_you_mean
-from uav_bt.tree.checker import node_attributes, node_id_of
+from uav_bt.tree.checker import node_id_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.document import Document, label
 from uav_bt.tree.findings import Finding, Findings, Position
@@ -99,7 +99,7 @@ class Builder:
                 inner, names, child_paths(path, names), strict=True
             )
         ]
-        return _Plan(element, name, path, node_attributes(element), children)
+        return _Plan(element, name, path, self._document.entries(element), children)
 
     def _apply(self, overrides: Mapping[str, Mapping[str, str]], root: _Plan) -> None:
         plans = list(root.walk())

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
-from uav_bt.tree.document import Document
+from uav_bt.tree.document import Document, autoremaps
 from uav_bt.tree.elements import (
     KIND_TAGS,
     check_no_text,
@@ -175,9 +175,19 @@ class Checker:
         described = self._document.subtree_ports.get(tree_id)
         for name, text in node_attributes(element).items():
             self._check_entry(element, name, text, described)
+        if described is not None and not autoremaps(element):
+            self._check_missing_entries(element, described)
+
+    def _check_missing_entries(self, element: Element, described: dict[str, str | None]) -> None:
+        for name, default in described.items():
+            if default is None and name not in element.attributes:
+                self._note(
+                    element,
+                    f"entry '{name}' is missing: the tree is described with it, without a default",
+                )
 
     def _check_entry(
-        self, element: Element, name: str, text: str, described: frozenset[str] | None
+        self, element: Element, name: str, text: str, described: dict[str, str | None] | None
     ) -> None:
         if name in CONDITION_ATTRIBUTES:
             self._check_condition(element, name, text)

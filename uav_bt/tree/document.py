@@ -7,17 +7,25 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.elements import EDITOR_ATTRIBUTES, check_attributes, check_no_text, label
+from uav_bt.tree.elements import (
+    EDITOR_ATTRIBUTES,
+    check_attributes,
+    check_no_text,
+    label,
+    node_attributes,
+)
 from uav_bt.tree.findings import Findings
 from uav_bt.tree.includes import Includes
 from uav_bt.tree.models import read_models
 from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.source import Element
 
 __all__ = [
     "EDITOR_ATTRIBUTES",
     "Document",
+    "autoremaps",
     "check_attributes",
     "check_no_text",
     "label",
@@ -36,8 +44,29 @@ class Document:
     path: Path
     main: str = ""
     trees: dict[str, Element] = field(default_factory=dict)
-    # Port names of the trees that the file describes as SubTree in its TreeNodesModel.
-    subtree_ports: dict[str, frozenset[str]] = field(default_factory=dict)
+    # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
+    # None where a SubTree has to give an entry.
+    subtree_ports: dict[str, dict[str, str | None]] = field(default_factory=dict)
+
+    def entries(self, subtree: Element) -> dict[str, str]:
+        """Return a SubTree's entries and conditions, the described defaults included.
+
+        As in the engine, a subtree that shares all variables has no defaults.
+        """
+        given = node_attributes(subtree)
+        if autoremaps(subtree):
+            return given
+        ports = self.subtree_ports.get(subtree.attributes.get("ID", ""), {})
+        defaults = {name: text for name, text in ports.items() if text is not None}
+        return {**defaults, **given}
+
+
+def autoremaps(subtree: Element) -> bool:
+    """Return whether a SubTree shares all variables; one that is refused for it counts as such."""
+    try:
+        return SubTree.AUTOREMAP.convert(subtree.attributes.get("_autoremap", False))
+    except ValueError:
+        return True
 
 
 def outline(root: Element, registry: NodeRegistry, findings: Findings) -> Document:
@@ -144,7 +173,9 @@ def _read_models(
 ) -> None:
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:
-            document.subtree_ports[model.node_id] = frozenset(model.ports)
+            document.subtree_ports[model.node_id] = {
+                name: port.attributes.get("default") or None for name, port in model.ports.items()
+            }
         elif model.node_id in registry:
             _compare_model(model.element, model.ports, registry[model.node_id], findings)
 

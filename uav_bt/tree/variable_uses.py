@@ -9,10 +9,10 @@ from typing import Any, Final
 from uav_bt.errors import InputError
 from uav_bt.mission.blackboard import Key
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.document import Document
-from uav_bt.tree.elements import node_attributes, node_id_of, walk
+from uav_bt.tree.document import Document, autoremaps
+from uav_bt.tree.elements import node_id_of, walk
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.nodes import SetBlackboard, SubTree, UnsetBlackboard
+from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
@@ -83,7 +83,7 @@ class VariableUses:
         if self._count > _MAX_NODES:
             self._obscured.append(scope)
             return
-        given = node_attributes(element)
+        given = self._document.entries(element)
         for name in CONDITION_ATTRIBUTES.intersection(given):
             self._script(given.pop(name), scope, Use(element, name))
         if element.tag == NodeKind.SUBTREE.value:
@@ -123,7 +123,7 @@ class VariableUses:
             remapped=remapped,
             board=board,
             constants=constants,
-            autoremap=_autoremap(element),
+            autoremap=autoremaps(element),
         )
         if scope.tree_id in chain or scope.tree_id not in self._document.trees:
             self._obscured.append(scope)
@@ -248,10 +248,3 @@ class VariableUses:
                 creates=part.sign == ":=",
             )
         )
-
-
-def _autoremap(element: Element) -> bool:
-    try:
-        return SubTree.AUTOREMAP.convert(element.attributes.get("_autoremap", False))
-    except ValueError:
-        return True  # refused; the fewest conclusions follow from this

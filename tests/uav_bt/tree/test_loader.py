@@ -192,7 +192,27 @@ def test_a_described_subtree_knows_its_ports() -> None:
         '<BehaviorTree ID="Home"><Safe/></BehaviorTree>',
         '<TreeNodesModel><SubTree ID="Home"><input_port name="speed"/></SubTree></TreeNodesModel>',
     )
-    assert "no port 'sped'; did you mean 'speed'" in findings(text)[0]
+    found = findings(text)
+    assert len(found) == 2
+    assert "entry 'speed' is missing: the tree is described with it, without a def" in found[0]
+    assert "no port 'sped'; did you mean 'speed'" in found[1]
+    for right in ('speed="1"', '_autoremap="true"'):
+        parse_tree(text.replace('sped="1"', right), REGISTRY)
+
+
+def test_a_described_subtree_has_defaults(world: World) -> None:
+    """A default of the description is the entry of a SubTree that gives none, and is typed."""
+    text = document(
+        '<SubTree ID="Home"/>',
+        '<BehaviorTree ID="Home"><Steer height_m="{speed}"/></BehaviorTree>',
+        '<TreeNodesModel><SubTree ID="Home"><input_port name="speed" default="2.5"/></SubTree>'
+        "</TreeNodesModel>",
+    )
+    tree = parse_tree(text, REGISTRY)
+    tree.setup(world.context)
+    assert tree.find("Steer").port_value("height_m") == 2.5
+    found = findings(text.replace("2.5", "fast"))
+    assert "variable 'speed' holds a text that does not fit (expected a number" in found[0]
 
 
 def test_all_errors_come_together_with_their_places() -> None:
