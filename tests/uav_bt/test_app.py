@@ -381,7 +381,7 @@ def test_a_flight_in_another_thread_takes_no_handlers(hangar: Hangar, tmp_path: 
 # --- flights of the twin --------------------------------------------------------------------------
 
 SMALL = app.FlightOptions(scene="test-a", seed=3, exact_masks=True, image_size_px=(320, 180))
-TIMINGS = {"tick_ms", "perception_ms"}
+TIMINGS = {"tick_ms", "perception_ms", "slow_leaves"}
 
 
 def measured(report: FlightReport) -> dict[str, Any]:

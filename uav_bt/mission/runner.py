@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,6 +15,7 @@ from uav_bt.mission.context import MissionContext
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
+from uav_bt.tree.budget import BudgetWatch, SlowLeaf
 from uav_bt.types import Command, FlyingState, Observation, TakeOff, Truth
 
 __all__ = ["MissionRunner", "RunnerConfig", "TickListener", "TickRecord"]
@@ -49,6 +50,7 @@ class TickRecord:
     compute_s: float  # wall time of tree, networks included
     truth: Truth | None
     word: str = ""  # what the deepest running node says of itself, a policy's reason for instance
+    slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
 
 
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
@@ -63,7 +65,18 @@ class TickListener(Protocol):
 
 
 class MissionRunner:
-    """Flies one tree with one drone, once."""
+    """Flies one tree with one drone, once.
+
+    Args:
+        drone: the connected drone.
+        tree: the tree, set up for the context.
+        context: the mission's surroundings.
+        judge: says when the flight has ended, and how.
+        limits: what no command may exceed.
+        config: how the mission is run.
+        listeners: what follows the flight tick by tick.
+        timer: the wall clock that computing is measured with, seconds.
+    """
 
     def __init__(
         self,
@@ -75,6 +88,7 @@ class MissionRunner:
         limits: Limits | None = None,
         config: RunnerConfig | None = None,
         listeners: Sequence[TickListener] = (),
+        timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._drone = drone
         self._tree = tree
@@ -83,6 +97,8 @@ class MissionRunner:
         self._arbiter = Arbiter(limits or Limits())
         self._config = config or RunnerConfig()
         self._listeners = tuple(listeners)
+        self._timer = timer
+        self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
 
@@ -121,9 +137,9 @@ class MissionRunner:
         self._write_board(observation, start_s)
         self._context.proposals.clear()
 
-        began = time.perf_counter()
+        began_s = self._timer()
         status = self._tree.tick() if self._abort_reason is None else Status.INVALID
-        compute_s = time.perf_counter() - began
+        compute_s = self._timer() - began_s
         if self._abort_reason is not None:
             self._tree.halt()
 
@@ -145,6 +161,7 @@ class MissionRunner:
             compute_s=compute_s,
             truth=truth,
             word=active[-1].feedback_message if active else "",
+            slow=self._budgets.take(),
         )
         for listener in self._listeners:
             listener.on_tick(record)

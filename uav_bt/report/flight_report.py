@@ -62,6 +62,8 @@ class FlightReport:
     ticks: int
     tick_ms: Percentiles | None
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
+    # Leaves that blocked longer than their budget, by path: the longest time, milliseconds.
+    slow_leaves: dict[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain JSON values."""
@@ -91,11 +93,14 @@ class FlightLog:
         self._tick_s: list[float] = []
         self._last_truth: Truth | None = None
         self._end_s: float | None = None
+        self._slow_s: dict[str, float] = {}
 
     def on_tick(self, record: TickRecord) -> None:
         """Take note of a tick."""
         self._tick_s.append(record.compute_s)
         self._end_s = record.time_s
+        for leaf in record.slow:
+            self._slow_s[leaf.path] = max(leaf.took_s, self._slow_s.get(leaf.path, 0.0))
         marks = self._marks
         if marks.take_off_s is None and isinstance(record.command.movement, TakeOff):
             marks.take_off_s = record.time_s
@@ -178,6 +183,7 @@ class FlightLog:
             perception_ms={
                 stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
             },
+            slow_leaves={path: round(1000.0 * s, 1) for path, s in self._slow_s.items()},
         )
 
 

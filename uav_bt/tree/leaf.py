@@ -22,7 +22,8 @@ class Leaf(Node):
     When what runs: `on_setup` once, before the first tick; `initialise` when an activation begins;
     `update` every tick, returning at once; `terminate` exactly once per activation, with SUCCESS or
     FAILURE when it ended by itself and with INVALID when it was halted. `terminate` commands
-    nothing: a tree starts its new branch before it stops the old one.
+    nothing: a tree starts its new branch before it stops the old one. In flight, a leaf that takes
+    longer than `budget_s` is reported by name.
 
     The first line of the class's docstring is its description in `uav-bt nodes`.
     """
@@ -30,6 +31,8 @@ class Leaf(Node):
     reads: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf reads
     writes: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf writes
     condition: ClassVar[bool] = False  # True: answers at once, never RUNNING
+    # Wall time that one tick of it may take: some ticks, for a machine that is busy for a moment.
+    budget_s: ClassVar[float] = 0.5
     kind = NodeKind.ACTION
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

@@ -297,6 +297,7 @@ FIELDS = {
     "scene", "seed", "tree", "policies", "drone", "profile", "outcome", "reason", "duration_s",
     "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
     "time_to_land_s", "landing_error_m", "min_clearance_m", "ticks", "tick_ms", "perception_ms",
+    "slow_leaves",
 }  # fmt: skip
 
 

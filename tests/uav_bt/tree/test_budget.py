@@ -1,0 +1,155 @@
+"""Leaves that block longer than their budget: found, named, logged and reported."""
+
+from __future__ import annotations
+
+import logging
+from typing import ClassVar
+
+import pytest
+from tree_world import World
+
+from uav_bt.board import MISSION_KEYS
+from uav_bt.clock import ManualClock
+from uav_bt.errors import NodeFailedError
+from uav_bt.mission.arbiter import Proposals
+from uav_bt.mission.blackboard import Blackboard
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.judge import Judge
+from uav_bt.mission.runner import MissionRunner, TickRecord
+from uav_bt.report.flight_report import FlightLog
+from uav_bt.testing import ScriptedDrone
+from uav_bt.tree import Leaf, MissionTree, Port, Status
+from uav_bt.tree.budget import BudgetWatch, SlowLeaf
+from uav_bt.tree.nodes import AlwaysSuccess, Sequence
+
+
+class Blocks(Leaf):
+    """Takes its time in the methods it is told to; on a wall clock that the test moves."""
+
+    ports = (
+        Port("blocks", str, default="", doc="in which method"),
+        Port("for_s", float, default=1.0, doc="seconds"),
+        Port("raises", bool, default=False, doc="and then raises"),
+    )
+    wall: ClassVar[ManualClock]
+
+    def _block(self, method: str) -> None:
+        if self.port_value("blocks") == method:
+            self.wall.advance(self.port_value("for_s"))
+            if self.port_value("raises"):
+                raise OSError("timed out")
+
+    def initialise(self) -> None:
+        self._block("initialise")
+
+    def update(self) -> Status:
+        self._block("update")
+        return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        del new_status
+        self._block("terminate")
+
+
+class MayTakeLonger(Blocks):
+    """Has a larger budget."""
+
+    budget_s = 2.0
+
+
+@pytest.fixture
+def wall() -> ManualClock:
+    Blocks.wall = ManualClock()
+    return Blocks.wall
+
+
+def watched(world: World, wall: ManualClock, *leaves: Leaf) -> tuple[MissionTree, BudgetWatch]:
+    tree = MissionTree(Sequence("s", leaves), name="Mission")
+    tree.setup(world.context)
+    return tree, BudgetWatch(tree, timer=wall.now)
+
+
+@pytest.mark.parametrize("method", ["initialise", "update", "terminate"])
+def test_whichever_method_blocks_the_leaf_is_named(
+    world: World, wall: ManualClock, method: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """With its path, its time and its budget, in the log too."""
+    tree, watch = watched(world, wall, AlwaysSuccess(), Blocks("b", blocks=method))
+    with caplog.at_level(logging.WARNING):
+        tree.tick()
+        tree.halt()
+    assert watch.take() == (SlowLeaf(path="Mission/s/b", took_s=1.0, budget_s=0.5),)
+    assert watch.take() == ()
+    (record,) = caplog.records
+    assert record.getMessage() == (
+        "leaf 'Mission/s/b' blocked for 1.00 s, its budget is 0.50 s: "
+        "it must answer at once and go on in the next tick"
+    )
+
+
+def test_within_the_budget_nothing_is_said(world: World, wall: ManualClock) -> None:
+    """The class sets the budget; just as long as the budget is fine."""
+    for leaf in (MayTakeLonger(blocks="update"), Blocks(blocks="update", for_s=0.5)):
+        tree, watch = watched(world, wall, leaf)
+        tree.tick()
+        assert watch.take() == ()
+
+
+def test_a_leaf_that_blocks_and_raises_is_named_for_both(world: World, wall: ManualClock) -> None:
+    """The exception does not hide that it was slow."""
+    tree, watch = watched(world, wall, Blocks("b", blocks="update", raises=True))
+    with pytest.raises(NodeFailedError, match="'Mission/s/b' failed: OSError: timed out"):
+        tree.tick()
+    assert watch.worst_s == {"Mission/s/b": 1.0}
+
+
+def test_only_news_is_logged(
+    world: World, wall: ManualClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A leaf that blocks every tick is told of each time, and logged when it gets worse."""
+    leaf = Blocks("b", blocks="update")
+    tree, watch = watched(world, wall, leaf)
+    for for_s in (1.0, 1.0, 0.8, 3.0):
+        leaf._literals["for_s"] = for_s
+        tree.tick()
+    assert [slow.took_s for slow in watch.take()] == [1.0, 1.0, pytest.approx(0.8), 3.0]
+    assert len(caplog.records) == 2
+    assert watch.worst_s == {"Mission/s/b": 3.0}
+
+
+def test_a_flight_reports_it(wall: ManualClock) -> None:
+    """The runner measures, tells its listeners in the tick, and the report has the worst."""
+    drone = ScriptedDrone()
+    tree = MissionTree(Sequence("s", [Blocks("b", blocks="update", for_s=0.75)]), name="Mission")
+    context = MissionContext(
+        board=Blackboard(drone.clock, MISSION_KEYS),
+        clock=drone.clock,
+        proposals=Proposals(),
+        policy=lambda name: pytest.fail(f"asked for policy {name}"),
+    )
+    tree.setup(context)
+    log = FlightLog()
+    records: list[TickRecord] = []
+
+    class Stops:
+        def on_tick(self, record: TickRecord) -> None:
+            records.append(record)
+            if len(records) == 2:
+                runner.request_abort("seen enough")
+
+    runner = MissionRunner(drone, tree, context, Judge(), listeners=(log, Stops()), timer=wall.now)
+    verdict = runner.run()
+    slow = SlowLeaf(path="Mission/s/b", took_s=0.75, budget_s=0.5)
+    assert [record.slow for record in records][:2] == [(slow,), (slow,)]
+    assert records[0].compute_s == 0.75
+    report = log.report(
+        verdict,
+        scene=None,
+        seed=0,
+        tree="mission.xml",
+        policies={},
+        drone="scripted",
+        profile=None,
+        stage_times_s={},
+    )
+    assert report.to_json()["slow_leaves"] == {"Mission/s/b": 750.0}
