@@ -150,6 +150,7 @@ def fly(
     *,
     report: Path | None = None,
     listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None = None,
+    tree_listeners: Callable[[MissionTree, MissionContext], Sequence[TickListener]] | None = None,
 ) -> FlightReport:
     """Fly a mission and return its report.
 
@@ -159,6 +160,8 @@ def fly(
         report: where to write the report as JSON; it is also written when the mission fails.
         listeners: makes what follows the flight tick by tick (displays, videos, records); called
             with the connected drone.
+        tree_listeners: makes what follows the tree node by node (Groot2, logs); called with the
+            tree when it is set up.
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
@@ -178,7 +181,13 @@ def fly(
     drone.connect()
     try:
         return _fly_connected(
-            mission, path, drone, options, report_path=report, listeners=listeners
+            mission,
+            path,
+            drone,
+            options,
+            report_path=report,
+            listeners=listeners,
+            tree_listeners=tree_listeners,
         )
     finally:
         drone.disconnect()
@@ -192,6 +201,7 @@ def _fly_connected(
     *,
     report_path: Path | None,
     listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None,
+    tree_listeners: Callable[[MissionTree, MissionContext], Sequence[TickListener]] | None,
 ) -> FlightReport:
     context = MissionContext(
         board=Blackboard(drone.clock, MISSION_KEYS),
@@ -204,7 +214,11 @@ def _fly_connected(
     )
     mission.setup(context)
     log = FlightLog()
-    followers = [log, *(listeners(drone, context) if listeners else ())]
+    followers = [
+        log,
+        *(listeners(drone, context) if listeners else ()),
+        *(tree_listeners(mission, context) if tree_listeners else ()),
+    ]
     runner = MissionRunner(
         drone,
         mission,

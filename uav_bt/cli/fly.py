@@ -5,13 +5,16 @@ from __future__ import annotations
 from contextlib import ExitStack
 from itertools import combinations
 from pathlib import Path
+from typing import Final
 
 import click
 
-from uav_bt.cli.options import node_policies, output_option, picture_size, seed_option
+from uav_bt.cli.options import groot_port, node_policies, output_option, picture_size, seed_option
 from uav_bt.errors import MissionError
 
 __all__ = ["fly"]
+
+_GROOT_PORT: Final = 1667  # what Groot2 itself asks for
 
 
 @click.command()
@@ -41,6 +44,15 @@ __all__ = ["fly"]
 )
 @output_option("--report", "Write the flight's report there, as JSON.")
 @output_option("--video", "Film the flight: an mp4 file.")
+@output_option("--btlog", "Log what each node does: a .btlog file, which Groot2 replays.")
+@click.option(
+    "--groot",
+    metavar="[PORT]",
+    is_flag=False,
+    flag_value=str(_GROOT_PORT),
+    callback=groot_port,
+    help=f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
+)
 @output_option("--footage", "Keep frames and telemetry for `uav-bt train depth`: an npz file.")
 @output_option("--truth", "Keep exact depth of the footage's frames (simulated drones): npz.")
 @click.option("--realtime", is_flag=True, help="Let the twin keep pace with the clock on the wall.")
@@ -71,6 +83,8 @@ def fly(
     policies: dict[str, str],
     report: Path | None,
     video: Path | None,
+    btlog: Path | None,
+    groot: int | None,
     footage: Path | None,
     truth: Path | None,
     realtime: bool,
@@ -83,7 +97,13 @@ def fly(
     the report is still written. Exits with 0 when the mission succeeded, 1 when it did not, and 2
     when nothing was flown because something given was refused.
     """
-    written = {"report": report, "video": video, "footage": footage, "truth": truth}
+    written = {
+        "report": report,
+        "video": video,
+        "btlog": btlog,
+        "footage": footage,
+        "truth": truth,
+    }
     files = {what: path for what, path in written.items() if path is not None}
     for one, other in combinations(files, 2):
         if files[one] == files[other]:
@@ -95,6 +115,7 @@ def fly(
 
     from uav_bt import app, watching  # noqa: PLC0415
     from uav_bt.footage import flight_footage  # noqa: PLC0415
+    from uav_bt.live import GrootConfig, watched_live  # noqa: PLC0415
     from uav_bt.mission.judge import Outcome  # noqa: PLC0415
     from uav_bt.view.status import summary  # noqa: PLC0415
 
@@ -117,7 +138,16 @@ def fly(
             watchers.append(film)
         if footage is not None:
             watchers.append(stack.enter_context(flight_footage(footage, truth=truth)))
-        flown = app.fly(tree, options, report=report, listeners=watching.all_of(*watchers))
+        live = stack.enter_context(
+            watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
+        )
+        flown = app.fly(
+            tree,
+            options,
+            report=report,
+            listeners=watching.all_of(*watchers),
+            tree_listeners=live,
+        )
         if film is not None:
             film.conclude(flown)
     Console().print(summary(flown))

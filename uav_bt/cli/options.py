@@ -6,22 +6,28 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
+
+from uav_bt.errors import FileError
 
 if TYPE_CHECKING:
     from uav_bt.tree import NodeRegistry
 
 __all__ = [
+    "groot_port",
     "node_policies",
     "output_option",
     "palette_option",
     "picture_size",
     "registry_with",
     "seed_option",
+    "tell_or_write",
     "views_option",
 ]
+
+_MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
 
 _Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -36,6 +42,25 @@ def picture_size(ctx: click.Context, param: click.Parameter, value: str) -> tupl
     if match is None:
         raise click.BadParameter(f"expected a size such as 640x360, got '{value}'", ctx, param)
     return int(match[1]), int(match[2])
+
+
+def groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    """Return a port whose neighbour exists, too.
+
+    Raises:
+        BadParameter: it is none.
+    """
+    if value is None:
+        return None
+    if not re.fullmatch(r"[1-9]\d{0,4}", value) or int(value) > _MAX_GROOT_PORT:
+        # `--groot` takes the next word for its port; the mission's name may be meant.
+        raise click.BadParameter(
+            f"expected a port from 1 to {_MAX_GROOT_PORT} or nothing, got '{value}'; "
+            "write a --groot without a port after TREE",
+            ctx,
+            param,
+        )
+    return int(value)
 
 
 def node_policies(
@@ -81,6 +106,22 @@ def output_option(name: str, help_: str) -> _Decorator:
         callback=_writable,
         help=help_,
     )
+
+
+def tell_or_write(text: str, out: Path | None) -> None:
+    """Print a text, or write it into a file.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise FileError(out, f"cannot be written: {error.strerror}") from error
+    click.echo(f"written: {out}")
 
 
 def palette_option() -> _Decorator:

@@ -15,7 +15,7 @@ from uuid import UUID, uuid4
 from uav_bt.live.groot_protocol import ProtocolError, Request, RequestType
 from uav_bt.live.numbering import TreeNumbering
 from uav_bt.live.plain_values import plain
-from uav_bt.live.transitions import NEWLY_IDLE, NodeStatus, Transition, pack
+from uav_bt.live.transitions import NEWLY_IDLE, STATUS_CODES, NodeStatus, Transition, pack
 from uav_bt.live.tree_xml import tree_xml
 from uav_bt.mission.blackboard import Blackboard
 
@@ -33,21 +33,26 @@ class GrootView:
     Args:
         numbering: of the tree.
         board: the mission's; it is shown with the main tree's variables, as `@key`.
+        now_us: the mission clock, microseconds.
         tree_id: by which clients recognise that the tree is still the same; default: a new one.
     """
 
     def __init__(
-        self, numbering: TreeNumbering, board: Blackboard, *, tree_id: UUID | None = None
+        self,
+        numbering: TreeNumbering,
+        board: Blackboard,
+        *,
+        now_us: int = 0,
+        tree_id: UUID | None = None,
     ) -> None:
         self.tree_id = tree_id or uuid4()
         self._instances = numbering.instances
         self._board = board
         self._xml = tree_xml(numbering).encode()
-        self._codes = [NodeStatus.IDLE] * len(numbering.nodes)
-        self._table = bytearray(
-            b"".join(_ENTRY.pack(uid, 0) for uid in range(1, len(numbering.nodes) + 1))
-        )
-        self._now_us = 0
+        self._codes = [STATUS_CODES[node.status] for node in numbering.nodes]
+        entries = (_ENTRY.pack(uid, code) for uid, code in enumerate(self._codes, 1))
+        self._table = bytearray(b"".join(entries))
+        self._now_us = now_us
         self._recording = False
         self._recorded_from_us = 0
         self._recorded: deque[Transition] = deque(maxlen=MAX_RECORDED)
