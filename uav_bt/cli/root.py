@@ -21,6 +21,7 @@ _COMMANDS: Final = {
     "nodes": "uav_bt.cli.nodes:nodes",
     "scenes": "uav_bt.cli.scenes:scenes",
     "pick": "uav_bt.cli.pick:pick",
+    "log": "uav_bt.cli.log:log",
     "train": "uav_bt.cli.train:train",
     "evaluate": "uav_bt.cli.evaluate:evaluate",
 }
@@ -54,8 +55,8 @@ class Commands(click.Group):
         """
         try:
             return super().invoke(ctx)
-        except (click.ClickException, click.Abort, click.exceptions.Exit):
-            raise
+        except (click.ClickException, click.Abort, click.exceptions.Exit, BrokenPipeError):
+            raise  # click ends quietly when whoever reads the output has seen enough
         except UavBtError as error:
             _say_why(ctx, error, str(error))
             raise click.exceptions.Exit(error.exit_code) from error
