@@ -14,10 +14,16 @@ from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["NodeInfo", "PortInfo", "describe", "describe_all", "palette_xml"]
+__all__ = ["NodeInfo", "PortInfo", "describe", "describe_all", "palette_xml", "port_text"]
 
 # What graphical editors and other engines of the format call these types.
-_TYPE_NAMES: Final = {int: "int", float: "double", bool: "bool", str: "std::string"}
+_TYPE_NAMES: Final[dict[type, str]] = {
+    int: "int",
+    float: "double",
+    bool: "bool",
+    str: "std::string",
+    object: "BT::AnyTypeAllowed",
+}
 _PORT_TAGS: Final = {"input": "input_port", "output": "output_port", "inout": "inout_port"}
 
 
@@ -47,7 +53,8 @@ class NodeInfo:
     origin: str  # module and class
 
 
-def _text(value: object) -> str:
+def port_text(value: object) -> str:
+    """Return a port's value as a tree file has it."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return str(value)
@@ -62,10 +69,10 @@ def _describe_port(port: Port[Any]) -> PortInfo:
     return PortInfo(
         name=port.name,
         type=port.type.__name__,
-        default=None if port.default is Port.REQUIRED else _text(port.default),
+        default=None if port.default is Port.REQUIRED else port_text(port.default),
         doc=port.doc,
         direction=port.direction,
-        choices=tuple(_text(choice) for choice in port.choices),
+        choices=tuple(port_text(choice) for choice in port.choices),
     )
 
 
@@ -118,6 +125,6 @@ def _model(node: type[Node]) -> list[str]:
         attributes = f" name={quoteattr(port.name)}"
         attributes += f" type={quoteattr(_TYPE_NAMES.get(port.type, port.type.__name__))}"
         if port.default is not Port.REQUIRED:
-            attributes += f" default={quoteattr(_text(port.default))}"
+            attributes += f" default={quoteattr(port_text(port.default))}"
         lines.append(f"      <{port_tag}{attributes}>{escape(port.doc)}</{port_tag}>")
     return [*lines, f"    </{tag}>"]

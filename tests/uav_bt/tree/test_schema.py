@@ -1,0 +1,171 @@
+"""The XML Schema of tree files says what the loader says, as far as a schema can."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conformance import Scripted
+from lxml import etree
+from tree_world import document
+
+from uav_bt.board import STATE
+from uav_bt.errors import TreeError
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.describe import palette_xml
+from uav_bt.tree.schema import schema_xml
+from uav_bt.types import DroneState
+
+TREES = Path(__file__).parents[3] / "trees"
+PARSER = etree.XMLParser(resolve_entities=False, no_network=True)
+XS = "{http://www.w3.org/2001/XMLSchema}"
+
+
+class Paint(Leaf):
+    """Paints <something> & stops."""
+
+    ports = (
+        Port("colour", str, doc="what it is painted with", choices=("red", "blue")),
+        Port("layers", int, default=2, doc="how many"),
+        Port("width_m", float, default=0.5, doc="width, m"),
+        Port("dry", bool, default=False, doc="wait for it to dry"),
+        Port("title", str, default="", doc="written below"),
+        Port("of", DroneState, default="{@state}", doc="what is painted"),
+        Port("area", float, direction="output", doc="m2"),
+    )
+    reads = (STATE,)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+REGISTRY = NodeRegistry([Scripted, Paint])
+
+
+def schema_of(registry: NodeRegistry) -> etree.XMLSchema:
+    return etree.XMLSchema(etree.fromstring(schema_xml(registry).encode(), PARSER))
+
+
+@pytest.fixture(scope="module")
+def schema() -> etree.XMLSchema:
+    return schema_of(REGISTRY)
+
+
+def valid(schema: etree.XMLSchema, text: str) -> bool:
+    return bool(schema.validate(etree.fromstring(text.encode(), PARSER)))
+
+
+def loads(text: str) -> bool:
+    try:
+        parse_tree(text, REGISTRY)
+    except TreeError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("path", sorted(TREES.glob("*.xml")), ids=lambda path: path.stem)
+def test_every_shipped_tree_is_valid(path: Path) -> None:
+    schema = schema_of(NodeRegistry.installed())
+    schema.assertValid(etree.parse(str(path), PARSER))
+
+
+GOOD = [
+    '<Paint colour="red"/>',
+    '<Paint colour="{c}" layers="{=}" width_m="{ w }" dry="{d}" title="{t}" of="{@state}"/>',
+    '<Paint colour="blue" layers=" +3 " width_m="1.5e-1" dry="TRUE" area="{a}"/>',
+    '<Paint colour="red" _skipIf="a == 1" _onSuccess="b := 2" _uid="7" _description="x"/>',
+    '<Action ID="Paint" colour="red"/>',
+    '<Control ID="Sequence"><AlwaysSuccess/></Control>',
+    '<Decorator ID="Inverter"><AlwaysSuccess/></Decorator>',
+    "<Sequence><Inverter><AlwaysSuccess/></Inverter><Fallback><AlwaysFailure/></Fallback></Sequence>",
+    '<Timeout msec="{ms}"><AlwaysSuccess/></Timeout>',
+    '<SetBlackboard value="1;2" output_key="k"/>',
+    '<Script code="a := 1; b &lt; 2"/>',
+]
+
+BAD = {
+    "an unknown node": "<Pant/>",
+    "a misspelt attribute": '<Paint color="red"/>',
+    "a misspelt condition": '<Paint colour="red" _skpIf="true"/>',
+    "a missing port": "<Paint/>",
+    "another choice": '<Paint colour="green"/>',
+    "no integer": '<Paint colour="red" layers="2.5"/>',
+    "no number": '<Paint colour="red" width_m="wide"/>',
+    "not even infinity": '<Paint colour="red" width_m="inf"/>',
+    "no truth value": '<Paint colour="red" dry="maybe"/>',
+    "a broken reference": '<Paint colour="red" layers="{a b}"/>',
+    "a literal for an output": '<Paint colour="red" area="3"/>',
+    "a literal of a type without any": '<Paint colour="red" of="me"/>',
+    "an empty name": '<Paint name="" colour="red"/>',
+    "a leaf with a child": '<Paint colour="red"><AlwaysSuccess/></Paint>',
+    "a control node without children": "<Sequence/>",
+    "a decorator with two": "<Inverter><AlwaysSuccess/><AlwaysSuccess/></Inverter>",
+    "too few branches": "<WhileDoElse><AlwaysSuccess/></WhileDoElse>",
+    "text": "<Sequence>text<AlwaysSuccess/></Sequence>",
+    "two roots": "<AlwaysSuccess/><AlwaysSuccess/>",
+    "an explicit node of another kind": '<Action ID="Sequence"/>',
+    "an explicit node without ID": "<Action/>",
+    "a subtree without ID": "<SubTree/>",
+}
+
+
+@pytest.mark.parametrize("body", GOOD)
+def test_what_the_loader_accepts_is_valid(schema: etree.XMLSchema, body: str) -> None:
+    assert loads(document(body))
+    assert valid(schema, document(body)), schema.error_log
+
+
+@pytest.mark.parametrize("body", BAD.values(), ids=BAD)
+def test_what_the_loader_refuses_is_not_valid(schema: etree.XMLSchema, body: str) -> None:
+    assert not loads(document(body))
+    assert not valid(schema, document(body))
+
+
+def test_subtrees_take_any_entry_and_trees_have_ids_of_their_own(schema: etree.XMLSchema) -> None:
+    use = '<SubTree ID="Other" name="o" _autoremap="true" any="{thing}" more="1" _skipIf="false"/>'
+    other = '<BehaviorTree ID="Other"><AlwaysSuccess/></BehaviorTree>'
+    assert loads(document(use, other))
+    assert valid(schema, document(use, other))
+    assert not valid(schema, document(use, other, other))
+    assert not valid(schema, document(use.replace('"true"', '"yes"'), other))
+
+
+def test_the_head_of_a_file_is_checked(schema: etree.XMLSchema) -> None:
+    good = document("<AlwaysSuccess/>")
+    assert valid(schema, good)
+    for bad in (
+        good.replace('BTCPP_format="4"', 'BTCPP_format="3"'),
+        good.replace('BTCPP_format="4"', ""),
+        good.replace("main_tree_to_execute", "main_tree"),
+        good.replace('ID="Main"', ""),
+        good.replace("BehaviorTree", "BehaviourTree"),
+    ):
+        assert not loads(bad)
+        assert not valid(schema, bad)
+
+
+def test_our_own_palette_is_valid_in_a_file(schema: etree.XMLSchema) -> None:
+    model = palette_xml(REGISTRY).split("\n", 1)[1].rsplit("</root>", 1)[0]
+    assert valid(schema, document("<AlwaysSuccess/>", model)), schema.error_log
+
+
+def test_nodes_and_attributes_are_explained() -> None:
+    """Editors show the documentation: what a node does, what it reads, defaults."""
+    root = etree.fromstring(schema_xml(REGISTRY).encode(), PARSER)
+    (paint,) = root.findall(f"{XS}complexType[@name='node.Paint']")
+    texts = [element.text for element in paint.iter(f"{XS}documentation")]
+    assert texts[:3] == [
+        "Paints <something> & stops. Reads state.",
+        "what it is painted with",
+        "how many; default: 2",
+    ]
+
+
+def test_an_id_that_is_no_tag_is_offered_in_the_explicit_form_only() -> None:
+    class Odd(Leaf):
+        """Is called oddly."""
+
+        node_id = "two words"
+
+    schema = schema_of(NodeRegistry([Odd]))
+    assert valid(schema, document('<Action ID="two words"/>'))
