@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
@@ -14,21 +16,42 @@ __all__ = ["nodes"]
 
 @click.command()
 @click.argument("names", metavar="[NODE]...", nargs=-1)
-@click.option("--xml", is_flag=True, help="Write a node model that graphical tree editors load.")
-def nodes(*, names: tuple[str, ...], xml: bool) -> None:
-    """List the nodes that tree files can use.
+@click.option(
+    "--format",
+    "format_",
+    type=click.Choice(["text", "json", "xml"]),
+    help="xml: a node model (TreeNodesModel) that graphical tree editors load.",
+)
+@click.option("--xml", is_flag=True, help="The same as --format xml.")
+def nodes(*, names: tuple[str, ...], format_: str | None, xml: bool) -> None:
+    r"""List the nodes that tree files can use.
 
     With each node go its attributes and the board keys it reads and writes.
+
+    \b
+    As JSON, one array of objects with
+      node_id, kind  Action, Condition, Control, Decorator or SubTree
+      doc            one line
+      ports          objects with name, type, default (null: none), doc,
+                     direction (input, output, inout), choices, required
+      reads, writes  names of board keys
+      builtin        true for nodes of the format itself
+      origin         module and class
     """
     from uav_bt.tree import NodeRegistry  # noqa: PLC0415 - `--help` need not wait for it
     from uav_bt.tree.describe import describe, describe_all, palette_xml  # noqa: PLC0415
 
+    if xml and format_ not in {None, "xml"}:
+        raise click.UsageError(f"--xml and --format {format_} exclude each other")
     registry = NodeRegistry.installed()
-    if xml:
+    if xml or format_ == "xml":
         chosen = NodeRegistry(registry[name] for name in names) if names else registry
         click.echo(palette_xml(chosen), nl=False)
         return
     infos = [describe(registry[name]) for name in names] if names else describe_all(registry)
+    if format_ == "json":
+        click.echo(json.dumps([asdict(info) for info in infos], indent=2, ensure_ascii=False))
+        return
     click.echo("\n\n".join(_described(info) for info in infos))
 
 

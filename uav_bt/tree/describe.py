@@ -37,6 +37,7 @@ class PortInfo:
     doc: str
     direction: str
     choices: tuple[str, ...] = ()
+    required: bool = False  # a tree file must give it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +74,7 @@ def _describe_port(port: Port[Any]) -> PortInfo:
         doc=port.doc,
         direction=port.direction,
         choices=tuple(port_text(choice) for choice in port.choices),
+        required=port.required,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -36,6 +37,29 @@ def test_nodes_as_xml_is_a_model_of_our_nodes() -> None:
     ids = {node.get("ID") for node in root.find("TreeNodesModel")}
     assert {"Explore", "TakeOff", "Land"} <= ids
     assert "Sequence" not in ids
+
+
+def test_nodes_as_json_has_an_object_for_each() -> None:
+    infos = {info["node_id"]: info for info in json.loads(run("nodes", "--format", "json").stdout)}
+    assert set(infos) == set(NodeRegistry.installed())
+    (find,) = json.loads(run("nodes", "FindHelipad", "--format", "json").stdout)
+    assert find == infos["FindHelipad"]
+    assert (find["kind"], find["builtin"], "helipad" in find["writes"]) == ("Action", False, True)
+    (msec,) = infos["Timeout"]["ports"]
+    assert msec == {
+        "name": "msec",
+        "type": "int",
+        "default": None,
+        "doc": "milliseconds; 0: no limit",
+        "direction": "input",
+        "choices": [],
+        "required": True,
+    }
+
+
+def test_nodes_has_one_format_at_a_time() -> None:
+    assert run("nodes", "--format", "xml").stdout == run("nodes", "--xml").stdout
+    assert_refused(run("nodes", "--xml", "--format", "json"), "exclude each other")
 
 
 def test_scenes_has_a_line_for_each() -> None:

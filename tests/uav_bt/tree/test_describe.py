@@ -51,7 +51,9 @@ def test_a_node_in_one_line() -> None:
         doc="left & right",
         direction="input",
         choices=("left", "right"),
+        required=True,
     )
+    assert [port.required for port in info.ports] == [True, False, False, False]
     assert [port.default for port in info.ports] == [
         None,
         "true",
