@@ -115,6 +115,13 @@ class Blackboard:
         fresh = age_s <= key.max_age_s + 1e-9
         return Reading(cast("T", entry.value) if fresh else None, age_s)
 
+    def value(self, key: Key[T]) -> T | None:
+        """Return the value when it is fresh, else None: `read` without the age, and quicker."""
+        entry = self._entries.get(key.name)
+        if entry is None or key.max_age_s == math.inf:
+            return None if entry is None else cast("T", entry.value)
+        return self.read(key).value
+
     def forget(self, key: Key[Any]) -> None:
         """Drop a value, as if it had never been written."""
         self._entries.pop(key.name, None)
@@ -146,12 +153,18 @@ class BoardView:
         Raises:
             BoardAccessError: the leaf did not declare that it reads the key.
         """
-        if key.name not in self._reads and key.name not in self._writes:
-            raise BoardAccessError(
-                f"leaf '{self._owner}' reads board key '{key.name}' without declaring it: "
-                "add the key to its `reads`"
-            )
+        self._check_reads(key)
         return self._board.read(key)
+
+    def value(self, key: Key[T]) -> T | None:
+        """Return a declared key's value when it is fresh, else None.
+
+        Raises:
+            BoardAccessError: the leaf did not declare that it reads the key.
+        """
+        if key.name not in self._reads:
+            self._check_reads(key)
+        return self._board.value(key)
 
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
         """Write a declared key.
@@ -169,6 +182,13 @@ class BoardView:
         """Drop a declared key's value."""
         self._check_writes(key)
         self._board.forget(key)
+
+    def _check_reads(self, key: Key[Any]) -> None:
+        if key.name not in self._reads and key.name not in self._writes:
+            raise BoardAccessError(
+                f"leaf '{self._owner}' reads board key '{key.name}' without declaring it: "
+                "add the key to its `reads`"
+            )
 
     def _check_writes(self, key: Key[Any]) -> None:
         if key.name not in self._writes:

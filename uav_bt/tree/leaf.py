@@ -118,6 +118,9 @@ class Leaf(Node):
     def _read_board(self, key: Key[T]) -> Reading[T]:
         return self._board.read(key)
 
+    def _board_value(self, key: Key[T]) -> T | None:
+        return self._board.value(key)
+
     def _write_board(self, key: Key[T], value: T) -> None:
         self._board.write(key, value)
 

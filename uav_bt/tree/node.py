@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Final, TypeVar
 
 from py_trees.behaviour import Behaviour
 
@@ -26,6 +26,8 @@ from uav_bt.tree.variables import Variables
 __all__ = ["Node", "NodeKind"]
 
 T = TypeVar("T")
+
+_NO_LITERAL: Final = object()
 
 
 class NodeKind(enum.Enum):
@@ -84,6 +86,7 @@ class Node(Behaviour):
         self._literals = {key: at for key, at in bound.items() if key not in self._given}
         self._variables = Variables()
         self._mission: MissionContext | None = None
+        self._keys: dict[str, Key[Any]] = {}  # of the mission's board, by name, as they are used
         self._conditions = Conditions(scripts) if scripts else None
         self._environment: Environment | None = None
         self._visits: list[tuple[Node, Status]] | None = None
@@ -150,6 +153,7 @@ class Node(Behaviour):
         if mission is None:
             raise MissionError(f"node '{self.path}': setup needs mission=MissionContext(...)")
         self._mission = mission
+        self._keys = {}
         self._environment = None
         try:
             self._setup()
@@ -169,17 +173,13 @@ class Node(Behaviour):
         Raises:
             BoardAccessError: the reference holds nothing, nothing fresh, or another type.
         """
-        try:
-            return self._literals[port.name]  # type: ignore[no-any-return]
-        except KeyError:
-            return self._resolve(port)
+        value = self._literals.get(port.name, _NO_LITERAL)
+        return self._resolve(port) if value is _NO_LITERAL else value
 
     def port_value(self, name: str) -> Any:
         """Return a port's value by the port's name."""
-        try:
-            return self._literals[name]
-        except KeyError:
-            return self._resolve(self._declared(name))
+        value = self._literals.get(name, _NO_LITERAL)
+        return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
 
     def port_reading(self, port: Port[T]) -> Reading[T]:
         """Return a port's value with its age; a missing or stale one is no error."""
@@ -217,24 +217,38 @@ class Node(Behaviour):
         raise BoardAccessError(f"node '{self.path}' declares no port '{name}'")
 
     def _resolve(self, port: Port[T]) -> T:
-        if port.name not in self._references:
+        reference = self._references.get(port.name)
+        if reference is None:
             raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
-        reading = self.port_reading(port)
-        if reading.value is None:
+        if reference.on_board:
+            value = self._board_value(self._board_key(reference))
+        else:
+            entry = self._variables.entry(reference.key)
+            value = None if entry is None else entry.value
+        if value is None:
+            age_s = self.port_reading(port).age_s
             raise BoardAccessError(
-                f"node '{self.path}', port '{port.name}': {self._references[port.name]} "
-                f"holds nothing fresh (age {reading.age_s:.2f} s)"
+                f"node '{self.path}', port '{port.name}': {self._given[port.name]} "
+                f"holds nothing fresh (age {age_s:.2f} s)"
             )
-        return reading.value
+        return self._converted(port, value)
 
     def _converted(self, port: Port[T], value: object) -> T:
+        if type(value) is port.type and port.takes_all:
+            return value
         try:
             return port.read(value)
         except ValueError as error:
             raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
 
     def _board_key(self, reference: Reference) -> Key[Any]:
-        return self.mission.board.key(reference.key)
+        key = self._keys.get(reference.key)
+        if key is None:
+            key = self._keys[reference.key] = self.mission.board.key(reference.key)
+        return key
+
+    def _board_value(self, key: Key[T]) -> T | None:
+        return self.mission.board.value(key)
 
     def _read_board(self, key: Key[T]) -> Reading[T]:
         return self.mission.board.read(key)

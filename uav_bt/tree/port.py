@@ -92,6 +92,11 @@ class Port(Generic[T]):
         """True when a tree file must give a value; an output that nobody wants goes nowhere."""
         return self.default is Port.REQUIRED and self.direction != "output"
 
+    @property
+    def takes_all(self) -> bool:
+        """True when every value of the type will do."""
+        return self.check is None and not self.choices
+
     def bind(self, given: object) -> T | Reference:
         """Turn what a tree file or a Python caller gives into a checked value or a reference.
 
