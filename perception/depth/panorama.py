@@ -59,21 +59,10 @@ def unroll(ids: NDArray[np.uint8], view: CameraView) -> Panorama:
     azimuths = np.arange(left, right, 1.0 / camera.fx_px)
     flattest = min(_FLATTEST_RAD, steepest - 2.0 * pixel_rad)
     depressions = np.arange(steepest, flattest, -pixel_rad / _ROWS_PER_PX)
-    axes = camera_axes(view.pitch_rad, view.roll_rad)
-    level = np.stack([np.cos(azimuths), np.sin(azimuths)])
-    flat, down = np.cos(depressions), np.sin(depressions)
-    # Each camera component of a direction: its level part by azimuth, its downward part added.
-    x, y, z = (
-        (np.outer(flat, axes[:2, k] @ level) + (axes[2, k] * down)[:, None]).astype(np.float32)
-        for k in range(3)
-    )
-    ahead = z > 1e-3
-    np.copyto(z, 1.0, where=~ahead)
-    column = np.where(ahead, np.float32(camera.fx_px) * x / z + np.float32(camera.cx_px), -9.0)
-    row = np.float32(camera.fy_px) * y / z + np.float32(camera.cy_px)
+    column, row = _places(view, azimuths, depressions)
     unrolled = cv2.remap(
         ids,
-        column.astype(np.float32),
+        column,
         row,
         cv2.INTER_NEAREST,
         borderMode=cv2.BORDER_CONSTANT,
@@ -85,6 +74,24 @@ def unroll(ids: NDArray[np.uint8], view: CameraView) -> Panorama:
         depression_rad=depressions,
         pixel_rad=pixel_rad,
     )
+
+
+def _places(
+    view: CameraView, azimuths: NDArray[np.float64], depressions: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the image's column and row of every cell, far outside for those behind the camera."""
+    axes = camera_axes(view.pitch_rad, view.roll_rad).astype(np.float32)
+    level = np.stack([np.cos(azimuths), np.sin(azimuths)]).astype(np.float32)
+    flat = np.cos(depressions).astype(np.float32)[:, None]
+    down = np.sin(depressions).astype(np.float32)[:, None]
+    # Each camera component of a direction: its level part by azimuth, its downward part added.
+    x, y, z = (flat * (axes[:2, k] @ level) + axes[2, k] * down for k in range(3))
+    ahead = z > 1e-3
+    scale = np.divide(np.float32(1.0), z, out=np.full_like(z, np.float32(1e6)), where=ahead)
+    column = x * scale * np.float32(view.camera.fx_px) + np.float32(view.camera.cx_px)
+    row = y * scale * np.float32(view.camera.fy_px) + np.float32(view.camera.cy_px)
+    column[~ahead] = np.float32(-9.0)
+    return column, row
 
 
 def _extent(view: CameraView) -> tuple[float, float, float]:

@@ -1,0 +1,163 @@
+"""Where a standing thing meets the carpet, azimuth by azimuth, out of an unrolled class map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.classes import CARPET
+from perception.depth.base_lines import BaseLine, fit_base
+from perception.depth.panorama import OUTSIDE, Panorama
+
+__all__ = ["Base", "BaseConfig", "find_base", "rows_above"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaseConfig:
+    """What counts as standing on the carpet."""
+
+    min_run_px: float = 2.0  # of side above a base; less is a speck of the mask
+    gap_px: float = 2.0  # between carpet and side; networks blur the border into other classes
+    max_rms_px: float = 1.5  # of a fitted base; what is more crooked is taken as it was seen
+    # A fitted base is followed by this many times the azimuth it was seen over: behind other boxes
+    # and below the image's lower edge, not for ever.
+    reach: float = 1.0
+    # Something whose base is cut off shows a ragged upright edge with carpet beside it: fewer
+    # columns that seem to stand on carpet are no base.
+    least_beside_cut: int = 10
+    specks: float = 0.25  # of a base's columns; so many may be at odds with it before it is wrong
+    slack_px: float = 2.0  # by which a side may reach below its fitted base
+    max_range_m: float = 7.0  # the lab's diagonal; a pixel of the base weighs 0.2 m there
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """Where one thing stands, by column of the panorama."""
+
+    steepness: Array  # (A,) camera height over range of its base; NaN where unknown
+    line: BaseLine | None  # what the steepness was fitted with
+    visible: Array  # (A,) of its lowest pixel seen, which its base is at least as steep as; or NaN
+    top_row: Indices  # (A,) uppermost row of it; -1 where it does not show
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sight:
+    """The columns that show a thing."""
+
+    columns: Indices  # (N,)
+    first: Indices  # (N,) its lowest row in each
+    visible: Array  # (N,) steepness there
+    base: Array  # (N,) steepness of its border with the carpet; NaN where there is no carpet below
+    cut: bool  # the image's edge hides the lower end of much of it
+
+
+def find_base(panorama: Panorama, thing: int, height_m: float, config: BaseConfig) -> Base:
+    """Find where the pixels of one class stand.
+
+    Args:
+        panorama: the unrolled class map.
+        thing: the class.
+        height_m: of the lens above the carpet.
+        config: what counts.
+    """
+    shows = panorama.ids == thing
+    sight = _look(panorama, shows, config)
+    count = panorama.azimuth_rad.size
+    visible, top_row = np.full(count, np.nan), np.full(count, -1, dtype=np.intp)
+    visible[sight.columns] = sight.visible
+    top_row[sight.columns] = shows.shape[0] - 1 - shows[::-1, sight.columns].argmax(axis=0)
+    steepness = np.full(count, np.nan)
+    line, found = _believe(panorama, sight, config)
+    steepness[sight.columns] = found
+    steepness[~(steepness >= height_m / config.max_range_m)] = np.nan
+    return Base(steepness=steepness, line=line, visible=visible, top_row=top_row)
+
+
+def _look(panorama: Panorama, shows: NDArray[np.bool_], config: BaseConfig) -> _Sight:
+    run = max(1, round(config.min_run_px * panorama.rows_per_px))
+    rows = shows.shape[0] - run + 1
+    solid = shows[:rows].copy()
+    for shift in range(1, run):
+        solid &= shows[shift : rows + shift]
+    columns = np.flatnonzero(solid.any(axis=0))
+    first = solid[:, columns].argmax(axis=0)
+    carpet = rows_above(panorama, first, columns, CARPET, config.gap_px, step=-1)
+    depression = panorama.depression_rad
+    border = np.tan(0.5 * (depression[first] + depression[carpet]))
+    below = np.where(first > 0, panorama.ids[np.maximum(first - 1, 0), columns], OUTSIDE)
+    return _Sight(
+        columns=columns,
+        first=first,
+        visible=np.tan(depression[first]),
+        base=np.where(carpet >= 0, border, np.nan),
+        cut=bool(np.count_nonzero(below == OUTSIDE) > config.specks * columns.size),
+    )
+
+
+def rows_above(
+    panorama: Panorama,
+    rows: Indices,
+    columns: Indices,
+    wanted: int,
+    gap_px: float,
+    *,
+    step: int = 1,
+) -> Indices:
+    """Return the row of a class right above (step 1) or below (-1) given cells.
+
+    Args:
+        panorama: the unrolled class map.
+        rows: (N,) of the cells.
+        columns: (N,) of the cells.
+        wanted: the class.
+        gap_px: pixels of other classes that may lie between.
+        step: 1 up, -1 down.
+
+    Returns:
+        (N,) rows, -1 where the class does not follow.
+    """
+    last = panorama.depression_rad.size - 1
+    found = np.full(rows.size, -1, dtype=np.intp)
+    for distance in range(1 + round(gap_px * panorama.rows_per_px), 0, -1):
+        row = rows + step * distance
+        here = (row >= 0) & (row <= last)
+        here &= panorama.ids[np.clip(row, 0, last), columns] == wanted
+        found[here] = row[here]
+    return found
+
+
+def _believe(
+    panorama: Panorama, sight: _Sight, config: BaseConfig
+) -> tuple[BaseLine | None, Array]:
+    """Return the fitted line, and the steepness of the base at the columns that show the thing."""
+    azimuth = panorama.azimuth_rad[sight.columns]
+    stands = np.isfinite(sight.base)
+    count = np.count_nonzero(stands)
+    nothing = np.full(azimuth.size, np.nan)
+    if sight.cut and count < config.least_beside_cut:
+        return None, nothing
+    line = fit_base(azimuth[stands], sight.base[stands], panorama.pixel_rad)
+    if line is None or line.rms_px > config.max_rms_px:
+        return None, sight.base if count >= 0.5 * azimuth.size else nothing
+    fitted = line.steepness(azimuth)
+    slack = config.slack_px * panorama.pixel_rad * (1.0 + sight.visible**2)
+    # The base of a convex thing never lies below the line of one of its faces: what belongs to it
+    # and lies there shows that its ragged upright edge was taken for a base.
+    odd = sight.visible > fitted + slack
+    if np.count_nonzero(odd) > config.specks * count:
+        return None, nothing
+    within = _distance(azimuth, azimuth[stands]) <= config.reach * line.spread_rad
+    return line, np.where(within & ~odd, fitted, np.nan)
+
+
+def _distance(places: Array, seen: Array) -> Array:
+    """Return the distance of each place to the nearest of `seen`; both grow."""
+    after = np.searchsorted(seen, places)
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, seen.size - 1)
+    return np.asarray(np.minimum(np.abs(places - seen[before]), np.abs(places - seen[after])))
