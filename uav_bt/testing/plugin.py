@@ -1,11 +1,13 @@
-"""The pytest plug-in: fixtures that come with the package.
+"""The pytest plug-in: fixtures and options that come with the package.
 
-Heavy imports wait until a fixture is used: pytest loads this module in every run on this machine.
+Heavy imports wait until a fixture or an option is used: pytest loads this module in every run on
+this machine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,9 +15,68 @@ import pytest
 if TYPE_CHECKING:
     from uav_bt.clock import ManualClock
     from uav_bt.testing.bench import LeafBench
+    from uav_bt.testing.board import StrictBlackboard
     from uav_bt.testing.drone import ScriptedDrone
+    from uav_bt.testing.tree_bench import TreeBench
 
-__all__ = ["leaf_bench", "manual_clock", "scripted_drone"]
+__all__ = ["leaf_bench", "manual_clock", "scripted_drone", "strict_board", "tree_bench"]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare the options of the test kit."""
+    group = parser.getgroup("uav_bt", "tree files (uav_bt.testing)")
+    group.addoption(
+        "--check-trees",
+        action="store_true",
+        help="collect all tree files (*.xml with BTCPP_format) as tests that check them",
+    )
+    group.addoption(
+        "--tree-coverage",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="report which branches of a tree file, or of all in a folder, the tests went through; "
+        "may be given several times",
+    )
+    group.addoption(
+        "--tree-coverage-fail-under",
+        default="",
+        metavar="PERCENT",
+        help="fail the run when less than so many percent of the branches were taken",
+    )
+    parser.addini("uav_bt_check_trees", "as --check-trees", type="bool", default=False)
+    parser.addini("uav_bt_tree_coverage", "as --tree-coverage", type="paths", default=[])
+    parser.addini("uav_bt_tree_coverage_fail_under", "as --tree-coverage-fail-under", default="")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Start measuring tree files when that is asked for."""
+    targets = [Path(target) for target in config.getoption("tree_coverage")]
+    targets = targets or list(config.getini("uav_bt_tree_coverage"))
+    if not targets:
+        return
+    from uav_bt.testing.coverage_plugin import coverage_plugin  # noqa: PLC0415  # see above
+
+    least = config.getoption("tree_coverage_fail_under")
+    plugin = coverage_plugin(
+        targets,
+        least or config.getini("uav_bt_tree_coverage_fail_under"),
+        folder=config.invocation_params.dir,
+        reports=not hasattr(config, "workerinput"),
+    )
+    config.pluginmanager.register(plugin, "uav_bt_tree_coverage")
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect tree files when that is asked for."""
+    if file_path.suffix != ".xml":
+        return None
+    config = parent.config
+    if not (config.getoption("check_trees") or config.getini("uav_bt_check_trees")):
+        return None
+    from uav_bt.testing.collector import TreeFile, is_tree_file  # noqa: PLC0415  # see above
+
+    return TreeFile.from_parent(parent, path=file_path) if is_tree_file(file_path) else None
 
 
 @pytest.fixture
@@ -27,11 +88,28 @@ def leaf_bench() -> Callable[..., LeafBench]:
 
 
 @pytest.fixture
+def tree_bench() -> Callable[..., TreeBench]:
+    """Return a maker of benches: `tree_bench("mission.xml", mocks={"Land": "RRS"})`."""
+    from uav_bt.testing.tree_bench import load_tree  # noqa: PLC0415  # see the module's docstring
+
+    return load_tree
+
+
+@pytest.fixture
 def manual_clock() -> ManualClock:
     """Return a clock that moves only when told to."""
     from uav_bt.clock import ManualClock  # noqa: PLC0415  # see the module's docstring
 
     return ManualClock()
+
+
+@pytest.fixture
+def strict_board(manual_clock: ManualClock) -> StrictBlackboard:
+    """Return an empty board of its own, on the manual clock, that refuses wrong access."""
+    from uav_bt.board import MISSION_KEYS  # noqa: PLC0415  # see the module's docstring
+    from uav_bt.testing.board import StrictBlackboard  # noqa: PLC0415
+
+    return StrictBlackboard(manual_clock, MISSION_KEYS)
 
 
 @pytest.fixture

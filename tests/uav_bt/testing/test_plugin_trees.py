@@ -1,0 +1,228 @@
+"""The pytest plug-in's options: coverage of tree files, and their collection as tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from uav_bt.testing import collector, coverage_plugin
+from uav_bt.tree import NodeRegistry
+
+pytest_plugins = ["pytester"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _loaded() -> None:
+    """Load what the inner runs load, which otherwise each would do anew."""
+    assert collector
+    assert coverage_plugin
+    NodeRegistry.installed()
+
+
+TREE = """<root BTCPP_format="4">
+  <BehaviorTree ID="Main">
+    <Fallback name="f">
+      <Look name="look"/>
+      <Sequence>
+        <Fly/>
+        <AlwaysSuccess/>
+      </Sequence>
+    </Fallback>
+  </BehaviorTree>
+</root>
+"""
+
+TESTS = """
+import pytest
+from uav_bt.testing import load_tree
+from uav_bt.tree import Leaf, NodeRegistry, Status
+
+
+class Look(Leaf):
+    condition = True
+
+
+class Fly(Leaf):
+    pass
+
+
+REGISTRY = NodeRegistry([Look, Fly])
+
+
+@pytest.mark.parametrize(("look", "fly", "ends"), [{cases}])
+def test_mission(look, fly, ends):
+    bench = load_tree("mission.xml", REGISTRY, mocks={{"Look": look, "Fly": fly}})
+    bench.tick_until(Status[ends], max_ticks=2)
+
+
+def test_halt():
+    bench = load_tree("mission.xml", REGISTRY, mocks={{"Look": "F", "Fly": "R"}})
+    bench.tick()
+    bench.halt()
+"""
+ONE = '("S", "S", "SUCCESS")'
+ALL = f'{ONE}, ("F", "S", "SUCCESS"), ("F", "RF", "FAILURE")'
+
+
+def project(pytester: pytest.Pytester, cases: str) -> None:
+    pytester.makepyfile(test_mission=TESTS.format(cases=cases))
+    pytester.path.joinpath("mission.xml").write_text(TREE, encoding="utf-8")
+
+
+def run(pytester: pytest.Pytester, *options: str) -> pytest.RunResult:
+    return pytester.runpytest_inprocess("-p", "no:cacheprovider", "-p", "no:xdist", *options)
+
+
+def test_coverage_tells_what_never_happened(pytester: pytest.Pytester) -> None:
+    """Each node with a missing branch has a line with its place; kinds come from the run."""
+    project(pytester, ONE)
+    result = run(pytester, "--tree-coverage=mission.xml")
+    assert result.ret == pytest.ExitCode.OK
+    result.stdout.fnmatch_lines(
+        [
+            "*- tree coverage -*",
+            "mission.xml: 4 of 5 nodes ticked, 4 of 10 branches taken, 40 %",
+            "  mission.xml:3:5: Fallback 'f': never FAILURE",
+            "  mission.xml:5:7: Sequence: never SUCCESS, FAILURE",
+            "  mission.xml:6:9: Fly: never SUCCESS, FAILURE",
+            "  mission.xml:7:9: AlwaysSuccess: never ticked",
+            "tree coverage: 40 %",
+        ],
+        consecutive=True,
+    )
+
+
+def test_a_covered_file_is_a_hundred_percent(pytester: pytest.Pytester) -> None:
+    """With every branch taken nothing is listed, and the threshold holds."""
+    project(pytester, ALL)
+    result = run(pytester, "--tree-coverage=mission.xml", "--tree-coverage-fail-under=100")
+    assert result.ret == pytest.ExitCode.OK
+    assert "never" not in result.stdout.str()
+    result.stdout.fnmatch_lines(
+        ["mission.xml: 5 of 5 nodes ticked, 10 of 10 branches taken, 100 %", "tree coverage: 100 %"]
+    )
+
+
+def test_too_little_coverage_fails_the_run(pytester: pytest.Pytester) -> None:
+    """The ini file may ask for it, and a folder stands for its files."""
+    project(pytester, ONE)
+    pytester.makeini("[pytest]\nuav_bt_tree_coverage = .\nuav_bt_tree_coverage_fail_under = 40.5\n")
+    result = run(pytester)
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    result.stdout.fnmatch_lines(["FAIL: expected a tree coverage of at least 40.5 %, got 40 %"])
+
+
+def test_a_file_that_no_test_loads_has_no_coverage(pytester: pytest.Pytester) -> None:
+    """Its nodes were never ticked; one that is damaged is no reason to look covered."""
+    project(pytester, ONE)
+    other = TREE.replace("Look", "Foreign")
+    pytester.path.joinpath("other.xml").write_text(other, encoding="utf-8")
+    pytester.path.joinpath("worse.xml").write_text(TREE[:60], encoding="utf-8")
+    options = [f"--tree-coverage={name}.xml" for name in ("other", "worse")]
+    result = run(pytester, *options, "--tree-coverage-fail-under=1")
+    assert result.ret == pytest.ExitCode.TESTS_FAILED
+    result.stdout.fnmatch_lines(
+        [
+            "other.xml: 0 of 5 nodes ticked, 0 of 11 branches taken, 0 %",
+            "  other.xml:3:5: Fallback 'f': never ticked",
+            "worse.xml: not measured: *worse.xml: refused, 1 error",
+            "tree coverage: 0 %",
+        ]
+    )
+
+
+def test_workers_hand_their_share_over(pytester: pytest.Pytester) -> None:
+    """Distributed over two processes, the result is the same."""
+    project(pytester, ALL)
+    result = pytester.runpytest_subprocess(
+        "-n2", "--tree-coverage=mission.xml", "--tree-coverage-fail-under=100"
+    )
+    assert result.ret == pytest.ExitCode.OK
+    result.stdout.fnmatch_lines(
+        ["mission.xml: 5 of 5 nodes ticked, 10 of 10 branches taken, 100 %"]
+    )
+    assert result.stdout.str().count("tree coverage: 100 %") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--tree-coverage=nope.xml"], "--tree-coverage: *nope.xml*no such tree file*"),
+        (
+            ["--tree-coverage=mission.xml", "--tree-coverage-fail-under=much"],
+            "--tree-coverage-fail-under: expected 0 to 100, got 'much'",
+        ),
+        (
+            ["--tree-coverage=mission.xml", "--tree-coverage-fail-under=101"],
+            "--tree-coverage-fail-under: expected 0 to 100, got '101'",
+        ),
+    ],
+)
+def test_wrong_options_are_refused(
+    pytester: pytest.Pytester, options: list[str], message: str
+) -> None:
+    """As pytest refuses its own."""
+    project(pytester, ONE)
+    result = run(pytester, *options)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"*{message}"])
+
+
+GOOD = '<root BTCPP_format="4"><BehaviorTree ID="A"><AlwaysSuccess/></BehaviorTree></root>'
+BAD = GOOD.replace("<AlwaysSuccess/>", '<Sequence><Alwayssuccess/><Sleep msecs="1"/></Sequence>')
+
+
+def test_tree_files_are_collected_and_checked(pytester: pytest.Pytester) -> None:
+    """Good ones pass, bad and damaged ones show their findings only, other XML is no test."""
+    trees = pytester.mkdir("trees")
+    for name, text in {
+        "good": GOOD,
+        "bad": BAD,
+        "damaged": GOOD[:40],
+        "other": "<config/>",
+    }.items():
+        trees.joinpath(f"{name}.xml").write_text(text, encoding="utf-8")
+    result = run(pytester, "--check-trees")
+    result.assert_outcomes(passed=1, failed=2)
+    result.stdout.fnmatch_lines(
+        [
+            "trees/bad.xml:1:55: Alwayssuccess: unknown node 'Alwayssuccess'; *'AlwaysSuccess'[?]",
+            "trees/bad.xml:1:78: Sleep: unknown attribute 'msecs'; did you mean 'msec'[?]",
+            "trees/damaged.xml:1:24: not well-formed XML*",
+        ]
+    )
+    assert "Traceback" not in result.stdout.str()
+    assert "collector.py" not in result.stdout.str()
+
+
+def test_the_ini_file_can_ask_for_the_collection(pytester: pytest.Pytester) -> None:
+    """Without either, tree files are no tests."""
+    pytester.path.joinpath("mission.xml").write_text(GOOD, encoding="utf-8")
+    assert run(pytester).ret == pytest.ExitCode.NO_TESTS_COLLECTED
+    pytester.makeini("[pytest]\nuav_bt_check_trees = true\n")
+    run(pytester).assert_outcomes(passed=1)
+
+
+def test_fixtures(pytester: pytest.Pytester) -> None:
+    """A bench for trees and a strict board come as fixtures."""
+    pytester.path.joinpath("mission.xml").write_text(GOOD, encoding="utf-8")
+    pytester.makepyfile(
+        """
+        import pytest
+        from uav_bt.board import HEIGHT
+        from uav_bt.errors import BoardAccessError
+        from uav_bt.mission.blackboard import Key
+        from uav_bt.tree import Status
+
+        def test_tree(tree_bench):
+            assert tree_bench("mission.xml", mocks={"AlwaysSuccess": "F"}).tick() is Status.FAILURE
+
+        def test_board(strict_board, manual_clock):
+            strict_board.write(HEIGHT, 1.0)
+            assert strict_board.read(HEIGHT).value == 1.0
+            with pytest.raises(BoardAccessError, match="never declared on this board; did you"):
+                strict_board.read(Key("height_above_carpet", float, "misspelt"))
+            with pytest.raises(BoardAccessError, match="declared as float, and is read as another"):
+                strict_board.read(Key("height_above_carpet_m", int, "mistyped"))
+        """
+    )
+    run(pytester).assert_outcomes(passed=2)

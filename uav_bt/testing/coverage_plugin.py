@@ -1,0 +1,132 @@
+"""The part of the pytest plug-in that measures tree files; registered when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from uav_bt.errors import FileError, InputError
+from uav_bt.testing.coverage import FileCoverage, TreeCoverage, percentage
+from uav_bt.tree import MissionTree, NodeRegistry
+from uav_bt.tree_files import tree_files
+
+__all__ = ["CoveragePlugin", "coverage_plugin"]
+
+_OUTPUT: Final = "uav_bt_tree_coverage"  # what a worker process hands over
+
+
+def coverage_plugin(
+    targets: Sequence[Path], fail_under: str, *, folder: Path, reports: bool
+) -> CoveragePlugin:
+    """Return the plug-in for some files and folders.
+
+    Args:
+        targets: files, or folders with all tree files in them.
+        fail_under: the least percentage, as given; empty: none.
+        folder: where pytest was started; shown paths are relative to it.
+        reports: False in a worker process, which hands over what it has seen.
+
+    Raises:
+        UsageError: a file does not exist, or the percentage is none.
+    """
+    try:
+        files = [file for target in targets for file in tree_files(folder / target)]
+        least = _percentage(fail_under) if fail_under else 0.0
+    except FileError as error:
+        raise pytest.UsageError(f"--tree-coverage: {error}") from error
+    except ValueError as error:
+        raise pytest.UsageError(
+            f"--tree-coverage-fail-under: expected 0 to 100, got '{fail_under}'"
+        ) from error
+    unique = list({_shown(file, folder): None for file in files})
+    return CoveragePlugin(TreeCoverage(unique), least, reports=reports)
+
+
+def _percentage(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 100.0:
+        raise ValueError(text)
+    return value
+
+
+def _shown(file: Path, folder: Path) -> Path:
+    file = file.resolve()
+    if Path.cwd() == folder and file.is_relative_to(folder):
+        return file.relative_to(folder)
+    return file
+
+
+class CoveragePlugin:
+    """Watches every tree that is made during the run, and reports at its end."""
+
+    def __init__(self, coverage: TreeCoverage, least: float, *, reports: bool) -> None:
+        self._coverage = coverage
+        self._least = least
+        self._reports = reports
+        self._results: list[FileCoverage] = []
+        self._patch = pytest.MonkeyPatch()
+        self._watch_new_trees()
+
+    def _watch_new_trees(self) -> None:
+        """Let trees tell when they are made: tests load them in ways that we do not see."""
+        make = MissionTree.__init__
+        coverage = self._coverage
+
+        def make_watched(tree: MissionTree, *arguments: Any, **given: Any) -> None:
+            make(tree, *arguments, **given)
+            if tree.places:
+                coverage.watch(tree)
+
+        self._patch.setattr(MissionTree, "__init__", make_watched)
+
+    def pytest_unconfigure(self) -> None:
+        """Leave `MissionTree` as it was."""
+        self._patch.undo()
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any, error: object) -> None:
+        """Take what a worker process has seen; one that crashed has nothing to hand over."""
+        del error
+        output = getattr(node, "workeroutput", {})
+        if _OUTPUT in output:
+            self._coverage.merge(output[_OUTPUT])
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Hand over, or work out the results and judge them."""
+        if not self._reports:
+            # pytest-xdist gives a worker's configuration this dictionary.
+            session.config.workeroutput[_OUTPUT] = self._coverage.export()  # type: ignore[attr-defined]
+            return
+        try:
+            registry = NodeRegistry.installed()
+        except InputError:
+            # A broken package is its own tests' business; the format's nodes are always there.
+            registry = NodeRegistry()
+        self._results = self._coverage.results(registry)
+        if percentage(self._results) < self._least and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Print what was covered and what was not."""
+        if not self._reports:
+            return
+        write = terminalreporter.write_line
+        terminalreporter.write_sep("-", "tree coverage")
+        for result in self._results:
+            if result.refused:
+                write(f"{result.path}: not measured: {result.refused}")
+                continue
+            write(
+                f"{result.path}: {result.ticked} of {result.nodes} nodes ticked, "
+                f"{result.taken} of {result.branches} branches taken, {result.percent} %"
+            )
+            for line in result.missing:
+                write(f"  {line}")
+        total = percentage(self._results)
+        write(f"tree coverage: {total} %")
+        if total < self._least:
+            write(f"FAIL: expected a tree coverage of at least {self._least:g} %, got {total} %")
