@@ -19,6 +19,7 @@ _COMMANDS: Final = {
     "fly": "uav_bt.cli.fly:fly",
     "check": "uav_bt.cli.check:check",
     "nodes": "uav_bt.cli.nodes:nodes",
+    "render": "uav_bt.cli.render:render",
     "schema": "uav_bt.cli.schema:schema",
     "scenes": "uav_bt.cli.scenes:scenes",
     "pick": "uav_bt.cli.pick:pick",

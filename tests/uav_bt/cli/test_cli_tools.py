@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cli_world import assert_refused, run
+from cli_world import assert_refused, run, tree_file
 
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.schema import schema_xml
@@ -29,3 +29,33 @@ def test_the_schema_knows_the_nodes_of_a_palette(tmp_path: Path) -> None:
 
 def test_a_schema_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     assert_refused(run("schema", "--out", tmp_path / "absent" / "x.xsd"), "absent")
+
+
+# --- render ---------------------------------------------------------------------------------------
+
+
+def test_a_tree_is_drawn_in_ascii_unless_told_otherwise() -> None:
+    result = run("render", "land_only")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Mission\n`-- ReactiveSequence 'mission'\n    |-- Segment")
+    for format_, first in (("svg", "<?xml"), ("dot", "digraph"), ("mermaid", "---")):
+        assert run("render", "land_only", "--format", format_).stdout.startswith(first)
+
+
+def test_a_picture_is_written(tmp_path: Path) -> None:
+    out = tmp_path / "tree.svg"
+    result = run("render", "land_only", "--format", "svg", "--out", out)
+    assert result.stdout == f"written: {out}\n"
+    assert out.read_text(encoding="utf-8").endswith("</svg>\n")
+
+
+def test_a_foreign_tree_is_drawn_with_its_palette(tmp_path: Path) -> None:
+    palette = tmp_path / "palette.xml"
+    palette.write_text('<TreeNodesModel><Action ID="Dock"/></TreeNodesModel>', encoding="utf-8")
+    path = tree_file(tmp_path, "<Dock/>")
+    assert run("render", path, "--palette", palette).stdout == "Main\n`-- Dock\n"
+    assert_refused(run("render", path), "unknown node 'Dock'", "mission.xml:3:1")
+
+
+def test_a_tree_that_is_not_there_is_not_drawn(tmp_path: Path) -> None:
+    assert_refused(run("render", tmp_path / "absent.xml"), "no such tree file")
