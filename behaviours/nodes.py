@@ -10,6 +10,7 @@ from behaviours.helipad_center import HelipadCenter
 from behaviours.land import EmergencyLand, Land
 from behaviours.look import HelipadKnown, HoverFor, PointCamera, Turn
 from behaviours.perceive import FindHelipad, RememberObstacles, Segment
+from behaviours.perceive_depth import BuildCorridor, EstimateDepth
 from behaviours.return_to_base import ReturnToBase
 from behaviours.take_off import TakeOff
 from uav_bt.tree import Leaf
@@ -18,7 +19,9 @@ __all__ = ["NODES"]
 
 NODES: Final[tuple[type[Leaf], ...]] = (
     Avoid,
+    BuildCorridor,
     EmergencyLand,
+    EstimateDepth,
     Explore,
     FindHelipad,
     HelipadCenter,

@@ -11,13 +11,13 @@ from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import ClassMap
 
-__all__ = ["FindHelipad", "RememberObstacles", "Segment"]
+__all__ = ["FindHelipad", "RememberObstacles", "Segment", "StageTimer"]
 
 # Where the mask looks straight ahead the helipad's own box is 0.4 m high in every lab.
 _PAD_HEIGHT = Port("pad_height_m", float, default=0.4, doc="top of the helipad above the carpet, m")
 
 
-class _StageTimer:
+class StageTimer:
     """Adds the wall time of one perception stage to the mission's figures."""
 
     def __init__(self, mission: MissionContext, stage: str) -> None:
@@ -43,7 +43,7 @@ class Segment(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be."""
         self._segmenter = mission.segmenter or self._load(mission.inference_threads)
-        self._timer = _StageTimer(mission, "segmentation")
+        self._timer = StageTimer(mission, "segmentation")
         self._last_index = -1
 
     def update(self) -> Status:
@@ -84,7 +84,7 @@ class FindHelipad(Leaf):
 
         self._detector = HelipadDetector()
         self._tracker = HelipadTracker()
-        self._timer = _StageTimer(mission, "helipad")
+        self._timer = StageTimer(mission, "helipad")
         self._last_s = -1.0
         self._detected = False
 
@@ -138,7 +138,7 @@ class RememberObstacles(Leaf):
         from perception.obstacle_memory import ObstacleMemory  # noqa: PLC0415 - late, as above
 
         self._memory = ObstacleMemory()
-        self._timer = _StageTimer(mission, "obstacles")
+        self._timer = StageTimer(mission, "obstacles")
         self._last_s = -1.0
 
     def update(self) -> Status:

@@ -302,9 +302,18 @@ class DepthMap:
     metric: bool
     captured_s: float
     confidence: float = 1.0  # 0 to 1
+    # (H, W) metres: an upper bound, also where the depth itself is unknown (NaN); inf without one.
+    at_most: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         _check_shape("depth map", self.depth, 2)
+        if self.at_most is not None and self.at_most.shape != self.depth.shape:
+            height, width = self.depth.shape
+            raise ShapeError(
+                "upper bound of a depth map",
+                expected=f"{height}x{width}, as the depth",
+                actual=self.at_most.shape,
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,6 +325,9 @@ class Corridor:
     nearest_m: float  # nearest intrusion from the body's centre; inf when there is none
     nearest_side: Literal["left", "right", "front", "up", "down"] | None
     time_to_impact_s: float  # at the present speed; inf when nothing is ahead
+    nearest_left_m: float = math.inf  # likewise, of the intrusions left of the way
+    nearest_right_m: float = math.inf
+    unknown_px: int = 0  # pixels of things that may be in the corridor, at a depth nobody knows
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,169 @@
+"""Metric depth of a frame: a network's relative depth and its scale, footing, or both."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.footing import FootingConfig, FootingDepth, footing_depth
+from perception.depth.ground import CameraView, view_of
+from perception.depth.scale import (
+    Scale,
+    ScaleConfig,
+    ScaleEstimator,
+    make_scale,
+    sample_carpet,
+)
+from uav_bt.errors import UnknownNameError
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+
+__all__ = ["SOURCES", "MetricDepth", "MetricDepthConfig", "MetricDepthMaker", "Source"]
+
+Source = Literal["network", "footing", "fused"]
+SOURCES: Final[tuple[Source, ...]] = ("network", "footing", "fused")
+
+_EVERY = 8  # pixels of a frame looked at to tell whether it is black
+_LONGEST_M = 20.0  # beyond any lab; what a scale makes of a network's sky
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetricDepthConfig:
+    """When a frame is refused."""
+
+    black_level: float = 8.0  # mean of 255 below which a frame shows nothing
+    least_height_m: float = 0.15  # on the ground the carpet is not seen but touched
+    sampling: ScaleConfig = field(default_factory=ScaleConfig)
+    footing: FootingConfig = field(default_factory=FootingConfig)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetricDepth:
+    """Metric depth, or the word for why there is none or less than asked for."""
+
+    depth: DepthMap | None
+    refusal: str = ""  # for the status line and the records; without a scale footing may remain
+
+
+class MetricDepthMaker:
+    """Makes metric depth out of what a frame's class map, telemetry and network say."""
+
+    def __init__(
+        self,
+        *,
+        source: str = "fused",
+        scale: str = "adaptive",
+        generator: np.random.Generator,
+        config: MetricDepthConfig | None = None,
+    ) -> None:
+        """Choose the ways.
+
+        Args:
+            source: ``network`` (relative depth times scale), ``footing`` (masks and geometry, NaN
+                where they know nothing) or ``fused`` (footing where it knows, the network
+                elsewhere, never further than footing allows).
+            scale: of the network's depth, see `perception.depth.scale.make_scale`.
+            generator: draws the carpet's pixels.
+            config: when a frame is refused.
+
+        Raises:
+            UnknownNameError: there is no such source or scale.
+        """
+        if source not in SOURCES:
+            raise UnknownNameError("depth source", source, SOURCES)
+        self._source = source
+        self._config = config or MetricDepthConfig()
+        self._scale: ScaleEstimator = make_scale(scale, self._config.sampling)
+        self._generator = generator
+
+    def make(
+        self,
+        frame: Frame,
+        class_map: ClassMap,
+        camera: CameraModel,
+        relative: DepthMap | None = None,
+    ) -> MetricDepth:
+        """Return the metric depth of a frame, at the class map's size.
+
+        Args:
+            frame: its telemetry gives the ground plane.
+            class_map: of that frame.
+            camera: intrinsics, at any size.
+            relative: the network's depth of that frame, at any size; not needed for ``footing``.
+        """
+        refusal = self._refusal(frame, class_map, relative)
+        if refusal:
+            return MetricDepth(depth=None, refusal=refusal)
+        height_px, width_px = class_map.ids.shape
+        view = view_of(frame, camera, (width_px, height_px))
+        if not view.height_m > 0.0:
+            return MetricDepth(depth=None, refusal="no height above the carpet")
+        footing = None
+        if self._source != "network":
+            footing = footing_depth(class_map.ids, view, self._config.footing)
+        known = None if footing is None else _as_map(footing, frame.captured_s)
+        if self._source == "footing" or relative is None:
+            return MetricDepth(depth=known)
+        fitting = _resized(relative.depth, view)
+        sample = sample_carpet(fitting, class_map.ids, view, self._generator, self._config.sampling)
+        scale = self._scale.update(sample, frame.captured_s)
+        if scale is None:
+            why = "too little carpet" if sample is None else "the carpet disagrees with itself"
+            return MetricDepth(depth=known, refusal=f"no scale: {why}")
+        return MetricDepth(depth=_fused(scale, fitting, footing, frame.captured_s))
+
+    def _refusal(self, frame: Frame, class_map: ClassMap, relative: DepthMap | None) -> str:
+        height_m, pitch_rad = frame.height_above_carpet_m, frame.gimbal_pitch_rad
+        finite = map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))
+        if not all(finite):
+            return "telemetry is not finite"
+        if height_m < self._config.least_height_m:
+            return "no height above the carpet"
+        if frame.image[::_EVERY, ::_EVERY].mean() < self._config.black_level:
+            return "the frame is black"
+        if class_map.captured_s != frame.captured_s:
+            return "the class map is of another frame"
+        return "" if self._source == "footing" else _relative_refusal(frame, relative)
+
+
+def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
+    if relative is None or relative.captured_s != frame.captured_s:
+        return "no relative depth of this frame"
+    return "" if np.isfinite(relative.depth).all() else "relative depth is not finite"
+
+
+def _fused(
+    scale: Scale, relative: NDArray[np.float32], footing: FootingDepth | None, captured_s: float
+) -> DepthMap:
+    metres = np.clip(scale.apply(relative), 0.0, _LONGEST_M)
+    if footing is not None:
+        metres = np.where(np.isfinite(footing.depth), footing.depth, metres)
+        metres = np.minimum(metres, footing.at_most)
+    return DepthMap(
+        depth=np.asarray(metres, dtype=np.float32),
+        metric=True,
+        captured_s=captured_s,
+        confidence=scale.confidence,
+        at_most=None if footing is None else footing.at_most,
+    )
+
+
+def _as_map(footing: FootingDepth, captured_s: float) -> DepthMap:
+    return DepthMap(
+        depth=footing.depth,
+        metric=True,
+        captured_s=captured_s,
+        confidence=footing.known_share,
+        at_most=footing.at_most,
+    )
+
+
+def _resized(depth: NDArray[np.float32], view: CameraView) -> NDArray[np.float32]:
+    size = (view.camera.width_px, view.camera.height_px)
+    if depth.shape[::-1] == size:
+        return depth
+    return np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_LINEAR), dtype=np.float32)

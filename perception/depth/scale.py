@@ -1,0 +1,313 @@
+"""From relative depth to metres: the paper's three ways, per frame.
+
+A network trained without truth gives depth in a unit of its own. The carpet is a plane at a known
+distance (`perception.depth.ground`), so each pixel that shows it tells what that unit is worth:
+
+*constant*       ratio of known to predicted depth of a region, the median of all frames so far;
+*least_squares*  ``scale * predicted + shift = known`` (equation 1), one equation a frame, solved
+                 over all frames so far;
+*adaptive*       the median ratio of 50 random carpet pixels, afresh in every frame (equations 4 to
+                 9), smoothed by a Kalman filter that turns outliers away.
+
+The first two take the region's mean, median or minimum. Depth is along the optical axis on both
+sides of every ratio: the paper compares the Euclidean range with it, which is off by 1/cos of the
+angle to the axis, up to a fifth in the corners of our image.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final, Literal, Protocol, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.classes import CARPET
+from perception.depth.ground import CameraView, ground_depth
+from perception.depth.scale_filter import ScaleFilter
+from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
+
+__all__ = [
+    "SCALE_METHODS",
+    "AdaptiveScale",
+    "CarpetSample",
+    "CollectedScale",
+    "CollectingMethod",
+    "Scale",
+    "ScaleConfig",
+    "ScaleEstimator",
+    "Statistic",
+    "fit_least_squares",
+    "fit_ratio",
+    "make_scale",
+    "region_value",
+    "sample_carpet",
+]
+
+CollectingMethod = Literal["constant", "least_squares"]
+Statistic = Literal["mean", "median", "min"]
+Floats = NDArray[np.float32]
+
+SCALE_METHODS: Final = ("adaptive", "constant", "least_squares")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """How relative depth becomes metres: ``factor * relative + shift_m``."""
+
+    factor: float  # metres for one unit of relative depth, positive
+    shift_m: float = 0.0
+    confidence: float = 1.0  # 0 to 1
+
+    def apply(self, relative: Floats) -> Floats:
+        """Return metres, (H, W) float32, of relative depth."""
+        return np.asarray(np.float32(self.factor) * relative + np.float32(self.shift_m))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaleConfig:
+    """How the carpet is sampled, and when it is too little."""
+
+    points: int = 50  # the paper's balance of time and steadiness
+    # Distance to the carpet's border, where mask and depth are at their worst: the paper's 10 of
+    # 256 rows, as a share of the map's height so that it means the same at every size.
+    margin_share: float = 10.0 / 256.0
+    least_points: int = 20  # fewer inner carpet pixels than this are no scale
+    farthest_m: float = 6.0  # beyond the lab a row of pixels spans metres
+    spread_half: float = 0.1  # relative spread of the ratios at which the confidence is a half
+    memory_frames: int = 900  # of the collecting methods: 90 s at ten a second, an exploration
+
+    def __post_init__(self) -> None:
+        if self.points < 1 or not 1 <= self.least_points <= self.points:
+            raise ValueRangeError(
+                "a scale needs at least one point, and cannot ask for more than it samples: got "
+                f"points = {self.points}, least_points = {self.least_points}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarpetSample:
+    """Carpet pixels with both depths."""
+
+    pixels: NDArray[np.intp]  # (N, 2) column, row
+    known_m: Floats  # (N,) along the optical axis, from the ground plane
+    predicted: Floats  # (N,) likewise, in the network's unit
+
+    def __len__(self) -> int:
+        return len(self.known_m)
+
+
+def sample_carpet(
+    relative: Floats,
+    ids: NDArray[np.uint8],
+    view: CameraView,
+    generator: np.random.Generator,
+    config: ScaleConfig | None = None,
+) -> CarpetSample | None:
+    """Draw carpet pixels away from the carpet's border.
+
+    Args:
+        relative: (H, W) relative depth along the optical axis.
+        ids: (H, W) class ids of the same size.
+        view: the camera at that size.
+        generator: draws the pixels, without replacement.
+        config: how many, and how far inside.
+
+    Returns:
+        The sample, or None where too little carpet shows.
+
+    Raises:
+        ShapeError: the sizes differ.
+        ValueRangeError: the lens is not above the carpet.
+    """
+    config = config or ScaleConfig()
+    if relative.shape != ids.shape:
+        expected = f"{ids.shape[0]}x{ids.shape[1]}, as the class map"
+        raise ShapeError("relative depth", expected=expected, actual=relative.shape)
+    known = ground_depth(view)
+    if known.shape != ids.shape:
+        expected = f"{known.shape[0]}x{known.shape[1]}, as its camera"
+        raise ShapeError("class map", expected=expected, actual=ids.shape)
+    reach = max(1, round(config.margin_share * ids.shape[0]))
+    # The image's edge is no border of the carpet: it goes on behind it.
+    padded = cv2.copyMakeBorder(
+        (ids == CARPET).astype(np.uint8), reach, reach, reach, reach, cv2.BORDER_REPLICATE
+    )
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    inner = cv2.erode(padded, kernel)[reach:-reach, reach:-reach]
+    with np.errstate(invalid="ignore"):
+        usable = (inner > 0) & (known <= config.farthest_m) & (relative > 0.0)
+    places = np.flatnonzero(usable)
+    if places.size < config.least_points:
+        return None
+    chosen = generator.choice(places, size=min(config.points, places.size), replace=False)
+    rows, columns = np.divmod(chosen, ids.shape[1])
+    return CarpetSample(
+        pixels=np.stack([columns, rows], axis=-1),
+        known_m=known[rows, columns],
+        predicted=relative[rows, columns].astype(np.float32),
+    )
+
+
+# --- fits -----------------------------------------------------------------------------------------
+
+
+def fit_ratio(known_m: NDArray[np.floating], predicted: NDArray[np.floating]) -> float:
+    """Return the median of the ratios of known to predicted depth, metres a unit.
+
+    Args:
+        known_m: (N,) metres.
+        predicted: (N,) the network's unit, positive.
+
+    Raises:
+        ShapeError: the lengths differ or nothing is given.
+        ValueRangeError: a prediction is not positive.
+    """
+    _check_pairs(known_m, predicted, least=1)
+    if not np.all(predicted > 0.0):
+        raise ValueRangeError("a ratio needs positive predictions; leave out what is not")
+    return float(np.median(known_m / predicted))
+
+
+def fit_least_squares(
+    known_m: NDArray[np.floating], predicted: NDArray[np.floating]
+) -> tuple[float, float] | None:
+    """Solve equation 1 for scale and shift.
+
+    Args:
+        known_m: (N,) metres.
+        predicted: (N,) the network's unit.
+
+    Returns:
+        Scale (metres a unit) and shift (metres); None where the predictions are too much alike to
+        tell the two apart.
+
+    Raises:
+        ShapeError: the lengths differ or there are fewer than two.
+    """
+    _check_pairs(known_m, predicted, least=2)
+    mean_known, mean_predicted = float(np.mean(known_m)), float(np.mean(predicted))
+    variance = float(np.mean((predicted - mean_predicted) ** 2))
+    if not variance > (1e-3 * mean_predicted) ** 2:
+        return None
+    covariance = float(np.mean((predicted - mean_predicted) * (known_m - mean_known)))
+    scale = covariance / variance
+    return scale, mean_known - scale * mean_predicted
+
+
+def _check_pairs(
+    known_m: NDArray[np.floating], predicted: NDArray[np.floating], least: int
+) -> None:
+    if known_m.ndim != 1 or known_m.shape != predicted.shape or known_m.size < least:
+        raise ShapeError(
+            "known depths",
+            expected=f"N, at least {least}, as many as predictions ({predicted.size})",
+            actual=known_m.shape,
+        )
+
+
+# --- estimators -----------------------------------------------------------------------------------
+
+
+class ScaleEstimator(Protocol):
+    """One frame's carpet in, the scale of that frame out."""
+
+    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
+        """Take in a frame's carpet (None: too little of it) and return the scale, or None."""
+        ...
+
+
+class AdaptiveScale:
+    """The paper's adaptive scale: each frame's median ratio, smoothed."""
+
+    def __init__(
+        self, config: ScaleConfig | None = None, smooth: ScaleFilter | None = None
+    ) -> None:
+        self._config = config or ScaleConfig()
+        self._filter = smooth or ScaleFilter()
+
+    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
+        """Return the smoothed scale.
+
+        Without carpet in view the last one carries on until it is too uncertain to fly on.
+        """
+        own = 0.0
+        if sample is not None:
+            logs = np.log(sample.known_m / sample.predicted)
+            middle = float(np.median(logs))
+            # Half of the ratios lie within this of the median; 1.4826 makes it a normal std.
+            spread = 1.4826 * float(np.median(np.abs(logs - middle)))
+            std = 1.2533 * spread / math.sqrt(len(sample))  # of a median
+            if self._filter.update(middle, std, captured_s):
+                own = 1.0 / (1.0 + (spread / self._config.spread_half) ** 2)
+                own *= min(1.0, len(sample) / self._config.points)
+        state = self._filter.at(captured_s)
+        if state is None:
+            return None
+        log_factor, certainty = state
+        # A frame that added nothing leaves what the filter still knows, which is less.
+        confidence = own if own > 0.0 else 0.5 * certainty
+        return Scale(factor=math.exp(log_factor), confidence=confidence)
+
+
+class CollectedScale:
+    """The paper's two constant scales, over all frames so far."""
+
+    def __init__(
+        self,
+        method: CollectingMethod,
+        statistic: Statistic = "median",
+        config: ScaleConfig | None = None,
+    ) -> None:
+        self._method = method
+        self._statistic = statistic
+        config = config or ScaleConfig()
+        self._known: deque[float] = deque(maxlen=config.memory_frames)
+        self._predicted: deque[float] = deque(maxlen=config.memory_frames)
+
+    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
+        """Add a frame and return the scale of all frames; None before there is one."""
+        del captured_s  # a constant has no age
+        if sample is not None:
+            self._known.append(region_value(sample.known_m, self._statistic))
+            self._predicted.append(region_value(sample.predicted, self._statistic))
+        if not self._known:
+            return None
+        known, predicted = np.array(self._known), np.array(self._predicted)
+        if self._method == "constant":
+            return Scale(factor=fit_ratio(known, predicted))
+        solved = fit_least_squares(known, predicted) if known.size > 1 else None
+        # Frames that are alike cannot tell scale from shift: then the plain ratio.
+        factor, shift_m = solved or (fit_ratio(known, predicted), 0.0)
+        return Scale(factor=factor, shift_m=shift_m) if factor > 0.0 else None
+
+
+def region_value(values: NDArray[np.floating], statistic: Statistic) -> float:
+    """Return the mean, median or minimum of a region's values."""
+    if statistic == "min":
+        return float(values.min())
+    return float(np.mean(values) if statistic == "mean" else np.median(values))
+
+
+def make_scale(name: str, config: ScaleConfig | None = None) -> ScaleEstimator:
+    """Return a scale estimator by name.
+
+    Args:
+        name: ``adaptive``, ``constant`` or ``least_squares``; the last two also with the region's
+            statistic, as in ``constant:mean``.
+        config: how the carpet is sampled.
+
+    Raises:
+        UnknownNameError: there is no such method or statistic.
+    """
+    if name == "adaptive":
+        return AdaptiveScale(config)
+    for method in get_args(CollectingMethod):
+        for statistic in get_args(Statistic):
+            if name in (f"{method}:{statistic}", method if statistic == "median" else ""):
+                return CollectedScale(method, statistic, config)
+    suffixed = [f"{m}:{s}" for m in get_args(CollectingMethod) for s in get_args(Statistic)]
+    raise UnknownNameError("scale", name, [*SCALE_METHODS, *suffixed])
