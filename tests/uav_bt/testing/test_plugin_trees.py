@@ -63,13 +63,17 @@ ONE = '("S", "S", "SUCCESS")'
 ALL = f'{ONE}, ("F", "S", "SUCCESS"), ("F", "RF", "FAILURE")'
 
 
+# Plug-ins that have no part in this and take seconds to load.
+WITHOUT = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest", "-p", "no:benchmark")
+
+
 def project(pytester: pytest.Pytester, cases: str) -> None:
     pytester.makepyfile(test_mission=TESTS.format(cases=cases))
     pytester.path.joinpath("mission.xml").write_text(TREE, encoding="utf-8")
 
 
 def run(pytester: pytest.Pytester, *options: str) -> pytest.RunResult:
-    return pytester.runpytest_inprocess("-p", "no:cacheprovider", "-p", "no:xdist", *options)
+    return pytester.runpytest_inprocess(*WITHOUT, "-p", "no:xdist", *options)
 
 
 def test_coverage_tells_what_never_happened(pytester: pytest.Pytester) -> None:
@@ -134,7 +138,7 @@ def test_workers_hand_their_share_over(pytester: pytest.Pytester) -> None:
     """Distributed over two processes, the result is the same."""
     project(pytester, ALL)
     result = pytester.runpytest_subprocess(
-        "-n2", "--tree-coverage=mission.xml", "--tree-coverage-fail-under=100"
+        *WITHOUT, "-n2", "--tree-coverage=mission.xml", "--tree-coverage-fail-under=100"
     )
     assert result.ret == pytest.ExitCode.OK
     result.stdout.fnmatch_lines(
