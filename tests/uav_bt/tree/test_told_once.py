@@ -1,0 +1,232 @@
+"""However a leaf ends, it is told exactly once; whatever raises, nothing is left running."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from tree_world import World, document
+
+from uav_bt.errors import NodeFailedError
+from uav_bt.mission.context import MissionContext
+from uav_bt.tree import SKIPPED, Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
+
+ANSWERS = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING, "K": SKIPPED}
+
+
+class Told(Leaf):
+    """Answers a letter a tick and counts its activations; raises where the script says.
+
+    `i` raises in initialise, `u` in update; `t` succeeds, and raises in terminate; `?` answers what
+    no leaf may answer.
+    """
+
+    ports = (Port("script", str, doc="a letter a tick, over and over"),)
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name, **given)
+        self.begun = 0
+        self.ended = 0
+        self.ends: list[Status] = []
+        self._ticks = 0
+        self._now = ""
+
+    def on_setup(self, mission: MissionContext) -> None:
+        del mission
+        if self.port_value("script") == "setup":
+            raise ZeroDivisionError("in setup")
+
+    def _next(self) -> str:
+        script = self.port_value("script")
+        self._now = script[self._ticks % len(script)]
+        self._ticks += 1
+        return self._now
+
+    def initialise(self) -> None:
+        assert self.begun == self.ended, f"{self.path} began twice"
+        self.begun += 1
+        script = self.port_value("script")
+        if script[self._ticks % len(script)] == "i":
+            self._ticks += 1
+            raise ZeroDivisionError("in initialise")
+
+    def update(self) -> Status:
+        letter = self._next()
+        if letter in "ui":
+            raise ZeroDivisionError("in update")
+        return ANSWERS.get(letter, Status.SUCCESS) if letter != "?" else None  # type: ignore[return-value]
+
+    def terminate(self, new_status: Status) -> None:
+        assert self.begun == self.ended + 1, f"{self.path} was told twice"
+        self.ended += 1
+        self.ends.append(new_status)
+        if self._now == "t":
+            raise ZeroDivisionError("in terminate")
+
+
+REGISTRY = NodeRegistry([Told])
+
+
+def ready(body: str) -> MissionTree:
+    world = World()
+    tree = parse_tree(document(body), REGISTRY)
+    tree.setup(world.context)
+    tree.variables["a"] = 1
+    return tree
+
+
+def told(tree: MissionTree) -> Iterator[Told]:
+    for leaf in tree.leaves():
+        if isinstance(leaf, Told):
+            yield leaf
+
+
+def leaf(name: str, script: str) -> str:
+    return f'<Told name="{name}" script="{script}"/>'
+
+
+# --- the ways to end, one by one ------------------------------------------------------------------
+
+LONG = leaf("x", "R")
+WAYS = {
+    "its own success": leaf("x", "RS"),
+    "its own failure": leaf("x", "RF"),
+    "its own exception in update": leaf("x", "Ru"),
+    "a wrong answer": leaf("x", "R?"),
+    "a reactive parent": f"<ReactiveSequence>{leaf('c', 'SF')}{LONG}</ReactiveSequence>",
+    "a reactive fallback": f"<ReactiveFallback>{leaf('c', 'FS')}{LONG}</ReactiveFallback>",
+    "a choice that changes": (
+        f"<WhileDoElse><ScriptCondition code='a == 1'/>{LONG}{leaf('y', 'R')}</WhileDoElse>"
+    ),
+    "a parallel that is decided": f"<Parallel>{LONG}{leaf('c', 'RF')}</Parallel>",
+    "its own _while": '<Told name="x" script="R" _while="a == 1"/>',
+    "an outer _while": f'<Inverter _while="a == 1">{LONG}</Inverter>',
+    "a sibling's exception": f"<Parallel>{LONG}{leaf('c', 'Ru')}</Parallel>",
+    "an earlier sibling's exception": f"<Parallel>{leaf('c', 'Ru')}{LONG}</Parallel>",
+    "a sibling's exception in terminate": f"<Parallel>{LONG}{leaf('c', 'Rt')}</Parallel>",
+    "an outer script's exception": f'<Inverter _while="1 / (2 - a) == 1">{LONG}</Inverter>',
+    "the halt of the tree": LONG,
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_to_end_tells_the_leaf_once(way: str) -> None:
+    """After the second tick it is over for `x`, and halting the tree tells nobody again."""
+    tree = ready(WAYS[way])
+    assert tree.tick() is Status.RUNNING
+    (x,) = (leaf for leaf in told(tree) if leaf.name == "x")
+    assert (x.begun, x.ended) == (1, 0)
+    tree.variables["a"] = 2
+    if way == "the halt of the tree":
+        tree.halt()
+    elif "exception" in way or "wrong answer" in way:
+        with pytest.raises(NodeFailedError):
+            tree.tick()
+        assert {node.status for node in tree.nodes()} == {Status.INVALID}
+    else:
+        tree.tick()
+    assert (x.begun, x.ended) == (1, 1)
+    own = {"its own success": Status.SUCCESS, "its own failure": Status.FAILURE}
+    assert x.ends == [own.get(way, Status.INVALID)]
+    for _ in range(2):
+        tree.halt()
+    assert (x.begun, x.ended) == (1, 1)
+    assert all(leaf.begun == leaf.ended for leaf in told(tree))
+
+
+@pytest.mark.parametrize(
+    ("script", "where", "begun"),
+    [("i", "initialise", 1), ("u", "update", 1), ("t", "terminate", 1)],
+)
+def test_an_exception_has_the_path_of_its_node(script: str, where: str, begun: int) -> None:
+    """Whichever method raised, deep in a tree; all others that ran are ended."""
+    others = leaf("o", "R")
+    tree = ready(f"<Parallel>{others}<Sequence>{leaf('x', script)}</Sequence>{others}</Parallel>")
+    path = "Main/Parallel/Sequence/x"
+    with pytest.raises(NodeFailedError, match=rf"'{path}' failed: ZeroDiv.*in {where}") as error:
+        tree.tick()
+    assert error.value.node_path == path
+    assert [(leaf.begun, leaf.ended) for leaf in told(tree)] == [(1, 1), (begun, begun), (0, 0)]
+
+
+def test_an_exception_in_setup_has_the_path_of_its_node() -> None:
+    """Nothing has begun, and a tree that is not set up cannot be ticked."""
+    tree = parse_tree(document(f"<Sequence>{leaf('x', 'setup')}</Sequence>"), REGISTRY)
+    with pytest.raises(NodeFailedError, match=r"'Main/Sequence/x' failed: ZeroDiv.*in setup"):
+        tree.setup(World().context)
+    assert {node.status for node in tree.nodes()} == {Status.INVALID}
+
+
+# --- any tree, any script -------------------------------------------------------------------------
+
+SCRIPTS = st.text("SFRRKiut?", min_size=1, max_size=6)
+MILD = st.text("SFRRK", min_size=1, max_size=6)
+CONDITIONS = st.sampled_from(
+    [
+        "",
+        "",
+        "",
+        ' _skipIf="a == 2"',
+        ' _while="a != 3"',
+        ' _failureIf="a == 1"',
+        ' _onHalted="a=2"',
+    ]
+)
+
+
+def _leaves(scripts: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    return st.builds(lambda s, c: f'<Told script="{s}"{c}/>', scripts, CONDITIONS)
+
+
+def _control(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    def of(tags: list[str], least: int, most: int) -> st.SearchStrategy[str]:
+        return st.builds(
+            lambda tag, children, c: f"<{tag}{c}>{''.join(children)}</{tag.split()[0]}>",
+            st.sampled_from(tags),
+            st.lists(inner, min_size=least, max_size=most),
+            CONDITIONS,
+        )
+
+    orders = "Sequence Fallback ReactiveSequence ReactiveFallback SequenceWithMemory"
+    at_once = "AsyncSequence AsyncFallback Parallel ParallelAll"
+    many = of(f"{orders} {at_once}".split(), 1, 3)
+    plain = "Inverter ForceSuccess ForceFailure KeepRunningUntilFailure RunOnce"
+    counting = ['Repeat num_cycles="2"', 'RetryUntilSuccessful num_attempts="2"']
+    waiting = ['SkipUnlessUpdated entry="{a}"', 'WaitValueUpdate entry="{a}"', 'Timeout msec="100"']
+    one = of([*plain.split(), *counting, *waiting], 1, 1)
+    branches = of(["IfThenElse", "WhileDoElse", "TryCatch", 'TryCatch catch_on_halt="true"'], 3, 3)
+    switch = of(['Switch2 variable="{a}" case_1="1" case_2="2"'], 3, 3)
+    return many | one | branches | switch
+
+
+@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    body=st.recursive(_leaves(SCRIPTS) | _leaves(MILD), _control, max_leaves=8),
+    steps=st.lists(st.sampled_from(["tick", "tick", "tick", "halt", "1", "2", "3"]), max_size=12),
+)
+def test_any_tree_any_script(body: str, steps: list[str]) -> None:
+    """Beginnings and ends alternate; after an exception or a halt all have ended."""
+    tree = ready(body)
+    for step in [*steps, "halt"]:
+        if step in "123":
+            tree.variables["a"] = int(step)
+            continue
+        failure = _do(tree, step)
+        # An assertion inside a leaf comes out as the failure of its node.
+        assert failure is None or not isinstance(failure.__cause__, AssertionError), failure
+        if failure is not None or step == "halt":
+            assert [leaf.path for leaf in told(tree) if leaf.begun != leaf.ended] == []
+            assert {node.status for node in tree.nodes()} == {Status.INVALID}
+
+
+def _do(tree: MissionTree, step: str) -> NodeFailedError | None:
+    try:
+        if step == "halt":
+            tree.halt()
+        else:
+            tree.tick()
+    except NodeFailedError as error:
+        return error
+    return None
