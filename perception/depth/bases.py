@@ -41,6 +41,7 @@ class Base:
 
     steepness: Array  # (A,) camera height over range of its base; NaN where unknown
     line: BaseLine | None  # what the steepness was fitted with
+    fitted: NDArray[np.bool_]  # (A,) where it is the line's
     visible: Array  # (A,) of its lowest pixel seen, which its base is at least as steep as; or NaN
     top_row: Indices  # (A,) uppermost row of it; -1 where it does not show
 
@@ -72,10 +73,12 @@ def find_base(panorama: Panorama, thing: int, height_m: float, config: BaseConfi
     visible[sight.columns] = sight.visible
     top_row[sight.columns] = shows.shape[0] - 1 - shows[::-1, sight.columns].argmax(axis=0)
     steepness = np.full(count, np.nan)
-    line, found = _believe(panorama, sight, config)
+    line, found, on_line = _believe(panorama, sight, config)
     steepness[sight.columns] = found
     steepness[~(steepness >= height_m / config.max_range_m)] = np.nan
-    return Base(steepness=steepness, line=line, visible=visible, top_row=top_row)
+    fitted = np.zeros(count, dtype=bool)
+    fitted[sight.columns] = on_line
+    return Base(steepness=steepness, line=line, fitted=fitted, visible=visible, top_row=top_row)
 
 
 def _look(panorama: Panorama, shows: NDArray[np.bool_], config: BaseConfig) -> _Sight:
@@ -133,26 +136,30 @@ def rows_above(
 
 def _believe(
     panorama: Panorama, sight: _Sight, config: BaseConfig
-) -> tuple[BaseLine | None, Array]:
-    """Return the fitted line, and the steepness of the base at the columns that show the thing."""
+) -> tuple[BaseLine | None, Array, NDArray[np.bool_]]:
+    """Return the fitted line, the base's steepness by column of sight, and where it is the line's.
+
+    The steepness is NaN where the base is not known.
+    """
     azimuth = panorama.azimuth_rad[sight.columns]
     stands = np.isfinite(sight.base)
     count = np.count_nonzero(stands)
-    nothing = np.full(azimuth.size, np.nan)
+    nothing, nowhere = np.full(azimuth.size, np.nan), np.zeros(azimuth.size, dtype=bool)
     if sight.cut and count < config.least_beside_cut:
-        return None, nothing
+        return None, nothing, nowhere
     line = fit_base(azimuth[stands], sight.base[stands], panorama.pixel_rad)
     if line is None or line.rms_px > config.max_rms_px:
-        return None, sight.base if count >= 0.5 * azimuth.size else nothing
+        return None, sight.base if count >= 0.5 * azimuth.size else nothing, nowhere
     fitted = line.steepness(azimuth)
     slack = config.slack_px * panorama.pixel_rad * (1.0 + sight.visible**2)
     # The base of a convex thing never lies below the line of one of its faces: what belongs to it
     # and lies there shows that its ragged upright edge was taken for a base.
     odd = sight.visible > fitted + slack
     if np.count_nonzero(odd) > config.specks * count:
-        return None, nothing
-    within = _distance(azimuth, azimuth[stands]) <= config.reach * line.spread_rad
-    return line, np.where(within & ~odd, fitted, np.nan)
+        return None, nothing, nowhere
+    on_line = (_distance(azimuth, azimuth[stands]) <= config.reach * line.spread_rad) & ~odd
+    # Near a corner the fit may miss what is plainly seen.
+    return line, np.where(on_line, fitted, np.where(odd, sight.base, np.nan)), on_line
 
 
 def _distance(places: Array, seen: Array) -> Array:

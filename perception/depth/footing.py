@@ -122,10 +122,12 @@ class _Footing:
 
     def _side_depth(self, azimuth: Array, level: Array, base: Base) -> Array:
         """Return the depth of side pixels by their azimuth, NaN where unknown."""
-        steepness = base.steepness[self._panorama.columns(azimuth)]
+        columns = self._panorama.columns(azimuth)
+        steepness = base.steepness[columns]
         if base.line is not None:
             exact = base.line.steepness(azimuth)
-            steepness = np.where(np.isfinite(steepness) & (exact > 0.0), exact, np.nan)
+            fitted = base.fitted[columns] & (exact > 0.0)
+            steepness = np.where(fitted, exact, steepness)
         return np.asarray(self._height_m / (steepness * level))
 
     def _bound(self, pixels: Indices, azimuth: Array, level: Array, base: Base) -> None:
