@@ -3,7 +3,8 @@
 Facts from BehaviorTree.CPP's `groot2_publisher.cpp`: requests are answered by a ZeroMQ REP socket,
 notifications go out through a PUB socket on the next port. The only notification there is tells
 that a breakpoint was reached; nobody can set one here, so that socket stays silent, and is there
-because Groot2 connects to it.
+because Groot2 connects to it. Requests are answered by a ROUTER socket here: to a client it is the
+same, but where bytes that are no ZeroMQ at all arrive, a REP socket can fall silent for everybody.
 """
 
 from __future__ import annotations
@@ -147,7 +148,7 @@ class GrootPublisher:
     def _bind(self, context: zmq.Context[Any]) -> tuple[zmq.Socket[bytes], zmq.Socket[bytes]]:
         wanted = self._config.port
         for _ in range(1 if wanted else _FREE_PAIR_TRIES):
-            replies = self._socket(context, self._zmq.REP)
+            replies = self._socket(context, self._zmq.ROUTER)
             port = self._bind_one(replies, wanted)
             notifications = self._socket(context, self._zmq.PUB)
             try:
@@ -200,8 +201,13 @@ class GrootPublisher:
                 ready = dict(poller.poll())
                 if stopped in ready:
                     return
-                # A REP socket drops what a vanished client does not take; it never waits for it.
-                replies.send_multipart(self._answer(replies.recv_multipart()))
+                try:
+                    client, *frames = replies.recv_multipart(self._zmq.NOBLOCK)
+                except self._zmq.Again:  # a connection that broke off in between looks ready, too
+                    continue
+                if not frames or frames[0]:
+                    continue  # not from a REQ socket, which puts an empty frame first: no client
+                replies.send_multipart([client, b"", *self._answer(frames[1:])])
         except self._zmq.ZMQError:
             _LOG.exception("the Groot2 publisher has stopped; the mission goes on")
         finally:

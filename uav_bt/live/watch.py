@@ -92,14 +92,14 @@ class LiveListeners:
 
     def __init__(self, log: BtlogWriter | None, publisher: GrootPublisher | None) -> None:
         self._log = log
-        self._publisher = publisher
+        self.publisher = publisher  # its port is known from now on
         self._watches: list[TreeWatch] = []
 
     def __call__(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
         """Begin to watch a tree that is about to fly."""
-        if self._log is None and self._publisher is None:
+        if self._log is None and self.publisher is None:
             return []
-        watch = TreeWatch(tree, context, log=self._log, publisher=self._publisher)
+        watch = TreeWatch(tree, context, log=self._log, publisher=self.publisher)
         self._watches.append(watch)
         return [watch]
 
