@@ -1,0 +1,224 @@
+"""Training examples: three frames of a flight, how the camera moved, and labels where there are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.footage import Footage
+from perception.depth.motion import CameraTrack, camera_track, measured_motion
+from uav_bt.errors import ShapeError, ValueRangeError
+
+__all__ = ["Clip", "ClipConfig", "ClipSource", "DepthLabels", "Flight"]
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipConfig:
+    """Which frames go together, and how they are varied."""
+
+    # Between a target and a reference: less movement shows no depth, more leaves no overlap.
+    least_move_m: float = 0.08
+    most_move_m: float = 0.5
+    most_turn_rad: float = 0.35
+    most_apart_s: float = 2.0  # integrated velocity drifts
+    least_height_m: float = 0.8  # above the carpet: the ground before take-off teaches nothing
+    odometry: bool = True  # measure movements on the carpet; else telemetry's word is taken
+    flip: float = 0.5  # share of clips that are mirrored
+    brightness: float = 0.2  # relative, either way; one draw for all frames of a clip
+    tint: float = 0.05  # relative, either way, each colour for itself
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.least_move_m < self.most_move_m:
+            raise ValueRangeError(
+                "least_move_m must be less than most_move_m, got "
+                f"{self.least_move_m} and {self.most_move_m}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthLabels:
+    """What is known about the depth of a flight's frames, without or with the truth."""
+
+    depth_m: NDArray[np.float16]  # (N, h, w) along the optical axis; NaN where nobody knows
+    at_most_m: NDArray[np.float16] | None = None  # (N, h, w); inf without a bound
+
+    def __post_init__(self) -> None:
+        if self.depth_m.ndim != 3:
+            raise ShapeError("depth labels", expected="NxHxW", actual=self.depth_m.shape)
+        if self.at_most_m is not None and self.at_most_m.shape != self.depth_m.shape:
+            expected = "x".join(map(str, self.depth_m.shape))
+            raise ShapeError("depth bounds", expected=expected, actual=self.at_most_m.shape)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Flight:
+    """One flight to learn from."""
+
+    footage: Footage
+    labels: DepthLabels | None = None
+
+    def __post_init__(self) -> None:
+        if self.labels is not None and len(self.labels.depth_m) != len(self.footage):
+            raise ShapeError(
+                "depth labels",
+                expected=f"{len(self.footage)}xHxW, one a frame",
+                actual=self.labels.depth_m.shape,
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clip:
+    """A target frame and two references, target first."""
+
+    images: Floats  # (3, 3, H, W), RGB, 0 to 1
+    motions: Floats  # (2, 3, 4), from the target's camera to each reference's, metres
+    intrinsics: Floats  # (4,): fx, fy, cx, cy in pixels of the images
+    labels: Floats | None  # (3, h, w); NaN where nobody knows
+    at_most: Floats | None  # (3, h, w); inf without a bound
+
+
+class ClipSource:
+    """All clips of some flights; the same generator draws the same clips."""
+
+    def __init__(self, flights: Sequence[Flight], config: ClipConfig | None = None) -> None:
+        """Find which frames go together.
+
+        Args:
+            flights: what to learn from, all with labels or all without.
+            config: which frames go together.
+
+        Raises:
+            ValueRangeError: nothing moves in these flights, or some have labels and others none.
+        """
+        self._config = config or ClipConfig()
+        self._flights = tuple(flights)
+        if len({flight.labels is None for flight in flights}) > 1:
+            raise ValueRangeError("some flights have depth labels and others none: label all")
+        self._tracks = [camera_track(flight.footage) for flight in flights]
+        # (flight, target) and the frames that may stand beside it.
+        self._targets: list[tuple[int, int, NDArray[np.intp]]] = []
+        self._aloft: list[NDArray[np.intp]] = []
+        for number, (flight, track) in enumerate(zip(flights, self._tracks, strict=True)):
+            height_m = flight.footage.height_above_carpet_m
+            self._aloft.append(np.flatnonzero(height_m >= self._config.least_height_m))
+            for target in self._aloft[-1]:
+                beside = self._beside(flight.footage, track, int(target))
+                if len(beside) >= 2:
+                    self._targets.append((number, int(target), beside))
+        if not self._targets:
+            raise ValueRangeError(
+                f"no frame of {len(self._flights)} flights has two others that were taken from "
+                f"{self._config.least_move_m} to {self._config.most_move_m} m away; fly further"
+            )
+
+    def __len__(self) -> int:
+        return len(self._targets)
+
+    @property
+    def frame_count(self) -> int:
+        """How many frames are worth learning from for themselves."""
+        return sum(map(len, self._aloft))
+
+    @property
+    def labelled(self) -> bool:
+        """Whether the flights come with labels."""
+        return self._flights[0].labels is not None
+
+    def _beside(self, footage: Footage, track: CameraTrack, target: int) -> NDArray[np.intp]:
+        config = self._config
+        moved_m = np.linalg.norm(track.position_m - track.position_m[target], axis=1)
+        # The angle between two optical axes: pitch and heading together.
+        axes = track.rotation[:, :, 2]
+        turned_rad = np.arccos(np.clip(axes @ axes[target], -1.0, 1.0))
+        apart_s = np.abs(footage.captured_s - footage.captured_s[target])
+        return np.flatnonzero(
+            (moved_m >= config.least_move_m)
+            & (moved_m <= config.most_move_m)
+            & (turned_rad <= config.most_turn_rad)
+            & (apart_s <= config.most_apart_s)
+            & (footage.height_above_carpet_m >= config.least_height_m)
+        )
+
+    def draw(self, rng: np.random.Generator) -> Clip:
+        """Return a clip."""
+        number, target, beside = self._targets[int(rng.integers(len(self._targets)))]
+        first, second = (int(frame) for frame in rng.choice(beside, size=2, replace=False))
+        motions = np.stack(
+            [self._motion(number, target, first), self._motion(number, target, second)]
+        )
+        return self._clip(number, (target, first, second), motions, rng)
+
+    def _motion(self, number: int, origin: int, target: int) -> NDArray[np.float64]:
+        track = self._tracks[number]
+        measured = None
+        if self._config.odometry:
+            footage = self._flights[number].footage
+            measured = measured_motion(footage, track, origin, target)
+        return track.motion(origin, target) if measured is None else measured
+
+    def draw_frames(self, rng: np.random.Generator) -> Clip:
+        """Return three frames that need not belong together, for learning from labels alone."""
+        share = np.array([len(frames) for frames in self._aloft]) / self.frame_count
+        number = int(rng.choice(len(share), p=share))
+        chosen = tuple(int(frame) for frame in rng.choice(self._aloft[number], size=3))
+        return self._clip(number, chosen, np.zeros((2, 3, 4)), rng)
+
+    def _clip(
+        self,
+        number: int,
+        frames: tuple[int, ...],
+        motions: NDArray[np.float64],
+        rng: np.random.Generator,
+    ) -> Clip:
+        flight = self._flights[number]
+        camera = flight.footage.camera
+        chosen = list(frames)
+        images = flight.footage.frames[chosen].transpose(0, 3, 1, 2).astype(np.float32) / 255.0
+        labels = bounds = None
+        if flight.labels is not None:
+            labels = flight.labels.depth_m[chosen].astype(np.float32)
+            if flight.labels.at_most_m is not None:
+                bounds = flight.labels.at_most_m[chosen].astype(np.float32)
+        clip = Clip(
+            images=images,
+            motions=motions.astype(np.float32),
+            intrinsics=np.array(
+                [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px], dtype=np.float32
+            ),
+            labels=labels,
+            at_most=bounds,
+        )
+        if rng.random() < self._config.flip:
+            clip = mirrored(clip)
+        return self._recoloured(clip, rng)
+
+    def _recoloured(self, clip: Clip, rng: np.random.Generator) -> Clip:
+        config = self._config
+        gain = 1.0 + rng.uniform(-config.brightness, config.brightness)
+        tint = 1.0 + rng.uniform(-config.tint, config.tint, size=(3, 1, 1))
+        images = np.clip(clip.images * (gain * tint).astype(np.float32), 0.0, 1.0)
+        return replace(clip, images=images)
+
+
+def mirrored(clip: Clip) -> Clip:
+    """Return what a camera in a mirrored world would have seen."""
+    fx, fy, cx, cy = clip.intrinsics
+    sign = np.array([-1.0, 1.0, 1.0], dtype=np.float32)
+    rotations = sign[:, None] * clip.motions[:, :, :3] * sign
+    translations = sign[:, None] * clip.motions[:, :, 3:]
+
+    def flipped(array: Floats) -> Floats:
+        return np.ascontiguousarray(array[..., ::-1])
+
+    return Clip(
+        images=flipped(clip.images),
+        motions=np.concatenate([rotations, translations], axis=2),
+        intrinsics=np.array([fx, fy, clip.images.shape[-1] - 1 - cx, cy], dtype=np.float32),
+        labels=None if clip.labels is None else flipped(clip.labels),
+        at_most=None if clip.at_most is None else flipped(clip.at_most),
+    )

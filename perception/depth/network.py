@@ -1,0 +1,136 @@
+"""The depth network: a small encoder-decoder for 320x256 pictures that flies on a CPU.
+
+It follows SC-Depth (Bian et al., arXiv 1908.10553) in what it computes: skips, ELU and reflection
+padding in the decoder, and depth = 1 / (10 sigmoid + 0.01). It is far smaller: residual blocks on
+thin layers, skips that are added and not joined, and a head that gives every pixel at a quarter of
+the size the values of its four half-size pixels (Shi et al., arXiv 1609.05158), because full-size
+convolutions cost most of the time and add no detail that the masks do not have.
+
+Importing this module imports torch: only training and export do so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from uav_bt.errors import ValueRangeError
+
+__all__ = ["DISPARITY_FLOOR", "DISPARITY_RANGE", "DepthNet", "DepthNetConfig"]
+
+DISPARITY_RANGE: Final = 10.0  # SC-Depth's: depth lies within 0.1 and 100
+DISPARITY_FLOOR: Final = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthNetConfig:
+    """The network's shape."""
+
+    width_px: int = 320  # SC-Depth's size for indoor video
+    height_px: int = 256
+    # By level, from half size downwards. More of them, or two residual blocks a level, cost more
+    # milliseconds than a flight's pipeline has.
+    channels: tuple[int, ...] = (16, 32, 48, 96, 160)
+    # What an untrained network says everywhere. Metric labels and telemetry need metres from the
+    # start; a pose network starts from small movements and so needs a small world.
+    initial_depth: float = 2.0
+
+    def __post_init__(self) -> None:
+        halvings = 2 ** len(self.channels)
+        if len(self.channels) < 3 or self.width_px % halvings or self.height_px % halvings:
+            raise ValueRangeError(
+                f"{len(self.channels)} levels (of at least 3) need sides divisible by {halvings}, "
+                f"got {self.width_px}x{self.height_px}"
+            )
+        if not 0.11 <= self.initial_depth <= 50.0:
+            raise ValueRangeError(
+                f"initial_depth must lie within 0.11 and 50, got {self.initial_depth}"
+            )
+
+
+class _Halve(nn.Sequential):
+    """A convolution that halves the picture, with batch norm and ReLU."""
+
+    def __init__(self, inputs: int, outputs: int, kernel: int) -> None:
+        super().__init__(
+            nn.Conv2d(inputs, outputs, kernel, stride=2, padding=kernel // 2, bias=False),
+            nn.BatchNorm2d(outputs),
+            nn.ReLU(inplace=True),
+        )
+
+
+class _Residual(nn.Module):
+    """Two convolutions whose result is added to what they are given (He et al., 1512.03385)."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.inner = nn.Sequential(
+            nn.Conv2d(width, width, 3, padding=1, bias=False),
+            nn.BatchNorm2d(width),
+            nn.ReLU(inplace=True),
+            nn.Conv2d(width, width, 3, padding=1, bias=False),
+            nn.BatchNorm2d(width),
+        )
+
+    def forward(self, features: Tensor) -> Tensor:
+        return functional.relu(features + self.inner(features))
+
+
+class _Merge(nn.Module):
+    """Enlarge, add the encoder's features of that size, convolve."""
+
+    def __init__(self, below: int, here: int) -> None:
+        super().__init__()
+        self.narrow = nn.Conv2d(below, here, 1)
+        self.conv = nn.Conv2d(here, here, 3, padding=1, padding_mode="reflect")
+
+    def forward(self, features: Tensor, skip: Tensor) -> Tensor:
+        grown = functional.interpolate(self.narrow(features), scale_factor=2, mode="nearest")
+        return functional.elu(self.conv(grown + skip))
+
+
+class DepthNet(nn.Module):
+    """RGB in [0, 1], (N, 3, H, W), to depth at half the size, (N, 1, H/2, W/2)."""
+
+    def __init__(self, config: DepthNetConfig) -> None:
+        super().__init__()
+        self.config = config
+        widths = config.channels
+        self.stem = _Halve(3, widths[0], 5)
+        self.down = nn.ModuleList(
+            nn.Sequential(_Halve(inputs, outputs, 3), _Residual(outputs))
+            for inputs, outputs in pairwise(widths)
+        )
+        self.up = nn.ModuleList(
+            _Merge(below, here) for below, here in zip(widths[:1:-1], widths[-2:0:-1], strict=True)
+        )
+        self.head = nn.Conv2d(widths[1], 4, 3, padding=1, padding_mode="reflect")
+        self.spread = nn.PixelShuffle(2)
+        share = (1.0 / config.initial_depth - DISPARITY_FLOOR) / DISPARITY_RANGE
+        nn.init.constant_(cast("Tensor", self.head.bias), math.log(share / (1.0 - share)))
+
+    def forward(self, rgb: Tensor) -> Tensor:
+        """Return the depth along the optical axis of each half-size pixel.
+
+        Args:
+            rgb: (N, 3, H, W) float, 0 to 1.
+
+        Returns:
+            (N, 1, H/2, W/2) float; metres if it was trained on metres, else an arbitrary unit.
+        """
+        features = self.stem(rgb - 0.5)  # zero is what the encoder pads with: let it be mid-grey
+        skips: list[Tensor] = []
+        for level in self.down:
+            features = level(features)
+            skips.append(features)
+        skips.pop()
+        for merge in self.up:
+            features = merge(features, skips.pop())
+        disparity = torch.sigmoid(self.spread(self.head(features)))
+        return 1.0 / (DISPARITY_RANGE * disparity + DISPARITY_FLOOR)
