@@ -20,6 +20,7 @@ _COMMANDS: Final = {
     "check": "uav_bt.cli.check:check",
     "nodes": "uav_bt.cli.nodes:nodes",
     "render": "uav_bt.cli.render:render",
+    "simulate": "uav_bt.cli.simulate:simulate",
     "schema": "uav_bt.cli.schema:schema",
     "scenes": "uav_bt.cli.scenes:scenes",
     "pick": "uav_bt.cli.pick:pick",

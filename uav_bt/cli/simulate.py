@@ -1,0 +1,160 @@
+"""`uav-bt simulate`: a dry run of a mission file with scripted leaves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from uav_bt.cli.options import palette_option, registry_with
+
+if TYPE_CHECKING:
+    from uav_bt.simulation import SimulatedTick
+
+__all__ = ["simulate"]
+
+_FAILED: Final = 1  # the exit code when the root did not succeed
+
+
+@click.command()
+@click.argument("tree")
+@click.option(
+    "--script",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    help="What the leaves answer (YAML).",
+)
+@click.option(
+    "--ticks",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    help="Stop after so many.",
+)
+@click.option(
+    "--tick-s",
+    type=click.FloatRange(min=0.0, min_open=True, max=3600.0),
+    default=0.1,
+    show_default=True,
+    help="Seconds between two ticks, for timers.",
+)
+@click.option(
+    "--format",
+    "format_",
+    type=click.Choice(["table", "json"]),
+    default="table",
+    show_default=True,
+)
+@palette_option()
+@click.pass_context
+def simulate(
+    ctx: click.Context,
+    *,
+    tree: str,
+    script: Path,
+    ticks: int,
+    tick_s: float,
+    format_: str,
+    palette: Path | None,
+) -> None:
+    r"""Tick a tree file with leaves that answer what a script says.
+
+    TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
+    leaves run when, what is halted, and what the variables hold. Exits with 0 when the root
+    succeeds, with 1 when it fails, is skipped or does not end.
+
+    \b
+    The script is a YAML file:
+      leaves:                 # by path, name or node id
+        TakeOff: RRS          # running, running, success; then always the last
+        Explore: (RRS)        # in brackets: over and over
+        Avoid: F              # failure; K is skipped
+      default: S              # for all other leaves
+      outputs:                # written when the leaf succeeds
+        Measure: {depth_m: 1.5}
+      variables: {laps: 3}    # before the first tick
+      board: {phase: explore}
+    """
+    from uav_bt.simulation import Simulation, read_script, status_name  # noqa: PLC0415 - for --help
+    from uav_bt.tree_files import resolve_tree  # noqa: PLC0415
+
+    simulation = Simulation(
+        resolve_tree(tree), read_script(script), registry_with(palette), tick_s=tick_s
+    )
+    steps = simulation.run(ticks)
+    if format_ == "json":
+        done = list(steps)
+        root = status_name(done[-1].status)
+        report = {"tree": tree, "status": root, "ticks": [_as_json(step) for step in done]}
+        click.echo(json.dumps(report, indent=2, ensure_ascii=False))
+        last = done[-1]
+    else:
+        last = _print_table(steps)
+        root = status_name(last.status)
+        ended = "not ended" if root == "RUNNING" else root
+        ticked = "1 tick" if last.tick == 1 else f"{last.tick} ticks"
+        click.echo(f"{ended} after {ticked}, {last.time_s:.2f} s")
+    if root != "SUCCESS":
+        ctx.exit(_FAILED)
+
+
+def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:
+    """Print a line for each tick, and one for all those that repeat the tick before."""
+    click.echo(" tick     time  root     leaves")
+    shown = last = next(steps)
+    click.echo(_line(shown))
+    for step in steps:
+        if _events(step) != _events(shown) or step.halted or step.changed:
+            _print_repeats(shown, last)
+            click.echo(_line(step))
+            shown = step
+        last = step
+    _print_repeats(shown, last)
+    return last
+
+
+def _print_repeats(shown: SimulatedTick, last: SimulatedTick) -> None:
+    if last.tick > shown.tick:
+        click.echo(f"{'...':>5}  {last.time_s:>7.2f}  the same until tick {last.tick}")
+
+
+def _events(step: SimulatedTick) -> tuple[Any, ...]:
+    return step.status, step.answers
+
+
+def _line(step: SimulatedTick) -> str:
+    from uav_bt.simulation import status_name  # noqa: PLC0415 - for --help
+
+    parts = [", ".join(f"{one.leaf} {status_name(one.status)[0]}" for one in step.answers)]
+    if step.halted:
+        parts.append(f"halted {', '.join(step.halted)}")
+    if step.changed:
+        parts.append(", ".join(f"{name}={_text(value)}" for name, value in step.changed.items()))
+    what = "; ".join(part for part in parts if part)
+    return f"{step.tick:>5}  {step.time_s:>7.2f}  {status_name(step.status):<7}  {what}".rstrip()
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else str(_plain(value))
+
+
+def _plain(value: Any) -> Any:
+    plain = value is None or isinstance(value, (bool, int, float, str))
+    return value if plain else f"<{type(value).__name__}>"
+
+
+def _as_json(step: SimulatedTick) -> dict[str, Any]:
+    from uav_bt.simulation import status_name  # noqa: PLC0415 - for --help
+
+    return {
+        "tick": step.tick,
+        "time_s": round(step.time_s, 6),
+        "status": status_name(step.status),
+        "leaves": [{"leaf": one.leaf, "status": status_name(one.status)} for one in step.answers],
+        "halted": list(step.halted),
+        "changed": {name: _plain(value) for name, value in step.changed.items()},
+    }
