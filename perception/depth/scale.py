@@ -305,9 +305,11 @@ def make_scale(name: str, config: ScaleConfig | None = None) -> ScaleEstimator:
     """
     if name == "adaptive":
         return AdaptiveScale(config)
+    collecting: dict[str, tuple[CollectingMethod, Statistic]] = {}
     for method in get_args(CollectingMethod):
+        collecting[method] = method, "median"
         for statistic in get_args(Statistic):
-            if name in (f"{method}:{statistic}", method if statistic == "median" else ""):
-                return CollectedScale(method, statistic, config)
-    suffixed = [f"{m}:{s}" for m in get_args(CollectingMethod) for s in get_args(Statistic)]
-    raise UnknownNameError("scale", name, [*SCALE_METHODS, *suffixed])
+            collecting[f"{method}:{statistic}"] = method, statistic
+    if name not in collecting:
+        raise UnknownNameError("scale", name, ["adaptive", *collecting])
+    return CollectedScale(*collecting[name], config)
