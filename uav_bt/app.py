@@ -239,6 +239,7 @@ def _fly_connected(
             drone=options.drone,
             profile=options.profile if drone.referee is not None else None,
             stage_times_s=context.stage_times_s,
+            slow_leaves_s=runner.slow_leaves_s,
         )
         if report_path is not None:
             write_report(result, report_path)

@@ -102,6 +102,11 @@ class MissionRunner:
         self._index = 0
         self._abort_reason: str | None = None
 
+    @property
+    def slow_leaves_s(self) -> dict[str, float]:
+        """The longest time of each leaf that blocked, seconds, by path; the last halt included."""
+        return self._budgets.worst_s
+
     def request_abort(self, reason: str) -> None:
         """Ask for a landing with the next tick; safe to call from a signal handler.
 

@@ -93,14 +93,11 @@ class FlightLog:
         self._tick_s: list[float] = []
         self._last_truth: Truth | None = None
         self._end_s: float | None = None
-        self._slow_s: dict[str, float] = {}
 
     def on_tick(self, record: TickRecord) -> None:
         """Take note of a tick."""
         self._tick_s.append(record.compute_s)
         self._end_s = record.time_s
-        for leaf in record.slow:
-            self._slow_s[leaf.path] = max(leaf.took_s, self._slow_s.get(leaf.path, 0.0))
         marks = self._marks
         if marks.take_off_s is None and isinstance(record.command.movement, TakeOff):
             marks.take_off_s = record.time_s
@@ -148,8 +145,21 @@ class FlightLog:
         drone: str,
         profile: str | None,
         stage_times_s: Mapping[str, Sequence[float]],
+        slow_leaves_s: Mapping[str, float] | None = None,
     ) -> FlightReport:
-        """Return the report of the flight that was listened to."""
+        """Return the report of the flight that was listened to.
+
+        Args:
+            verdict: how it ended.
+            scene: its scene's name.
+            seed: of everything random.
+            tree: the tree file's name.
+            policies: leaf policies, by node.
+            drone: what flew.
+            profile: how imperfect a simulated drone was.
+            stage_times_s: seconds that each perception stage took, every time.
+            slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
+        """
         marks, truth = self._marks, self._last_truth
         start = marks.take_off_s
         explored, found = (self._travelled_at(t) for t in (marks.explored_s, marks.found_s))
@@ -183,7 +193,7 @@ class FlightLog:
             perception_ms={
                 stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
             },
-            slow_leaves={path: round(1000.0 * s, 1) for path, s in self._slow_s.items()},
+            slow_leaves={path: round(1000.0 * s, 1) for path, s in (slow_leaves_s or {}).items()},
         )
 
 

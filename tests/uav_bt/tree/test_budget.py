@@ -14,13 +14,13 @@ from uav_bt.errors import NodeFailedError
 from uav_bt.mission.arbiter import Proposals
 from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.context import MissionContext
-from uav_bt.mission.judge import Judge
+from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner, TickRecord
 from uav_bt.report.flight_report import FlightLog
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, Port, Status
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf
-from uav_bt.tree.nodes import AlwaysSuccess, Sequence
+from uav_bt.tree.nodes import AlwaysSuccess, Parallel, Sequence
 
 
 class Blocks(Leaf):
@@ -118,9 +118,13 @@ def test_only_news_is_logged(
 
 
 def test_a_flight_reports_it(wall: ManualClock) -> None:
-    """The runner measures, tells its listeners in the tick, and the report has the worst."""
+    """The runner measures, tells its listeners in the tick, and the report has the worst.
+
+    What blocks in the last halt, which no tick follows, is reported too.
+    """
     drone = ScriptedDrone()
-    tree = MissionTree(Sequence("s", [Blocks("b", blocks="update", for_s=0.75)]), name="Mission")
+    leaves = [Blocks("b", blocks="update", for_s=0.75), Blocks("t", blocks="terminate", for_s=2.0)]
+    tree = MissionTree(Parallel("s", leaves), name="Mission")
     context = MissionContext(
         board=Blackboard(drone.clock, MISSION_KEYS),
         clock=drone.clock,
@@ -135,15 +139,16 @@ def test_a_flight_reports_it(wall: ManualClock) -> None:
         def on_tick(self, record: TickRecord) -> None:
             records.append(record)
             if len(records) == 2:
-                runner.request_abort("seen enough")
+                raise KeyboardInterrupt
 
     runner = MissionRunner(drone, tree, context, Judge(), listeners=(log, Stops()), timer=wall.now)
-    verdict = runner.run()
+    with pytest.raises(KeyboardInterrupt):
+        runner.run()
     slow = SlowLeaf(path="Mission/s/b", took_s=0.75, budget_s=0.5)
-    assert [record.slow for record in records][:2] == [(slow,), (slow,)]
+    assert [record.slow for record in records] == [(slow,), (slow,)]
     assert records[0].compute_s == 0.75
     report = log.report(
-        verdict,
+        Verdict(outcome=Outcome.ABORTED, reason="interrupted"),
         scene=None,
         seed=0,
         tree="mission.xml",
@@ -151,5 +156,6 @@ def test_a_flight_reports_it(wall: ManualClock) -> None:
         drone="scripted",
         profile=None,
         stage_times_s={},
+        slow_leaves_s=runner.slow_leaves_s,
     )
-    assert report.to_json()["slow_leaves"] == {"Mission/s/b": 750.0}
+    assert report.to_json()["slow_leaves"] == {"Mission/s/b": 750.0, "Mission/s/t": 2000.0}
