@@ -25,6 +25,8 @@ from uav_bt.tree.status import FAILURE, IDLE, SUCCESS, Status
 __all__ = ["TransitionRecorder"]
 
 _CHANGED: Final = "_status_changed"  # where a watched node keeps whom to tell
+# By identity: hashing a member of an enumeration is a call in Python.
+_CODES: Final = {id(status): code for status, code in STATUS_CODES.items()}
 _ROOT_UID: Final = 1
 
 
@@ -37,12 +39,13 @@ class _Watched:
 @lru_cache(maxsize=1024)
 def _watched(plain: type[Node]) -> type[Node]:
     """Return the subclass of a node class that notices; of the same layout and name."""
+    assign = plain.__setattr__
 
-    def notice(self: Node, name: str, value: Any) -> None:
-        state = self.__dict__
-        if name == "status" and state["status"] is not value:
-            state[_CHANGED](value)
-        plain.__setattr__(self, name, value)
+    def notice(self: Any, name: str, value: Any) -> None:
+        # Through attributes, not `__dict__`: asking for that makes an object slower for good.
+        if name == "status" and self.status is not value:
+            self._status_changed(value)
+        assign(self, name, value)
 
     body = {
         "__slots__": (),
@@ -73,7 +76,7 @@ class TransitionRecorder:
     def __init__(self, numbering: TreeNumbering, clock: Clock) -> None:
         self._numbering = numbering
         self._now_s: Callable[[], float] = clock.now
-        self._noted: list[Transition] = []
+        self._noted: list[tuple[float, int, Status]] = []  # seconds, uid; put in form by `take`
         self._root_ended = False
 
     def attach(self) -> None:
@@ -87,7 +90,7 @@ class TransitionRecorder:
             raise MissionError(f"tree node '{nodes[0].path}' is being watched already")
         for uid, node in enumerate(nodes, 1):
             note = self._note_root if uid == _ROOT_UID else partial(self._note, uid)
-            node.__dict__[_CHANGED] = note
+            setattr(node, _CHANGED, note)
             node.__class__ = _watched(type(node))
 
     def detach(self) -> None:
@@ -95,7 +98,7 @@ class TransitionRecorder:
         for node in self._numbering.nodes:
             if isinstance(node, _Watched):
                 node.__class__ = type(node).__mro__[1]
-                del node.__dict__[_CHANGED]
+                delattr(node, _CHANGED)
 
     def take(self) -> list[Transition]:
         """Return what was noted since the last call; called after a tick, and at the end.
@@ -108,7 +111,10 @@ class TransitionRecorder:
             self._note(_ROOT_UID, IDLE)
             self._root_ended = True
         noted, self._noted = self._noted, []
-        return noted
+        return [
+            Transition(round(time_s * 1e6), uid, _CODES[id(status)])
+            for time_s, uid, status in noted
+        ]
 
     def __enter__(self) -> Self:
         """Attach."""
@@ -125,8 +131,7 @@ class TransitionRecorder:
         self.detach()
 
     def _note(self, uid: int, status: Status) -> None:
-        time_us = round(self._now_s() * 1e6)
-        self._noted.append(Transition(time_us, uid, STATUS_CODES[status]))
+        self._noted.append((self._now_s(), uid, status))
 
     def _note_root(self, status: Status) -> None:
         told, self._root_ended = self._root_ended, False
