@@ -280,6 +280,14 @@ def test_a_leaf_that_raises_leaves_a_report_of_the_error(
     assert not hangar.drone.connected
 
 
+def test_leaves_that_block_are_named_in_the_report(
+    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("behaviours.land.Land.budget_s", -1.0)  # whatever it takes is too long
+    report = app.fly(tree_file(tmp_path, HOP), SCRIPTED)
+    assert list(report.slow_leaves) == ["Main/Sequence/Land"]
+
+
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [(DroneError("no answer"), "no answer"), (OSError("disk full"), "OSError: disk full")],
