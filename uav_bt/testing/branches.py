@@ -86,6 +86,8 @@ def _parallel(_element: Element, children: list[_Outcomes]) -> _Outcomes:
 
 def _choice(_element: Element, children: list[_Outcomes]) -> _Outcomes:
     """IfThenElse, WhileDoElse: the first child chooses between the others."""
+    if len(children) < 2:
+        return _S | _F  # too few for the loader, too
     asked, yes = children[0], children[1]
     no = children[2] if len(children) > 2 else _F
     return (yes if asked >= _S else _NONE) | (no if asked >= _F else _NONE)
@@ -222,7 +224,7 @@ class _Analysis:
 
     def _subtree(self, tree_id: str) -> _Outcomes:
         tree = self._document.trees.get(tree_id)
-        if tree is None or tree_id in self._open:
+        if tree is None or not tree.children or tree_id in self._open:
             return _S | _F
         self._open.add(tree_id)
         found = self.outcomes(tree.children[0]) - _H
@@ -235,8 +237,9 @@ def tree_branches(
 ) -> list[NodeBranches]:
     """Return all nodes of a file with their outcomes, in the order of the file.
 
-    Nodes of included files belong to those. The file need not be loadable with the registry: an
-    unknown node without children is taken for a leaf.
+    Nodes of included files belong to those. The file need not be loadable by itself or with the
+    registry: an unknown node without children is taken for a leaf, a subtree of a tree that is
+    elsewhere for one that can succeed and fail.
 
     Args:
         path: the file.
@@ -248,7 +251,9 @@ def tree_branches(
     """
     findings = Findings()
     document = outline(parse_source(read_source(path), path), registry, findings)
-    findings.raise_any(path)
+    if not document.trees:
+        findings.add(path, Position(1, 1), "the file has no BehaviorTree")
+        findings.raise_any(path)
     known = {node_id: registry[node_id].kind for node_id in registry}
     analysis = _Analysis(document, {**known, **(kinds or {})})
     elements = [

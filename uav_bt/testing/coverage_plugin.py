@@ -9,6 +9,7 @@ from typing import Any, Final
 import pytest
 
 from uav_bt.errors import FileError, InputError
+from uav_bt.testing.collector import is_tree_file
 from uav_bt.testing.coverage import FileCoverage, TreeCoverage, percentage
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree_files import tree_files
@@ -33,7 +34,7 @@ def coverage_plugin(
         UsageError: a file does not exist, or the percentage is none.
     """
     try:
-        files = [file for target in targets for file in tree_files(folder / target)]
+        files = [file for target in targets for file in _files(folder / target)]
         least = _percentage(fail_under) if fail_under else 0.0
     except FileError as error:
         raise pytest.UsageError(f"--tree-coverage: {error}") from error
@@ -43,6 +44,16 @@ def coverage_plugin(
         ) from error
     unique = list({_shown(file, folder): None for file in files})
     return CoveragePlugin(TreeCoverage(unique), least, reports=reports)
+
+
+def _files(target: Path) -> list[Path]:
+    files = tree_files(target)
+    if not target.is_dir():
+        return list(files)
+    trees = [file for file in files if is_tree_file(file)]
+    if not trees:
+        raise FileError(target, "no tree file (*.xml with BTCPP_format) in this folder or below")
+    return trees
 
 
 def _percentage(text: str) -> float:
@@ -100,6 +111,9 @@ class CoveragePlugin:
         if not self._reports:
             # pytest-xdist gives a worker's configuration this dictionary.
             session.config.workeroutput[_OUTPUT] = self._coverage.export()  # type: ignore[attr-defined]
+            return
+        if session.config.getoption("collectonly"):
+            self._reports = False  # nothing ran
             return
         try:
             registry = NodeRegistry.installed()

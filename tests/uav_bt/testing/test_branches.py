@@ -108,3 +108,13 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "x.xml").write_text("<root>", encoding="utf-8")
     with pytest.raises(TreeError, match=r"x\.xml:1:7: not well-formed XML"):
         tree_branches(tmp_path / "x.xml", REGISTRY)
+    (tmp_path / "y.xml").write_text("<config/>", encoding="utf-8")
+    with pytest.raises(TreeError, match=r"y\.xml:1:1: the file has no BehaviorTree"):
+        tree_branches(tmp_path / "y.xml", REGISTRY)
+
+
+def test_a_file_that_the_loader_refuses_can_be_listed(tmp_path: Path) -> None:
+    """Too few children and unknown trees are the checker's business."""
+    empty = '<BehaviorTree ID="E"/>'
+    body = f'<Sequence><IfThenElse>{OK}</IfThenElse><SubTree ID="E"/><SubTree ID="?"/></Sequence>'
+    assert branches(tmp_path, body, empty) == "SF SF S SF SF"

@@ -107,12 +107,56 @@ def test_a_covered_file_is_a_hundred_percent(pytester: pytest.Pytester) -> None:
 
 
 def test_too_little_coverage_fails_the_run(pytester: pytest.Pytester) -> None:
-    """The ini file may ask for it, and a folder stands for its files."""
+    """The ini file may ask for it, and a folder stands for its tree files."""
     project(pytester, ONE)
+    pytester.path.joinpath("other.xml").write_text("<config/>", encoding="utf-8")
     pytester.makeini("[pytest]\nuav_bt_tree_coverage = .\nuav_bt_tree_coverage_fail_under = 40.5\n")
     result = run(pytester)
     assert result.ret == pytest.ExitCode.TESTS_FAILED
     result.stdout.fnmatch_lines(["FAIL: expected a tree coverage of at least 40.5 %, got 40 %"])
+    assert "other.xml" not in result.stdout.str()
+
+
+def test_a_run_without_tests_is_not_judged(pytester: pytest.Pytester) -> None:
+    """Listing the tests covers nothing, and need not."""
+    project(pytester, ONE)
+    options = ["--tree-coverage=mission.xml", "--tree-coverage-fail-under=90", "--collect-only"]
+    result = run(pytester, *options)
+    assert result.ret == pytest.ExitCode.OK
+    assert "tree coverage" not in result.stdout.str()
+
+
+def test_included_files_have_their_own_coverage(pytester: pytest.Pytester) -> None:
+    """A library is measured through the missions that include it."""
+    root = '<root BTCPP_format="4" main_tree_to_execute="Main">'
+    trees = "".join(
+        f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>' for name in ("Used", "Not")
+    )
+    files = {
+        "library": f'<root BTCPP_format="4">{trees}</root>',
+        "mission": f'{root}<include path="library.xml"/><BehaviorTree ID="Main"><Sequence>'
+        '<SubTree ID="Used"/><SubTree ID="Used"/></Sequence></BehaviorTree></root>',
+    }
+    for name, text in files.items():
+        pytester.path.joinpath(f"{name}.xml").write_text(text, encoding="utf-8")
+    pytester.makepyfile(
+        """
+        from uav_bt.tree import Status
+
+        def test_mission(tree_bench):
+            assert tree_bench("mission.xml").tick() is Status.SUCCESS
+        """
+    )
+    result = run(pytester, "--tree-coverage=.")
+    result.stdout.fnmatch_lines(
+        [
+            "library.xml: 1 of 2 nodes ticked, 1 of 2 branches taken, 50 %",
+            "  library.xml:1:*: AlwaysSuccess: never ticked",
+            "mission.xml: 3 of 3 nodes ticked, 3 of 3 branches taken, 100 %",
+            "tree coverage: 80 %",
+        ],
+        consecutive=True,
+    )
 
 
 def test_a_file_that_no_test_loads_has_no_coverage(pytester: pytest.Pytester) -> None:
@@ -151,6 +195,7 @@ def test_workers_hand_their_share_over(pytester: pytest.Pytester) -> None:
     ("options", "message"),
     [
         (["--tree-coverage=nope.xml"], "--tree-coverage: *nope.xml*no such tree file*"),
+        (["--tree-coverage=empty"], "--tree-coverage: *empty: no tree file (*"),
         (
             ["--tree-coverage=mission.xml", "--tree-coverage-fail-under=much"],
             "--tree-coverage-fail-under: expected 0 to 100, got 'much'",
@@ -166,6 +211,7 @@ def test_wrong_options_are_refused(
 ) -> None:
     """As pytest refuses its own."""
     project(pytester, ONE)
+    pytester.mkdir("empty").joinpath("other.xml").write_text("<config/>", encoding="utf-8")
     result = run(pytester, *options)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines([f"*{message}"])
