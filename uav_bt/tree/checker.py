@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
@@ -220,17 +221,24 @@ class Checker:
             for tree_id, tree in self._document.trees.items()
         }
         done: set[str] = set()
-
-        def visit(tree_id: str, chain: tuple[str, ...]) -> None:
-            for node in uses.get(tree_id, ()):
-                inner = node.attributes.get("ID", "")
-                if inner in chain:
-                    loop = " > ".join([*chain[chain.index(inner) :], inner])
-                    self._note(node, f"the tree contains itself: {loop}", "ID")
-                elif inner not in done:
-                    visit(inner, (*chain, inner))
-            done.add(tree_id)
-
         for tree_id in self._document.trees:
             if tree_id not in done:
-                visit(tree_id, (tree_id,))
+                self._follow(tree_id, uses, done)
+
+    def _follow(self, start: str, uses: Mapping[str, list[Element]], done: set[str]) -> None:
+        # Depth first, with a stack of its own: a chain of trees can be longer than Python's.
+        chain = {start: iter(uses[start])}
+        while chain:
+            tree_id = next(reversed(chain))
+            node = next(chain[tree_id], None)
+            if node is None:
+                del chain[tree_id]
+                done.add(tree_id)
+                continue
+            inner = node.attributes.get("ID", "")
+            if inner in chain:
+                names = [*chain]
+                loop = " > ".join([*names[names.index(inner) :], inner])
+                self._note(node, f"the tree contains itself: {loop}", "ID")
+            elif inner not in done and inner in uses:
+                chain[inner] = iter(uses[inner])

@@ -9,7 +9,9 @@ from typing import Final
 
 from uav_bt.errors import TreeError
 
-__all__ = ["WHOLE_FILE", "Finding", "Findings", "Position"]
+__all__ = ["MAX_FINDINGS", "WHOLE_FILE", "Finding", "Findings", "Position"]
+
+MAX_FINDINGS: Final = 500  # nobody reads more, and each costs the search for a suggestion
 
 
 @dataclass(frozen=True, order=True)
@@ -50,8 +52,15 @@ class Findings:
         self._found: dict[Finding, None] = {}
 
     def add(self, path: Path | str, position: Position, message: str, node: str = "") -> None:
-        """Note a finding."""
+        """Note a finding.
+
+        Raises:
+            TreeError: there are too many.
+        """
         self._found[Finding(str(path), position, message, node)] = None
+        if len(self._found) >= MAX_FINDINGS:
+            more = f"{MAX_FINDINGS} errors are enough: the rest of the file was not checked"
+            raise TreeError(path, [*self, Finding(str(path), WHOLE_FILE, more)])
 
     def __iter__(self) -> Iterator[Finding]:
         """Iterate in the order of the file."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
 from uav_bt.mission.blackboard import Key
 from uav_bt.tree.elements import label
@@ -15,6 +15,9 @@ from uav_bt.tree.port import Port
 from uav_bt.tree.source import Element
 
 __all__ = ["UNKNOWN", "Read", "Scope", "Slot", "Use", "Write"]
+
+
+_MAX_SOURCES: Final = 100  # of one variable
 
 
 class UNKNOWN:
@@ -72,8 +75,12 @@ class Slot:
         return self.obscure or any(write.creates for write in self.writes)
 
     def sources(self) -> list[Write] | None:
-        """Return what gives it its values, copies followed back; None when that is not known."""
-        found: dict[Write, None] = {}
+        """Return what gives it its values, copies followed back; None when that is not known.
+
+        Of writes that come to the same, the first stands for all. So many different ones that they
+        would take long to follow count as not known.
+        """
+        found: dict[tuple[type, str | None], Write] = {}
         seen: set[int] = set()
         waiting = [self]
         while waiting:
@@ -90,8 +97,11 @@ class Slot:
                 if write.copied is not None:
                     waiting.append(write.copied)
                 else:
-                    found[replace(write, text=None) if changed else write] = None
-        return list(found)
+                    kept = replace(write, text=None) if changed else write
+                    found.setdefault((kept.kind, kept.text), kept)
+                if len(seen) + len(found) > _MAX_SOURCES:
+                    return None
+        return list(found.values())
 
 
 class Scope:

@@ -21,6 +21,9 @@ __all__ = ["MAX_BYTES", "MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_source", 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 MAX_DEPTH: Final = 100  # deeper trees would meet Python's own recursion limit when ticked
 MAX_ELEMENTS: Final = 20_000
+MAX_ATTRIBUTES: Final = 200  # of one element; nodes have less than ten
+MAX_VALUE: Final = 20_000  # characters of an attribute; scripts have some dozens
+_MAX_TEXT: Final = 1_000  # characters kept of a text between tags; it only serves messages
 
 _ATTRIBUTE: Final = re.compile(rb"([^\s=<>/\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')", re.DOTALL)
 
@@ -74,6 +77,11 @@ class _Builder:
             raise _RefusedError(f"more than {MAX_ELEMENTS} elements")
         if len(self._open) >= MAX_DEPTH:
             raise _RefusedError(f"elements are nested deeper than {MAX_DEPTH}")
+        if len(attributes) > MAX_ATTRIBUTES:
+            raise _RefusedError(f"an element has more than {MAX_ATTRIBUTES} attributes")
+        for name, text in attributes.items():
+            if len(text) > MAX_VALUE:
+                raise _RefusedError(f"attribute '{name:.40}' is longer than {MAX_VALUE} characters")
         positions = self._locate(attributes)
         element = Element(self._path, tag, attributes, self.here(), positions)
         if self._open:
@@ -85,16 +93,20 @@ class _Builder:
     def _locate(self, attributes: dict[str, str]) -> dict[str, Position]:
         if not attributes:
             return {}
-        start = self.parser.CurrentByteIndex
         here = self.here()
+        line, column = here.line, here.column
         found: dict[str, Position] = {}
-        at = self._data.index(b"<", start) + 1
+        done = self.parser.CurrentByteIndex
+        at = self._data.index(b"<", done) + 1
         for match in _ATTRIBUTE.finditer(self._data, at):
-            before = self._data[start : match.start()]
-            newlines = before.count(b"\n")
-            tail = before.rpartition(b"\n")[2].decode(errors="replace")
-            column = len(tail) + (here.column if newlines == 0 else 1)
-            found[match[1].decode(errors="replace")] = Position(here.line + newlines, column)
+            passed = self._data[done : match.start()]
+            newlines = passed.count(b"\n")
+            line += newlines
+            column = len(passed.rpartition(b"\n")[2].decode(errors="replace")) + (
+                1 if newlines else column
+            )
+            done = match.start()
+            found[match[1].decode(errors="replace")] = Position(line, column)
             if len(found) >= len(attributes):
                 break
         return found
@@ -103,7 +115,9 @@ class _Builder:
         self._open.pop()
 
     def _text(self, text: str) -> None:
-        self._open[-1].text += text
+        element, words = self._open[-1], text.strip()
+        if words and len(element.text) < _MAX_TEXT:
+            element.text += words[:_MAX_TEXT]
 
 
 def read_source(path: Path) -> bytes:

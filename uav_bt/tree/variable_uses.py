@@ -19,7 +19,7 @@ from uav_bt.tree.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.script import Script, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment, Literal, Name
 from uav_bt.tree.script.kinds import certain_names, kind_of
-from uav_bt.tree.source import Element
+from uav_bt.tree.source import MAX_DEPTH, Element
 
 __all__ = ["BoardUse", "VariableUses"]
 
@@ -125,7 +125,8 @@ class VariableUses:
             constants=constants,
             autoremap=autoremaps(element),
         )
-        if scope.tree_id in chain or scope.tree_id not in self._document.trees:
+        known = scope.tree_id in self._document.trees and scope.tree_id not in chain
+        if not known or len(chain) > MAX_DEPTH:
             self._obscured.append(scope)
         else:
             self._enter(scope, (*chain, scope.tree_id))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from conformance import Scripted
 from tree_world import World, document, leaf
 
 from uav_bt.board import HELIPAD
-from uav_bt.errors import TreeError
+from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.types import HelipadFix
 
@@ -289,11 +290,87 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
         ("<root>" + "<a/>" * 20_001 + "</root>", "more than 20000 elements"),
         (f"<root>{' ' * 2_000_000}</root>", "larger than 2000000 bytes"),
         ('<?xml version="1.0" encoding="klingon"?><root/>', "unknown encoding"),
+        (
+            "<root " + " ".join(f"a{n}='1'" for n in range(201)) + "/>",
+            "an element has more than 200 attributes",
+        ),
+        ("<root a='" + "x" * 20_001 + "'/>", "attribute 'a' is longer than 20000 characters"),
+        (document("<Safe/>")[:-20], "not well-formed XML"),
+        (document("<Safe/>")[:-7], "not well-formed XML: no element found"),
     ],
 )
 def test_hostile_documents_are_refused(text: str, message: str) -> None:
     """Entities, external references, depth and size: one clear message each, at once."""
     found = findings(text)
+    assert len(found) == 1
+    assert message in found[0]
+
+
+def test_a_report_ends_somewhere() -> None:
+    """A file with an error in each of thousands of nodes costs no more than its first hundreds."""
+    found = findings(document(f"<Sequence>{'<Stear/>' * 15_000}</Sequence>"))
+    assert len(found) == 501
+    assert any("500 errors are enough: the rest of the file was not checked" in f for f in found)
+
+
+def test_text_in_thousands_of_pieces_is_read_once() -> None:
+    """Comments cut a text into pieces; of the pieces, only the first matter."""
+    found = findings(document(f"<Safe>{'x<!---->' * 100_000}</Safe>"))
+    assert len(found) == 1
+    assert found[0].endswith(f"Safe: unexpected text '{'x' * 40}'")
+
+
+def test_a_chain_of_thousands_of_trees_is_refused() -> None:
+    """Neither the search for recursion nor the types follow it without end."""
+    chain = [
+        f'<BehaviorTree ID="T{n}"><SubTree ID="T{n + 1}"/></BehaviorTree>' for n in range(3_000)
+    ]
+    chain.append('<BehaviorTree ID="T3000"><Safe/></BehaviorTree>')
+    assert "deeper than 100 once" in findings(document('<SubTree ID="T0"/>', *chain))[0]
+
+
+def test_thousands_of_copies_are_followed_only_so_far() -> None:
+    """What is too long to follow proves nothing; the near part of the chain is refused."""
+    copies = "".join(
+        f'<SetBlackboard value="{{v{n}}}" output_key="v{n + 1}"/>'
+        f'<Repeat num_cycles="{{v{n}}}"><Safe/></Repeat>'
+        for n in range(1_000)
+    )
+    first = '<SetBlackboard value="x" output_key="v0"/>'
+    found = findings(document(f"<Sequence>{first}{copies}</Sequence>"))
+    assert 90 < len(found) <= 100
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("x := 1 / 0", "node 'Main/s' failed: ScriptError: script 'x := 1 / 0': division by zero"),
+        ("x := nobody + 1", "script 'x := nobody + 1': 'nobody' has no value"),
+        ("x = 1", "script 'x = 1': there is no variable 'x'; make a new one with ':='"),
+    ],
+)
+def test_scripts_that_fail_say_so(world: World, code: str, message: str) -> None:
+    """Unknown names and division by zero stop the tree, with the node and the script."""
+    tree = world.tree(f'<Script name="s" code="{code}"/>')
+    with pytest.raises(NodeFailedError, match=re.escape(message)):
+        tree.tick()
+    assert tree.root.status is Status.INVALID
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        (f"x := {'(' * 41}1{')' * 41}", "nested deeper than 40"),
+        (f"x := 1{' + 1' * 201}", "more than 200 operators"),
+        (f"x := {'1' * 4_001}", "longer than 4000 characters"),
+        ("x := __import__('os')", "expected ';', got '('"),
+        ("x := 1 ** 2", "expected a value, got '*'"),
+        ("x := 'open", "column 6: unexpected"),
+    ],
+)
+def test_scripts_are_bounded_and_no_python(code: str, message: str) -> None:
+    """What is too deep, too long or another language is refused when the file is loaded."""
+    found = findings(document(f'<Script code="{code}"/>'))
     assert len(found) == 1
     assert message in found[0]
 

@@ -176,7 +176,7 @@ def test_what_may_go_well_is_accepted(writer: str, reader: str) -> None:
             "attribute '_skipIf': variable 'x' holds HelipadFix, no number and no text",
         ),
         (
-            '<FindPad pad="{x}"/><FindPad pad="{x}"/>',
+            '<FindPad pad="{x}"/><Measure sure="{x}"/>',
             '<Use height_m="{x}"/>',
             "(and 1 more like it)",
         ),

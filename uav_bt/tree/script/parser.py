@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 from uav_bt.tree.script.environment import Environment
@@ -71,6 +72,7 @@ class Script:
             yield from statement.walk()
 
 
+@lru_cache(maxsize=4096)  # loading a file meets each script several times
 def parse_script(source: str) -> Script:
     """Parse a script.
 
