@@ -1,0 +1,181 @@
+"""Depth estimators for flight: any ONNX network on the CPU, run by OpenVINO."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.weights_io import SHIPPED_WEIGHTS
+from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.types import DepthMap, Frame
+
+__all__ = ["OnnxDepthEstimator", "load_depth_estimator", "shipped_depth"]
+
+_SHIPPED: Final = {"depth": SHIPPED_WEIGHTS / "depth.onnx"}
+_FURTHEST: Final = 1e4  # of a disparity of nought: so far that nothing there matters
+
+
+class OnnxDepthEstimator:
+    """A depth network in an ONNX file.
+
+    The network has one picture as input, (1, 3, H, W) RGB in [0, 1] of a fixed size, and one output
+    (1, 1, h, w) or (1, h, w), h and w at most H and W: relative depth along the optical axis, or
+    its inverse. The same frame always gives the same depth, also with other work beside it.
+    """
+
+    def __init__(
+        self, path: Path, *, says: Literal["depth", "disparity"] = "depth", threads: int = 1
+    ) -> None:
+        """Load and compile the network.
+
+        Args:
+            path: the ONNX file.
+            says: what the output means; a disparity is turned over.
+            threads: of inference.
+
+        Raises:
+            WeightsError: the file is absent or damaged, or the network is no depth network.
+            UnknownNameError: `says` is neither.
+        """
+        if threads < 1:
+            raise ValueRangeError(f"inference needs at least one thread, got {threads}")
+        if says not in ("depth", "disparity"):
+            raise UnknownNameError(
+                "meaning of a depth network's output", says, ("depth", "disparity")
+            )
+        self._path = path
+        self._inverse = says == "disparity"
+        model = _read(path)
+        self._size = self._input_size(model)
+        self._request = _compile(model, threads).create_infer_request()
+        grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
+        self._output_px = self._check_output(self._run(grey))
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height that frames are resized to."""
+        return self._size
+
+    @property
+    def output_px(self) -> tuple[int, int]:
+        """Width and height of the depth maps."""
+        return self._output_px
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the relative depth of a frame, at the size of the network's output.
+
+        Raises:
+            WeightsError: the network answered with something that is no depth.
+        """
+        depth = self.depth(frame.image)
+        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+
+    def depth(self, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Return relative depth, (h, w) float32, positive, of a picture, (H, W, 3) uint8 RGB."""
+        output = self._run(_shrunk(rgb, self._size)).reshape(self._output_px[::-1])
+        if not np.isfinite(output).all():
+            raise WeightsError(self._path, "the network's answer holds NaN or infinity")
+        if output.min() < 0.0 or (output.min() == 0.0 and not self._inverse):
+            meant = "disparity" if self._inverse else "depth"
+            raise WeightsError(self._path, f"a {meant} must be positive, got {output.min()}")
+        if self._inverse:
+            return np.asarray(1.0 / np.maximum(output, 1.0 / _FURTHEST), dtype=np.float32)
+        return np.array(output, dtype=np.float32)  # a copy: the next frame overwrites the tensor
+
+    def _run(self, rgb: NDArray[np.uint8]) -> NDArray[Any]:
+        planes = rgb.transpose(2, 0, 1)[None].astype(np.float32)
+        planes *= np.float32(1.0 / 255.0)
+        self._request.infer([np.ascontiguousarray(planes)])
+        return np.asarray(self._request.get_output_tensor(0).data)
+
+    def _input_size(self, model: Any) -> tuple[int, int]:
+        if len(model.inputs) != 1 or not model.outputs:
+            raise WeightsError(
+                self._path, f"the network must have one input, it has {len(model.inputs)}"
+            )
+        shape = model.input(0).get_partial_shape()
+        if shape.is_dynamic and len(shape) == 4 and shape[0].is_dynamic:
+            shape[0] = 1
+            model.reshape(shape)
+        if shape.is_dynamic or len(shape) != 4 or shape[0] != 1 or shape[1] != 3:
+            raise WeightsError(self._path, f"the input must be 1x3xHxW of fixed size, got {shape}")
+        return shape[3].get_length(), shape[2].get_length()
+
+    def _check_output(self, output: NDArray[Any]) -> tuple[int, int]:
+        planar = output.ndim == 3 or (output.ndim == 4 and output.shape[1] == 1)
+        if not planar or output.shape[0] != 1 or min(output.shape[-2:]) < 2:
+            raise WeightsError(
+                self._path, f"the output must be 1x1xHxW or 1xHxW, got {output.shape}"
+            )
+        height, width = output.shape[-2:]
+        if width > self._size[0] or height > self._size[1]:
+            raise WeightsError(
+                self._path,
+                f"the output must not be larger than the input {self._size[0]}x{self._size[1]}, "
+                f"got {width}x{height}",
+            )
+        return width, height
+
+
+def shipped_depth(*, threads: int = 1) -> OnnxDepthEstimator:
+    """Return the depth network that comes with the package."""
+    return OnnxDepthEstimator(_SHIPPED["depth"], threads=threads)
+
+
+def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEstimator:
+    """Return a depth network by the name of a shipped one, or an ONNX file.
+
+    Args:
+        model: "depth", or a path that ends in .onnx.
+        threads: of inference.
+
+    Raises:
+        UnknownNameError: it is neither.
+        WeightsError: the file cannot be used.
+    """
+    if str(model) in _SHIPPED:
+        return OnnxDepthEstimator(_SHIPPED[str(model)], threads=threads)
+    if Path(model).suffix.lower() != ".onnx":
+        raise UnknownNameError("depth network", str(model), (*_SHIPPED, "FILE.onnx"))
+    return OnnxDepthEstimator(Path(model), threads=threads)
+
+
+def _read(path: Path) -> Any:
+    # Imported here: a mission that flies on something else need not wait for it.
+    import openvino  # noqa: PLC0415
+
+    if not path.is_file():
+        raise WeightsError(
+            path, "there is no such network; `uav-bt train depth` makes the shipped one"
+        )
+    try:
+        return openvino.Core().read_model(path)
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
+
+
+def _compile(model: Any, threads: int) -> Any:
+    import openvino  # noqa: PLC0415
+
+    settings = {
+        "PERFORMANCE_HINT": "LATENCY",
+        "NUM_STREAMS": 1,
+        "INFERENCE_NUM_THREADS": threads,
+        # As for the masks: the same depth on every machine, and some virtual machines announce
+        # bfloat16 units that they do not let one use.
+        "INFERENCE_PRECISION_HINT": "f32",
+        # Pinned, the workers of a campaign would all sit on the same core.
+        "ENABLE_CPU_PINNING": False,
+    }
+    return openvino.Core().compile_model(model, "CPU", settings)
+
+
+def _shrunk(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if rgb.shape[1::-1] == size:
+        return rgb
+    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

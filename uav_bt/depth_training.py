@@ -1,0 +1,301 @@
+"""Training and evaluation of the depth network: footage in, weights out, measured on the twin."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.clips import ClipSource, DepthLabels, Flight
+from perception.depth.evaluation import DepthSample, DepthScore, score_depth
+from perception.depth.footage import FOOTAGE_SIZE_PX, Footage, FootageTruth, read_footage, shrink
+from perception.depth.footing import footing_depth
+from perception.depth.ground import CameraView, ground_depth, view_of
+from perception.weights_io import SHIPPED_WEIGHTS
+from uav_bt.errors import ValueRangeError
+from uav_bt.protocols import Segmenter
+from uav_bt.training import VALIDATION_SCENES, Advance
+from uav_bt.types import Attitude, CameraModel, Frame
+
+__all__ = [
+    "LABEL_SIZE_PX",
+    "SHIPPED_DEPTH",
+    "DepthViewPlan",
+    "DepthViews",
+    "depth_views",
+    "exact_labels",
+    "footing_labels",
+    "frames_of",
+    "read_flights",
+    "score_depth_on",
+    "train_depth",
+]
+
+SHIPPED_DEPTH: Final = SHIPPED_WEIGHTS / "depth.safetensors"
+LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
+
+Image = NDArray[np.uint8]
+
+
+def _silent(_stage: str, _done: int, _total: int) -> None:
+    """Tell nobody."""
+
+
+# --- labels ---------------------------------------------------------------------------------------
+
+
+def frames_of(footage: Footage) -> Iterator[Frame]:
+    """Give the frames of a footage file back as the drone sent them, but for their size."""
+    for place in range(len(footage)):
+        roll, pitch, yaw = (float(angle) for angle in footage.attitude_rad[place])
+        yield Frame(
+            image=footage.frames[place],
+            index=int(footage.index[place]),
+            captured_s=float(footage.captured_s[place]),
+            gimbal_pitch_rad=float(footage.gimbal_pitch_rad[place]),
+            attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
+            altitude_m=float(footage.altitude_m[place]),
+            height_m=float(footage.height_m[place]),
+            height_above_carpet_m=float(footage.height_above_carpet_m[place]),
+        )
+
+
+def footing_labels(
+    footage: Footage,
+    segmenter: Segmenter,
+    *,
+    least_height_m: float = 0.8,
+    advance: Callable[[int, int], None] = lambda _done, _total: None,
+) -> DepthLabels:
+    """Label a flight without any truth: a network's masks, telemetry, geometry.
+
+    Args:
+        footage: one flight.
+        segmenter: gives the masks.
+        least_height_m: frames from further below are left without labels.
+        advance: told frames done and in all.
+    """
+    width, height = LABEL_SIZE_PX
+    depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
+    bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
+    for place, frame in enumerate(frames_of(footage)):
+        if frame.height_above_carpet_m >= least_height_m:
+            ids = segmenter.segment(frame).ids
+            view = view_of(frame, footage.camera, (ids.shape[1], ids.shape[0]))
+            known = footing_depth(ids, view)
+            for kept, map_ in ((depth, known.depth), (bound, known.at_most)):
+                kept[place] = cv2.resize(
+                    np.asarray(map_, dtype=np.float32),
+                    LABEL_SIZE_PX,
+                    interpolation=cv2.INTER_NEAREST_EXACT,
+                )
+        advance(place + 1, len(footage))
+    return DepthLabels(depth_m=depth, at_most_m=bound)
+
+
+def exact_labels(footage: Footage, truth: FootageTruth) -> DepthLabels:
+    """Label a flight with a simulator's exact depth: the upper bound to compare with.
+
+    Raises:
+        ValueRangeError: the truth is about other frames.
+    """
+    if not np.array_equal(footage.index, truth.index):
+        raise ValueRangeError("the truth is about other frames than the footage; fly both anew")
+    depth = np.stack(
+        [
+            cv2.resize(
+                exact.astype(np.float32), LABEL_SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT
+            )
+            for exact in truth.depth_m
+        ]
+    )
+    return DepthLabels(depth_m=depth.astype(np.float16))
+
+
+def read_flights(
+    paths: Sequence[Path],
+    segmenter: Segmenter | None,
+    folder: Path,
+    *,
+    advance: Advance = _silent,
+) -> list[Flight]:
+    """Read footage and, where there is a segmenter, label it; labels already made are kept.
+
+    Args:
+        paths: footage files.
+        segmenter: gives the masks that labels are made from; None for no labels.
+        folder: where labels are kept, so that a broken-off run goes on.
+        advance: told when a flight is done.
+    """
+    flights = []
+    for done, path in enumerate(paths, start=1):
+        footage = read_footage(path)
+        labels = _kept_labels(path, footage, segmenter, folder) if segmenter is not None else None
+        flights.append(Flight(footage=footage, labels=labels))
+        advance("flights", done, len(paths))
+    return flights
+
+
+def _kept_labels(path: Path, footage: Footage, segmenter: Segmenter, folder: Path) -> DepthLabels:
+    about = zlib.crc32(footage.captured_s.tobytes() + footage.frames[-1].tobytes())
+    file = folder / f"labels-{path.stem}-{about:08x}.npz"
+    if not file.is_file():
+        made = footing_labels(footage, segmenter)
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = file.with_suffix(".part.npz")
+        bound = made.at_most_m if made.at_most_m is not None else np.empty(0)
+        np.savez_compressed(partial, depth_m=made.depth_m, at_most_m=bound)
+        partial.replace(file)
+        return made
+    with np.load(file, allow_pickle=False) as kept:
+        return DepthLabels(depth_m=kept["depth_m"], at_most_m=kept["at_most_m"])
+
+
+# --- validation -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthViewPlan:
+    """Which pictures of the twin depth is measured on."""
+
+    scenes: tuple[str, ...] = VALIDATION_SCENES
+    views: int = 40  # pictures a scene
+    profile: str = "lab"  # whose noise, blur and exposure error the pictures get
+    least_pitch_rad: float = -0.8  # steeper pictures, of landings, are left out: no depth is used
+    seed: int = 11
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthViews:
+    """Pictures with exact depth and ids, and exact ground plane, at the network's output size."""
+
+    rgb: Image  # (N, 256, 320, 3)
+    depth_m: NDArray[np.float32]  # (N, 128, 160)
+    ids: Image  # (N, 128, 160)
+    ground_m: NDArray[np.float32]  # (N, 128, 160)
+
+
+def depth_views(plan: DepthViewPlan) -> DepthViews:
+    """Take the pictures of a plan; the same plan gives the same pictures.
+
+    Raises:
+        SceneError: a scene is missing or malformed.
+        MissingDependencyError: OpenGL does not work here.
+    """
+    # Imported here: training on real flights needs no simulator.
+    from sim_bridge.twin.camera import anafi_camera  # noqa: PLC0415
+    from sim_bridge.twin.profile import Profile  # noqa: PLC0415
+    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
+    from sim_bridge.twin.views import render_views, sample_flight_poses  # noqa: PLC0415
+
+    camera: CameraModel = anafi_camera(640, 360).resized(*LABEL_SIZE_PX)
+    pictures, depths, ids, grounds = [], [], [], []
+    for name in plan.scenes:
+        scene = load_scene(name)
+        seed = (plan.seed << 32) + zlib.crc32(scene.name.encode())
+        poses = [
+            pose
+            for pose in sample_flight_poses(scene, np.random.default_rng(seed), 2 * plan.views)
+            if pose.pitch_rad >= plan.least_pitch_rad
+        ][: plan.views]
+        for view in render_views(
+            scene,
+            poses,
+            truth_size_px=LABEL_SIZE_PX,
+            profile=Profile.named(plan.profile),
+            seed=seed,
+        ):
+            pictures.append(shrink(view.image))
+            depths.append(view.depth)
+            ids.append(view.ids)
+            level = CameraView(camera=camera, pitch_rad=view.pose.pitch_rad, height_m=view.pose.z_m)
+            grounds.append(ground_depth(level))
+    return DepthViews(
+        rgb=np.stack(pictures),
+        depth_m=np.stack(depths),
+        ids=np.stack(ids),
+        ground_m=np.stack(grounds).astype(np.float32),
+    )
+
+
+def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthScore:
+    """Score predictions, (N, 128, 160), on the pictures they were made from."""
+    return score_depth(
+        DepthSample(predicted=mine, truth_m=truth, ids=ids, ground_m=ground)
+        for mine, truth, ids, ground in zip(
+            predicted, views.depth_m, views.ids, views.ground_m, strict=True
+        )
+    )
+
+
+# --- training -------------------------------------------------------------------------------------
+
+
+def train_depth(
+    flights: Sequence[Flight],
+    weights: Path,
+    *,
+    config: Any = None,
+    net_config: Any = None,
+    checkpoint: Path | None = None,
+    views: DepthViews | None = None,
+    validate_every: int = 200,
+    advance: Advance = _silent,
+    tell: Callable[[int, Mapping[str, float]], None] = lambda _step, _terms: None,
+) -> DepthScore | None:
+    """Train the depth network and write its safetensors and, beside them, the ONNX file.
+
+    Args:
+        flights: what to learn from.
+        weights: the safetensors file; the ONNX file has the same name.
+        config: a `perception.depth.training.DepthTrainingConfig`; None for its defaults.
+        net_config: a `perception.depth.network.DepthNetConfig`; None for its defaults.
+        checkpoint: the state of a run to go on from, and to keep.
+        views: pictures with the truth to validate on; None where nobody knows it.
+        validate_every: steps.
+        advance: told after every step, with the loss in the stage's name.
+        tell: told the terms of the loss and the scores, when it was validated.
+
+    Returns:
+        The score at the end, None without views.
+    """
+    # Imported here: torch is large and only training needs it.
+    from perception.depth import network, training  # noqa: PLC0415
+
+    settings = training.DepthTrainingConfig() if config is None else config
+    shape = network.DepthNetConfig() if net_config is None else net_config
+
+    def score(net: Any) -> DepthScore | None:
+        if views is None:
+            return None
+        parts = [
+            training.predict_depth(net, views.rgb[first : first + 8])
+            for first in range(0, len(views.rgb), 8)
+        ]
+        return score_depth_on(views, np.concatenate(parts))
+
+    def progress(now: Any, net: Any) -> None:
+        advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
+        if now.step % validate_every == 0 or now.step == now.steps:
+            found = score(net)
+            tell(now.step, {**now.terms, **(asdict(found) if found is not None else {})})
+
+    clips = ClipSource(flights, settings.clips)
+    net = training.train_depth(clips, settings, shape, checkpoint=checkpoint, progress=progress)
+    final = score(net)
+    from perception.depth import export  # noqa: PLC0415
+
+    notes = {
+        "training": asdict(settings),
+        "frames": clips.frame_count,
+        "validation": asdict(final) if final is not None else None,
+    }
+    export.save_depth_net(weights, net, notes=notes)
+    export.export_depth_onnx(weights, weights.with_suffix(".onnx"))
+    return final
