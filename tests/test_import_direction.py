@@ -17,7 +17,9 @@ ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 
 FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "clock")}
 # What composes everything: it may import all, and only its own kind may import it.
-FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "cli", "depth_training", "footage", "watching", "training")}
+FLOOR_FOUR = {
+    f"uav_bt.{name}" for name in ("app", "cli", "depth_training", "footage", "watching", "training")
+}
 
 
 class Import(NamedTuple):

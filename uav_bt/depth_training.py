@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -18,7 +19,7 @@ from perception.depth.footage import FOOTAGE_SIZE_PX, Footage, FootageTruth, rea
 from perception.depth.footing import footing_depth
 from perception.depth.ground import CameraView, ground_depth, view_of
 from perception.weights_io import SHIPPED_WEIGHTS
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.protocols import Segmenter
 from uav_bt.training import VALIDATION_SCENES, Advance
 from uav_bt.types import Attitude, CameraModel, Frame
@@ -28,6 +29,8 @@ __all__ = [
     "SHIPPED_DEPTH",
     "DepthViewPlan",
     "DepthViews",
+    "Diary",
+    "depth_strip",
     "depth_views",
     "exact_labels",
     "footing_labels",
@@ -234,6 +237,56 @@ def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthSc
     )
 
 
+class Diary:
+    """What a run keeps beside its checkpoint: a line of scores for each validation, and pictures.
+
+    Args:
+        folder: `scores.jsonl` and `step-*.png` go there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def note(self, step: int, terms: Mapping[str, float], score: DepthScore) -> None:
+        """Add a line."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        line = {"step": step, "terms": dict(terms), **asdict(score)}
+        with (self._folder / "scores.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def draw(
+        self, step: int, views: DepthViews, predicted: NDArray[np.float32], *, rows: int = 6
+    ) -> None:
+        """Draw picture, true and predicted depth of some views beside each other."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
+        sheet = np.vstack(
+            [
+                depth_strip(views.rgb[place], views.depth_m[place], predicted[place])
+                for place in places
+            ]
+        )
+        path = self._folder / f"step-{step:06d}.png"
+        done, content = cv2.imencode(".png", sheet[..., ::-1])
+        if not done:
+            raise FileError(path, "the picture cannot be written")
+        path.write_bytes(content.tobytes())
+
+
+def depth_strip(rgb: Image, truth_m: NDArray[np.float32], predicted: NDArray[np.float32]) -> Image:
+    """Return picture, true depth and median-scaled depth side by side, (128, 480, 3) RGB."""
+    scaled = predicted * np.median(truth_m / predicted)
+    return np.hstack([shrink(rgb, LABEL_SIZE_PX), _coloured(truth_m), _coloured(scaled)])
+
+
+def _coloured(depth_m: NDArray[np.float32]) -> Image:
+    # By inverse depth, so that what is near, and matters, gets most of the colours.
+    share = np.clip((1.0 / depth_m - 1.0 / 8.0) / (1.0 / 0.6 - 1.0 / 8.0), 0.0, 1.0)
+    grey = np.rint(255.0 * share).astype(np.uint8)
+    bgr = cv2.applyColorMap(grey, cv2.COLORMAP_TURBO)
+    return np.asarray(bgr[..., ::-1], dtype=np.uint8)
+
+
 # --- training -------------------------------------------------------------------------------------
 
 
@@ -247,7 +300,7 @@ def train_depth(
     views: DepthViews | None = None,
     validate_every: int = 200,
     advance: Advance = _silent,
-    tell: Callable[[int, Mapping[str, float]], None] = lambda _step, _terms: None,
+    diary: Diary | None = None,
 ) -> DepthScore | None:
     """Train the depth network and write its safetensors and, beside them, the ONNX file.
 
@@ -260,7 +313,7 @@ def train_depth(
         views: pictures with the truth to validate on; None where nobody knows it.
         validate_every: steps.
         advance: told after every step, with the loss in the stage's name.
-        tell: told the terms of the loss and the scores, when it was validated.
+        diary: keeps the terms of the loss, the scores and pictures, when it was validated.
 
     Returns:
         The score at the end, None without views.
@@ -271,24 +324,24 @@ def train_depth(
     settings = training.DepthTrainingConfig() if config is None else config
     shape = network.DepthNetConfig() if net_config is None else net_config
 
-    def score(net: Any) -> DepthScore | None:
-        if views is None:
-            return None
+    def predictions(net: Any, pictures: Image) -> NDArray[np.float32]:
         parts = [
-            training.predict_depth(net, views.rgb[first : first + 8])
-            for first in range(0, len(views.rgb), 8)
+            training.predict_depth(net, pictures[first : first + 8])
+            for first in range(0, len(pictures), 8)
         ]
-        return score_depth_on(views, np.concatenate(parts))
+        return np.concatenate(parts)
 
-    def progress(now: Any, net: Any) -> None:
+    def validate(now: Any, net: Any) -> None:
         advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
-        if now.step % validate_every == 0 or now.step == now.steps:
-            found = score(net)
-            tell(now.step, {**now.terms, **(asdict(found) if found is not None else {})})
+        due = now.step % validate_every == 0 or now.step == now.steps
+        if due and views is not None and diary is not None:
+            predicted = predictions(net, views.rgb)
+            diary.note(now.step, now.terms, score_depth_on(views, predicted))
+            diary.draw(now.step, views, predicted)
 
     clips = ClipSource(flights, settings.clips)
-    net = training.train_depth(clips, settings, shape, checkpoint=checkpoint, progress=progress)
-    final = score(net)
+    net = training.train_depth(clips, settings, shape, checkpoint=checkpoint, progress=validate)
+    final = score_depth_on(views, predictions(net, views.rgb)) if views is not None else None
     from perception.depth import export  # noqa: PLC0415
 
     notes = {

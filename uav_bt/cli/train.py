@@ -159,6 +159,105 @@ def segmentation(
     click.echo(f"segmentation U-Net: {weights} and {weights.with_suffix('.onnx')}")
 
 
+@train.command()
+@click.argument(
+    "flights", nargs=-1, required=True, metavar="FLIGHTS...", type=click.Path(path_type=Path)
+)
+@output_option("--out", f"The safetensors file; {_RUNS}/depth.safetensors if not given.")
+@click.option(
+    "--run",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=_RUNS / "depth",
+    show_default=True,
+    help="Where labels, checkpoint, scores and pictures are kept: the same command again goes on.",
+)
+@click.option(
+    "--labels",
+    type=click.Choice(["footing", "none"]),
+    default="footing",
+    show_default=True,
+    help="Beside the frames: depth from masks and geometry, or nothing.",
+)
+@click.option(
+    "--pose",
+    type=click.Choice(["telemetry", "network"]),
+    default="telemetry",
+    show_default=True,
+    help="Where the camera's movement comes from.",
+)
+@click.option(
+    "--photometric/--no-photometric",
+    default=True,
+    show_default=True,
+    help="Let neighbouring frames teach, too.",
+)
+@click.option(
+    "--validate/--no-validate",
+    default=True,
+    show_default=True,
+    help="Score the network on the twin's validation scenes as it learns.",
+)
+@seed_option()
+@click.option(
+    "--steps", type=click.IntRange(min=1), default=2500, show_default=True, help="Of training."
+)
+def depth(
+    *,
+    flights: tuple[Path, ...],
+    out: Path | None,
+    run: Path,
+    labels: str,
+    pose: str,
+    photometric: bool,
+    validate: bool,
+    seed: int,
+    steps: int,
+) -> None:
+    """Train the depth network on flights, without the true depth.
+
+    FLIGHTS are files that `uav-bt fly ... --footage FILE` wrote. Writes a safetensors file and,
+    beside it, the ONNX file made from it, which a tree file may name.
+    """
+    need("train", "torch", "onnx")
+    weights = out or _RUNS / "depth.safetensors"
+    if weights.suffix != ".safetensors":
+        raise click.UsageError(f"--out must end in .safetensors, got '{weights}'")
+    if not photometric and labels == "none":
+        raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
+    from perception.depth.training import DepthTrainingConfig  # noqa: PLC0415 - late, for --help
+    from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
+    from uav_bt import depth_training as training  # noqa: PLC0415
+
+    config = DepthTrainingConfig(
+        steps=steps,
+        seed=seed,
+        pose=pose,  # type: ignore[arg-type]  # click checked it
+        photometric=1.0 if photometric else 0.0,
+        geometry=0.1 if photometric else 0.0,
+        labels=1.0 if labels == "footing" else 0.0,
+    )
+    with progress_bars() as advance:
+        read = training.read_flights(
+            flights, shipped_unet() if labels == "footing" else None, run, advance=advance
+        )
+        score = training.train_depth(
+            read,
+            weights,
+            config=config,
+            checkpoint=run / "checkpoint.safetensors",
+            views=training.depth_views(training.DepthViewPlan()) if validate else None,
+            diary=training.Diary(run) if validate else None,
+            advance=advance,
+        )
+    if score is not None:
+        click.echo(
+            f"validation: {score.abs_rel:.4f} relative error after median scaling, obstacles "
+            f"{score.obstacle_error_m:.3f} m and carpet {score.carpet_error_m:.3f} m off with the "
+            "carpet's scale"
+        )
+    click.echo(f"depth network: {weights} and {weights.with_suffix('.onnx')}")
+
+
 def _fingerprint(plan: object, teacher_path: Path) -> str:
     """Return a name for the masks of a plan, so that other masks are never taken for them."""
     about = json.dumps(asdict(plan), sort_keys=True)  # type: ignore[call-overload]  # a dataclass
