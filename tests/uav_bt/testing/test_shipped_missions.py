@@ -1,0 +1,86 @@
+"""The kit on missions that ship: what they do when a leaf succeeds, fails or takes its time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.testing import TreeBench, load_tree
+from uav_bt.tree import Status
+
+TREES = Path(__file__).parents[3] / "trees"
+LOOKS = {"Segment": "S", "FindHelipad": "S"}
+SEES = {**LOOKS, "RememberObstacles": "S"}
+
+
+def land_only(**mocks: str) -> TreeBench:
+    flies = {"TakeOff": "RS", "ReturnToBase": "(RS)", "HelipadCenter": "S", "Land": "RS"}
+    return load_tree(
+        TREES / "land_only.xml", mocks={**SEES, **flies, "EmergencyLand": "RS", **mocks}
+    )
+
+
+def test_landing_follows_finding_the_pad() -> None:
+    """Perception is asked at every tick, the emergency landing never."""
+    bench = land_only()
+    ticks = bench.tick_until(Status.SUCCESS, max_ticks=20)
+    bench.log.assert_order(
+        *("TakeOff succeeded", "ReturnToBase succeeded", "HelipadCenter succeeded", "Land started")
+    )
+    bench.log.assert_started("Segment", times=ticks)
+    bench.log.assert_not_started("EmergencyLand")
+
+
+@pytest.mark.parametrize(("centring", "tries"), [("FFS", 3), ("FFFFS", 5)])
+def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> None:
+    """Up to five times."""
+    bench = land_only(HelipadCenter=centring)
+    bench.tick_until(Status.SUCCESS, max_ticks=40)
+    bench.log.assert_started("ReturnToBase", times=tries)
+    bench.log.assert_not_started("EmergencyLand")
+
+
+@pytest.mark.parametrize("mocks", [{"HelipadCenter": "F"}, {"TakeOff": "RF"}, {"Land": "RF"}])
+def test_what_fails_for_good_ends_in_an_emergency_landing(mocks: dict[str, str]) -> None:
+    """Whichever leaf it was; the mission then ends."""
+    bench = land_only(**mocks)
+    bench.tick_until(Status.SUCCESS, max_ticks=40)
+    bench.log.assert_order("return_and_land failed", "EmergencyLand started", "mission succeeded")
+
+
+def test_blindness_stops_what_flies() -> None:
+    """A perception leaf that fails halts the movement under way."""
+    bench = land_only(Segment="SSF", TakeOff="R")
+    bench.tick_until(Status.FAILURE, max_ticks=3)
+    bench.log.assert_halted("TakeOff", times=1, tick=3)
+
+
+def test_hovering_looks_around_once() -> None:
+    """Four quarter turns, with a pause after each, then down."""
+    flies = {"TakeOff": "RS", "HoverFor": "(RS)", "Turn": "(RS)", "HelipadCenter": "S", "Land": "S"}
+    bench = load_tree(TREES / "hover_and_look.xml", mocks={**LOOKS, **flies})
+    bench.tick_until(Status.SUCCESS, max_ticks=40)
+    bench.log.assert_succeeded("Turn", times=4)
+    bench.log.assert_succeeded("HoverFor", times=5)
+    bench.log.assert_order("Turn started", "look_around succeeded", "HelipadCenter started")
+
+
+def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
+    """A blocked step makes it turn away; after 90 s it goes home, whatever is under way."""
+    flies = {"TakeOff": "S", "Explore": "(RSF)", "Avoid": "(RS)", "HelipadCenter": "S", "Land": "S"}
+    bench = load_tree(
+        TREES / "explore_and_land_segmentation.xml",
+        mocks={**SEES, **flies, "ReturnToBase": "RS", "EmergencyLand": "S"},
+        tick_s=1.0,
+    )
+    bench.tick_until(Status.SUCCESS, max_ticks=100)
+    (start, *_), (home, *_) = (
+        bench.log.of(node, "started") for node in ("explore_for_90_s", "ReturnToBase")
+    )
+    assert home.time_s - start.time_s == pytest.approx(90.0)
+    bench.log.assert_order(
+        *("Explore failed", "Avoid started", "Avoid succeeded", "Explore started"),
+        *("step_or_turn halted", "Timeout failed", "explore_for_90_s succeeded", "Land started"),
+    )
+    bench.log.assert_not_started("EmergencyLand")
