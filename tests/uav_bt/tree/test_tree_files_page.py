@@ -1,0 +1,114 @@
+"""`docs/tree-files.md`: its examples load and tick, its table is the registry's."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from conformance import read_traces
+from tree_world import World
+
+from uav_bt.board import HEIGHT
+from uav_bt.errors import TreeError
+from uav_bt.tree import MissionTree, NodeRegistry, Status, parse_tree
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
+from uav_bt.tree.describe import NodeInfo, describe_all
+from uav_bt.tree.nodes import BUILTIN_NODES
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "tree-files.md").read_text(encoding="utf-8")
+SAMPLE = ROOT / "tests" / "data" / "bt_traces_sample.jsonl"
+XML, PYTHON = (re.findall(rf"```{kind}\n(.*?)```", PAGE, re.DOTALL) for kind in ("xml", "python"))
+ROWS = {
+    cells[0].strip("`"): cells
+    for line in PAGE.splitlines()
+    if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 5
+    and re.fullmatch(r"`\w+`", cells[0])
+}
+INFOS = describe_all(NodeRegistry())
+
+
+def test_the_table_has_every_node_of_the_format() -> None:
+    """No more, no less."""
+    assert set(ROWS) == {node.node_id for node in BUILTIN_NODES}
+
+
+@pytest.mark.parametrize("info", INFOS, ids=[info.node_id for info in INFOS])
+def test_a_row_says_what_the_node_is(info: NodeInfo) -> None:
+    """Kind, description, ports and defaults are the class's own."""
+    _, kind, ports, doc, _ = ROWS[info.node_id]
+    assert (kind, doc) == (info.kind, info.doc)
+    if info.node_id.startswith("Switch"):
+        assert ports == f"`variable`, `case_1` to `case_{len(info.ports) - 1}`"
+    elif info.node_id != "SubTree":
+        written = [
+            port.name
+            + ("" if port.default is None else f"={port.default}")
+            + ("" if port.direction == "input" else " (out)")
+            for port in info.ports
+        ]
+        assert ports == ", ".join(f"`{port}`" for port in written)
+
+
+def test_proven_is_what_the_traces_contain() -> None:
+    """The last column agrees with the recorded traces, whose sample has all their nodes."""
+    recorded: set[str] = set()
+    for trace in read_traces(SAMPLE):
+        recorded |= set(re.findall(r"<(\w+)", trace["xml"]))
+    for node_id, cells in ROWS.items():
+        assert cells[4] == ("traces" if node_id in recorded else "documentation"), node_id
+
+
+def test_all_conditions_are_listed() -> None:
+    """Each attribute that any node can have is explained."""
+    assert all(f"`{name}`" in PAGE for name in CONDITION_ATTRIBUTES)
+
+
+def test_the_first_example_flies(world: World) -> None:
+    """It succeeds in its second round, after two naps."""
+    tree = parse_tree(XML[0], NodeRegistry())
+    tree.setup(world.context)
+    answers = []
+    for _ in range(8):
+        answers.append(tree.tick())
+        if answers[-1] is not Status.RUNNING:
+            break
+        world.clock.advance(0.5)
+    assert answers[-1] is Status.SUCCESS
+    assert tree.variables["rounds"] == 2
+
+
+def test_the_board_example_guards(world: World) -> None:
+    """Its subtree reads the board by another name."""
+    world.board.declare(HEIGHT)
+    tree = parse_tree(XML[1], NodeRegistry())
+    tree.setup(world.context)
+    world.board.write(HEIGHT, 1.0)
+    assert tree.tick() is Status.SUCCESS
+    world.board.write(HEIGHT, 2.0)
+    assert tree.tick() is Status.FAILURE
+
+
+def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
+    """The message on the page is the loader's."""
+    with pytest.raises(TreeError) as error:
+        parse_tree(XML[0].replace(' count="', ' cuont="'), NodeRegistry(), path="mission.xml")
+    message = (
+        "SubTree 'Round': entry 'cuont' is used by no node of tree 'Round'; did you mean 'count'?"
+    )
+    assert message in " ".join(PAGE.split())
+    assert any(message in finding for finding in error.value.findings)
+
+
+def test_the_python_example_runs(world: World) -> None:
+    """A tree composed in Python ticks as one from a file."""
+    names: dict[str, object] = {}
+    (code,) = PYTHON
+    exec(compile(code, "docs/tree-files.md", "exec"), names)  # noqa: S102  # our own page
+    tree = names["tree"]
+    assert isinstance(tree, MissionTree)
+    tree.setup(world.context)
+    answers = [tree.tick() for _ in range(3)]
+    assert answers == [Status.RUNNING, Status.RUNNING, Status.SUCCESS]
+    assert tree.variables["count"] == 2
