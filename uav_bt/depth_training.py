@@ -296,6 +296,7 @@ def train_depth(
     *,
     config: Any = None,
     net_config: Any = None,
+    start: Path | None = None,
     checkpoint: Path | None = None,
     views: DepthViews | None = None,
     validate_every: int = 200,
@@ -309,6 +310,7 @@ def train_depth(
         weights: the safetensors file; the ONNX file has the same name.
         config: a `perception.depth.training.DepthTrainingConfig`; None for its defaults.
         net_config: a `perception.depth.network.DepthNetConfig`; None for its defaults.
+        start: weights of a depth network to begin with; None for random ones.
         checkpoint: the state of a run to go on from, and to keep.
         views: pictures with the truth to validate on; None where nobody knows it.
         validate_every: steps.
@@ -340,12 +342,15 @@ def train_depth(
             diary.draw(now.step, views, predicted)
 
     clips = ClipSource(flights, settings.clips)
-    net = training.train_depth(clips, settings, shape, checkpoint=checkpoint, progress=validate)
+    net = training.train_depth(
+        clips, settings, shape, start=start, checkpoint=checkpoint, progress=validate
+    )
     final = score_depth_on(views, predictions(net, views.rgb)) if views is not None else None
     from perception.depth import export  # noqa: PLC0415
 
     notes = {
         "training": asdict(settings),
+        "start": start.name if start is not None else None,
         "frames": clips.frame_count,
         "validation": asdict(final) if final is not None else None,
     }

@@ -24,6 +24,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from perception.depth.clips import Clip, ClipConfig, ClipSource
+from perception.depth.export import load_depth_tensors
 from perception.depth.losses import (
     ConsistencyMaps,
     best_of,
@@ -103,6 +104,7 @@ def train_depth(
     config: DepthTrainingConfig,
     net_config: DepthNetConfig,
     *,
+    start: Path | None = None,
     checkpoint: Path | None = None,
     progress: Callable[[DepthProgress, DepthNet], None] = lambda _now, _net: None,
 ) -> DepthNet:
@@ -112,6 +114,7 @@ def train_depth(
         clips: what to learn from.
         config: how to train.
         net_config: the network's shape.
+        start: weights to begin with, made by `export.save_depth_net`; None for random ones.
         checkpoint: where to keep the state; read first when it exists.
         progress: called after every step, with the running mean of the network.
 
@@ -119,7 +122,8 @@ def train_depth(
         The network with the running mean of its weights, in evaluation mode.
 
     Raises:
-        WeightsError: the checkpoint is damaged or belongs to another run.
+        WeightsError: the checkpoint is damaged or belongs to another run, or the weights to begin
+            with belong to another network.
         ValueRangeError: the loss is no longer finite, or nothing teaches.
     """
     if not config.compares_frames and not clips.labelled:
@@ -130,6 +134,8 @@ def train_depth(
     run = _Run(config, net_config)
     if checkpoint is not None and checkpoint.is_file():
         run.load(checkpoint)
+    elif start is not None:
+        run.begin_with(start)
     while run.step < config.steps:
         # Drawn from seed and step alone: a resumed run sees what an unbroken one would have seen.
         rng = np.random.default_rng((config.seed, run.step))
@@ -198,6 +204,22 @@ class _Run:
         self._about = json.dumps(
             {"training": asdict(config), "net": asdict(net_config)}, sort_keys=True
         )
+
+    def begin_with(self, weights: Path) -> None:
+        """Take over a trained network's weights."""
+        tensors, _ = load_depth_tensors(weights)
+        known = {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
+        try:
+            for net in (self.net, self.mean):
+                # The files leave out how many batches the norms have seen: nothing needs it.
+                counts = {
+                    name: count
+                    for name, count in net.state_dict().items()
+                    if name.endswith("num_batches_tracked")
+                }
+                net.load_state_dict({**counts, **known})
+        except RuntimeError as error:
+            raise WeightsError(weights, "belongs to a network of another shape") from error
 
     def learn(self, batch: _Batch) -> tuple[float, dict[str, float]]:
         """Do one step; return its loss and the terms it is made of."""

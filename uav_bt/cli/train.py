@@ -192,6 +192,11 @@ def segmentation(
     help="Let neighbouring frames teach, too.",
 )
 @click.option(
+    "--start",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Weights of a depth network to begin with; random ones if not given.",
+)
+@click.option(
     "--validate/--no-validate",
     default=True,
     show_default=True,
@@ -209,6 +214,7 @@ def depth(
     labels: str,
     pose: str,
     photometric: bool,
+    start: Path | None,
     validate: bool,
     seed: int,
     steps: int,
@@ -244,6 +250,7 @@ def depth(
             read,
             weights,
             config=config,
+            start=start,
             checkpoint=run / "checkpoint.safetensors",
             views=training.depth_views(training.DepthViewPlan()) if validate else None,
             diary=training.Diary(run) if validate else None,
