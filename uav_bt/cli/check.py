@@ -82,6 +82,5 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
                 }
                 for finding in findings
             ],
-        },
-        ensure_ascii=False,
+        }
     )

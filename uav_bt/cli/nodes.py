@@ -50,7 +50,7 @@ def nodes(*, names: tuple[str, ...], format_: str | None, xml: bool) -> None:
         return
     infos = [describe(registry[name]) for name in names] if names else describe_all(registry)
     if format_ == "json":
-        click.echo(json.dumps([asdict(info) for info in infos], indent=2, ensure_ascii=False))
+        click.echo(json.dumps([asdict(info) for info in infos], indent=2))
         return
     click.echo("\n\n".join(_described(info) for info in infos))
 

@@ -130,7 +130,8 @@ def palette_option() -> _Decorator:
         "--palette",
         metavar="FILE",
         type=click.Path(dir_okay=False, path_type=Path),
-        help="A TreeNodesModel, such as Groot2 exports, of nodes that are not installed here.",
+        help="A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of "
+        "nodes that are not installed here.",
     )
 
 

@@ -90,7 +90,7 @@ def simulate(
         done = list(steps)
         root = status_name(done[-1].status)
         report = {"tree": tree, "status": root, "ticks": [_as_json(step) for step in done]}
-        click.echo(json.dumps(report, indent=2, ensure_ascii=False))
+        click.echo(json.dumps(report, indent=2))
         last = done[-1]
     else:
         last = _print_table(steps)

@@ -7,6 +7,7 @@ they always do, unless the script has answers for them.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -183,10 +184,8 @@ def _no_policy(name: str) -> LeafPolicy:
 
 
 def _short_names(tree: MissionTree) -> dict[str, str]:
-    names = [leaf.name for leaf in tree.leaves()]
-    return {
-        leaf.path: leaf.name if names.count(leaf.name) == 1 else leaf.path for leaf in tree.leaves()
-    }
+    count = Counter(leaf.name for leaf in tree.leaves())
+    return {leaf.path: leaf.name if count[leaf.name] == 1 else leaf.path for leaf in tree.leaves()}
 
 
 def _changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:

@@ -66,14 +66,28 @@ def _mocks(tree: MissionTree, path: Path, script: SimulationScript) -> dict[str,
     ]
     if missing and script.default is None:
         raise TreeError(path, [_without_script(tree, leaf, path, script) for leaf in missing])
+    return mocks | _defaults(tree, missing, script)
+
+
+def _defaults(tree: MissionTree, missing: list[Leaf], script: SimulationScript) -> dict[str, str]:
+    """Return the answers of the leaves that have none of their own, by selector."""
+    text = script.default or ""
     for leaf in missing:
-        _check_answers(script, leaf, script.default or "", None)
-        mocks[leaf.path] = script.default or ""
-    return mocks
+        _check_answers(script, leaf, text, None)
+    left_out = {leaf.path for leaf in missing}
+    others = {
+        name for leaf in tree.leaves() if leaf.path not in left_out for name in _selectors(leaf)
+    }
+    # By id where that means no other leaf: a large tree has thousands of leaves, but few ids.
+    return {leaf.path if leaf.node_id in others else leaf.node_id: text for leaf in missing}
+
+
+def _selectors(leaf: Leaf) -> tuple[str, str, str]:
+    return leaf.path, leaf.name, leaf.node_id
 
 
 def _fits(selector: str, leaf: Leaf) -> bool:
-    return selector in {leaf.path, leaf.name, leaf.node_id}
+    return selector in _selectors(leaf)
 
 
 def _check_answers(script: SimulationScript, leaf: Leaf, text: str, line: int | None) -> None:
@@ -96,7 +110,7 @@ def _without_script(tree: MissionTree, leaf: Leaf, path: Path, script: Simulatio
 def _unknown_leaf(
     script: SimulationScript, selector: str, tree: MissionTree, line: int | None
 ) -> FileError:
-    known = {name for leaf in tree.leaves() for name in (leaf.path, leaf.name, leaf.node_id)}
+    known = {name for leaf in tree.leaves() for name in _selectors(leaf)}
     message = f"the tree has no leaf '{selector}'{did_you_mean(selector, known)}"
     return FileError(script.path, message, line)
 

@@ -104,6 +104,15 @@ def test_a_leaf_that_a_condition_passes_over_is_skipped(tmp_path: Path) -> None:
     assert (step.status, step.answers) == (K, (Answer("Fly", K),))
 
 
+def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
+    """Also where a leaf that has answers is called like another leaf's id."""
+    body = '<Sequence><Fly name="Measure"/><Measure name="m"/><Fly/></Sequence>'
+    (step,) = ticks(tmp_path, body, "leaves: {Main/Sequence/Measure: R}\ndefault: F", count=1)
+    assert step.answers == (Answer("Measure", R),)
+    (step,) = ticks(tmp_path, body, "leaves: {Fly: S}\ndefault: F")
+    assert [one.status for one in step.answers] == [S, F]
+
+
 def test_the_formats_own_leaves_run_and_their_changes_are_told(tmp_path: Path) -> None:
     body = (
         '<Sequence><Script code="a := 1; b := 2"/><Fly/>'

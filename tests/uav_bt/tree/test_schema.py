@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conformance import Scripted
+from conformance import REGISTRY as TRACED
+from conformance import Scripted, read_traces
 from lxml import etree
 from tree_world import document
 
@@ -67,6 +68,14 @@ def loads(text: str) -> bool:
 def test_every_shipped_tree_is_valid(path: Path) -> None:
     schema = schema_of(NodeRegistry.installed())
     schema.assertValid(etree.parse(str(path), PARSER))
+
+
+def test_every_tree_of_the_reference_traces_is_valid() -> None:
+    schema = schema_of(TRACED)
+    traces = read_traces(Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl")
+    texts = {trace["xml"] for trace in traces}
+    assert len(texts) >= 100
+    assert [text for text in texts if not valid(schema, text)] == []
 
 
 GOOD = [
