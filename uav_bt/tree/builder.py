@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from uav_bt.errors import TreeError, ValueRangeError, did_you_mean
-from uav_bt.tree.checker import node_id_of
+from uav_bt.tree.checker import Checker, node_id_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.document import Document, label
 from uav_bt.tree.findings import Finding, Findings, Position
@@ -17,7 +17,6 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.nodes.control import ControlNode
 from uav_bt.tree.nodes.decorator import DecoratorNode
-from uav_bt.tree.port import bind_ports
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 from uav_bt.tree.source import MAX_DEPTH, Element
@@ -25,6 +24,9 @@ from uav_bt.tree.source import MAX_DEPTH, Element
 __all__ = ["MAX_NODES", "Builder"]
 
 MAX_NODES: Final = 20_000  # subtrees inside subtrees multiply
+
+
+_FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
 
 
 @dataclass
@@ -117,20 +119,21 @@ class Builder:
                 self._check_override(target, attributes, plan)
 
     def _check_override(self, target: str, attributes: Mapping[str, str], plan: _Plan) -> None:
-        if plan.element.tag == NodeKind.SUBTREE.value:
-            return
-        given: dict[str, object] = dict(plan.attributes)
-        for name in CONDITION_ATTRIBUTES.intersection(given):
-            del given[name]
-        _, wrong = bind_ports(self._registry[node_id_of(plan.element)].ports, given)
-        for name, message in wrong.items():
-            if name in attributes:
-                self._findings.add(
-                    plan.element.path,
-                    plan.element.position,
-                    f"override of '{target}': {message}",
-                    label(plan.element),
-                )
+        element, said = plan.element, f"override of '{target}': "
+        for name in _FIXED.intersection(attributes):
+            self._findings.add(
+                element.path, element.position, f"{said}'{name}' cannot be replaced", label(element)
+            )
+        # The file itself is good by now, so whatever is found comes from the override.
+        found = Findings()
+        replaced = {**element.attributes, **attributes}
+        Checker(self._document, self._registry, found).check_element(
+            replace(element, attributes=replaced)
+        )
+        for finding in found:
+            self._findings.add(
+                finding.path, finding.position, f"{said}{finding.message}", finding.node
+            )
 
     def _mock(self, mocks: Mapping[str, str], plans: list[_Plan]) -> None:
         classes = {plan.path: leaf for plan in plans if (leaf := self._leaf_class(plan))}

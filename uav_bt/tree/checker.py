@@ -56,6 +56,10 @@ class Checker:
     def _check_node(self, element: Element) -> None:
         for child in element.children:
             self._check_node(child)
+        self.check_element(element)
+
+    def check_element(self, element: Element) -> None:
+        """Check one node, without those below it."""
         check_no_text(element, self._findings)
         if element.attributes.get("name") == "":
             self._note(element, "attribute 'name' is empty", "name")

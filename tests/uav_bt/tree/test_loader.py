@@ -414,11 +414,19 @@ def test_overrides_replace_attributes() -> None:
         ("explor", {"policy": "x"}, "no node of that name or path; did you mean 'explore'?"),
         ("explore", {"polcy": "x"}, "unknown attribute 'polcy'; did you mean 'policy'?"),
         ("explore", {"height_m": "x"}, "expected a number"),
+        ("explore", {"height_m": "{@hight}"}, "the board has no key 'hight'"),
+        ("explore", {"_skipIf": "1 +"}, "attribute '_skipIf': column 4: expected a value"),
+        ("explore", {"name": "x"}, "'name' cannot be replaced"),
+        ("Other", {"x": "{a b}"}, "is no reference"),
+        ("Other", {"x": "{@helipd}"}, "the board has no key 'helipd'; did you mean 'helipad'"),
+        ("Other", {"_autoremap": "true"}, "'_autoremap' cannot be replaced"),
     ],
 )
 def test_overrides_are_checked(target: str, attributes: dict[str, str], message: str) -> None:
     """An override that hits nothing or does not fit is refused like the file's own."""
-    found = findings(document(BODY), **{target: attributes})
+    body = BODY.replace("</Sequence>", '<SubTree ID="Other" x="1"/></Sequence>')
+    other = '<BehaviorTree ID="Other"><Safe/></BehaviorTree>'
+    found = findings(document(body, other), **{target: attributes})
     assert message in found[0]
     assert f"override of '{target}'" in found[0]
 
