@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
+import yaml
 from conformance import Scripted
 from tree_world import document
 
@@ -139,6 +140,7 @@ def test_mermaid_writes_what_could_mean_something_as_entities() -> None:
     label = re.search(r'n0\["Sequence<br/>(.*)"\]:::control', text)
     assert label is not None
     assert not set(label[1]) & set('"<>&\\`[]')
+    assert yaml.safe_load(text.split("---")[1]) == {"title": NASTY}
     back = re.sub(r"#(\d+);", lambda match: chr(int(match[1])), label[1])
     assert back == f"'{NASTY}'"
     assert "  n0 --- n1\n  n0 --- n2\n" in text

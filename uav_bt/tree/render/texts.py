@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Final
 
@@ -72,8 +73,8 @@ def _quoted(text: str) -> str:
 def mermaid(root: Box, title: str) -> str:
     """Return a tree as a Mermaid flowchart, which Markdown pages show."""
     numbers = {id(box): number for number, box in enumerate(root.walk())}
-    plain_title = _entities(one_line(title, 60))
-    lines = ["---", f'title: "{plain_title}"', "---", "flowchart TD"]
+    # The head is YAML, of which JSON is a part; entities mean nothing there.
+    lines = ["---", f"title: {json.dumps(one_line(title, 60))}", "---", "flowchart TD"]
     for box in root.walk():
         label = "<br/>".join(_entities(text) for text in _label(box))
         lines.append(f'  n{numbers[id(box)]}["{label}"]:::{box.kind.value.lower()}')
