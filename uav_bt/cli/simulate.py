@@ -48,6 +48,7 @@ _FAILED: Final = 1  # the exit code when the root did not succeed
     type=click.Choice(["table", "json"]),
     default="table",
     show_default=True,
+    help="json: one object with all ticks.",
 )
 @palette_option()
 @click.pass_context

@@ -51,7 +51,8 @@ def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], he
 def test_help_names_every_command() -> None:
     result = run("--help")
     assert result.exit_code == 0
-    for name in ("fly", "check", "train", "evaluate", "scenes", "nodes", "pick"):
+    tools = ("new", "check", "nodes", "render", "simulate", "schema")
+    for name in ("fly", *tools, "train", "evaluate", "scenes", "pick"):
         assert f"\n  {name} " in result.stdout
 
 
