@@ -208,7 +208,8 @@ def _read(path: Path, kind: str) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise FileError(path, "there is no such file; `uav-bt fly ... --footage FILE` makes one")
     try:
-        with np.load(path, allow_pickle=False) as content:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
+            # Opened by ourselves: numpy leaves a damaged file open.
             found = str(content["kind"]) if "kind" in content else "something else"
             if found != kind:
                 raise FileError(path, f"expected a file of kind '{kind}', got '{found}'")
