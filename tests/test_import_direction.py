@@ -20,6 +20,8 @@ FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "cloc
 FLOOR_FOUR = {
     f"uav_bt.{name}" for name in ("app", "cli", "depth_training", "footage", "watching", "training")
 }
+# Networks are made and trained there; what flies them needs no torch.
+TRAINERS = ("perception.segmentation", "perception.depth")
 
 
 class Import(NamedTuple):
@@ -80,7 +82,7 @@ def objection(found: Import) -> str | None:
     """Return why an import must not be, None when it may."""
     importer, imported = found.importer, found.imported
     if within(imported, "torch"):
-        trains = floor(importer) == 4 or within(importer, "perception.segmentation")
+        trains = floor(importer) == 4 or within(importer, *TRAINERS)
         return None if trains else "torch is for training only"
     return _objection_to_ours(importer, imported) if within(imported, *ROOMS) else None
 
@@ -162,7 +164,8 @@ def test_a_downward_import_is_allowed(importer: str, source: str) -> None:
 def test_flying_needs_no_torch() -> None:
     """Everything between a tree file and the drone imports where torch is not installed."""
     flown = [module_name(path) for path in (ROOT / "behaviours").rglob("*.py")]
-    flown += ["perception.segmentation.runtime", "sim_bridge.twin.drone", "uav_bt.app"]
+    flown += ["perception.segmentation.runtime", "perception.depth.runtime"]
+    flown += ["sim_bridge.twin.drone", "uav_bt.app"]
     flown += ["uav_bt.watching", "uav_bt.cli.fly"]
     code = f"import sys\nsys.modules['torch'] = None\nimport {', '.join(flown)}"
     done = subprocess.run(  # noqa: S603  # our own interpreter and code
@@ -198,7 +201,14 @@ def words_of(source: str) -> Iterator[tuple[int, str]]:
 VOCABULARY = {
     "uav_bt.types": {"TakeOff", "Land"},  # commands; the leaves that give them are called alike
     # who writes a key of the mission board, shown to people in lists of keys
-    "uav_bt.board": {"Segment", "FindHelipad", "RememberObstacles"},
+    "uav_bt.board": {
+        "Segment",
+        "EstimateDepth",
+        "BuildCorridor",
+        "FindHelipad",
+        "RememberObstacles",
+        "corridor",  # a key, called like the policy that reads it
+    },
 }
 
 
