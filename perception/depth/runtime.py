@@ -81,7 +81,7 @@ class OnnxDepthEstimator:
             raise WeightsError(self._path, "the network's answer holds NaN or infinity")
         if output.min() < 0.0 or (output.min() == 0.0 and not self._inverse):
             meant = "disparity" if self._inverse else "depth"
-            raise WeightsError(self._path, f"a {meant} must be positive, got {output.min()}")
+            raise WeightsError(self._path, f"a {meant} must be positive, got {output.min():.3g}")
         if self._inverse:
             return np.asarray(1.0 / np.maximum(output, 1.0 / _FURTHEST), dtype=np.float32)
         return np.array(output, dtype=np.float32)  # a copy: the next frame overwrites the tensor
