@@ -24,6 +24,7 @@ _COMMANDS: Final = {
     "simulate": "uav_bt.cli.simulate:simulate",
     "schema": "uav_bt.cli.schema:schema",
     "scenes": "uav_bt.cli.scenes:scenes",
+    "calibrate": "uav_bt.cli.calibrate:calibrate",
     "pick": "uav_bt.cli.pick:pick",
     "log": "uav_bt.cli.log:log",
     "train": "uav_bt.cli.train:train",

@@ -1,0 +1,117 @@
+"""Checkerboards in photographs: how many inner corners show, and where each of them is."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ShapeError
+
+__all__ = ["LEAST_CORNERS", "Corners", "Grey", "find_any_board", "find_board"]
+
+Grey = NDArray[np.uint8]  # (H, W)
+Corners = NDArray[np.float32]  # (rows, columns, 2): column and row in the image of each corner
+
+LEAST_CORNERS = 12  # 4x3: fewer say little more than the board's four corners do
+
+_SEARCH_PX = 1280  # longer pictures are searched shrunk to this, and refined at full size
+# What the search starts to grow a board from. Small ones are found in any clutter, so the larger
+# goes first.
+_SEEDS = ((7, 5), (4, 3))
+
+
+def find_any_board(image: Grey) -> Corners | None:
+    """Find the largest part of a board of unknown layout of which all corners show.
+
+    Args:
+        image: (H, W) uint8 grey.
+
+    Returns:
+        Its inner corners, with at least as many columns as rows; None where there is no board.
+
+    Raises:
+        ShapeError: the picture is not grey.
+    """
+    small, shrink = _searchable(image)
+    best: Corners | None = None
+    for seed in _SEEDS:
+        found, points, meta = cv2.findChessboardCornersSBWithMeta(
+            small, seed, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
+        )
+        if not found:
+            continue
+        rows, columns = meta.shape[:2]
+        grid = _canonical(np.asarray(points, dtype=np.float32).reshape(rows, columns, 2))
+        if best is None or grid.size > best.size:
+            best = grid
+        if best.size > 2 * 2 * seed[0] * seed[1]:
+            break  # grown to twice the seed: no piece of clutter
+    if best is None or best.size < 2 * LEAST_CORNERS:
+        return None
+    return _refined(image, best, shrink)
+
+
+def find_board(image: Grey, columns: int, rows: int) -> Corners | None:
+    """Find a board of known layout, all of whose corners show.
+
+    Args:
+        image: (H, W) uint8 grey.
+        columns: inner corners along its longer side.
+        rows: along its shorter.
+
+    Returns:
+        (rows, columns, 2) its inner corners, or None.
+
+    Raises:
+        ShapeError: the picture is not grey.
+    """
+    small, shrink = _searchable(image)
+    for flags in (0, cv2.CALIB_CB_EXHAUSTIVE):
+        found, points = cv2.findChessboardCornersSB(small, (columns, rows), flags=flags)
+        if found:
+            grid = np.asarray(points, dtype=np.float32).reshape(rows, columns, 2)
+            return _refined(image, _canonical(grid), shrink)
+    return None
+
+
+def _searchable(image: Grey) -> tuple[Grey, float]:
+    """Return the picture small enough to search, and how many of its pixels one of those spans."""
+    if image.ndim != 2:
+        raise ShapeError("picture of a board", expected="HxW, grey", actual=image.shape)
+    longest = max(image.shape)
+    if longest <= _SEARCH_PX:
+        return image, 1.0
+    shrink = longest / _SEARCH_PX
+    size = round(image.shape[1] / shrink), round(image.shape[0] / shrink)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8), shrink
+
+
+def _canonical(grid: Corners) -> Corners:
+    """Turn a grid so that it has no more rows than columns and is not mirrored."""
+    if grid.shape[0] > grid.shape[1]:
+        grid = np.rot90(grid)
+    along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
+    if along[0] * down[1] - along[1] * down[0] < 0.0:
+        grid = grid[:, ::-1]
+    return np.ascontiguousarray(grid)
+
+
+def _refined(image: Grey, grid: Corners, shrink: float) -> Corners:
+    """Place corners to a part of a pixel of the full picture.
+
+    Also where nothing was shrunk: the search errs to one side, which in the twin moves the camera's
+    centre by half a pixel; this scatters more and errs less.
+    """
+    full = (grid + 0.5) * np.float32(shrink) - np.float32(0.5)
+    spacing = min(
+        float(np.linalg.norm(np.diff(full, axis=0), axis=-1).min()),
+        float(np.linalg.norm(np.diff(full, axis=1), axis=-1).min()),
+    )
+    # The window must not reach the neighbouring corners.
+    reach = int(np.clip(round(0.35 * spacing), 2, 15))
+    ends = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
+    placed = cv2.cornerSubPix(
+        image, np.ascontiguousarray(full.reshape(-1, 1, 2)), (reach, reach), (-1, -1), ends
+    )
+    return np.asarray(placed, dtype=np.float32).reshape(grid.shape)
