@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from behaviours.steering import SteeringLeaf
+from behaviours.steering import FLOWING, SteeringLeaf
 from uav_bt.board import PHASE
 from uav_bt.tree import Status
 
@@ -11,6 +11,8 @@ __all__ = ["Explore"]
 
 class Explore(SteeringLeaf):
     """Advance under a leaf policy; FAILURE when the way is blocked (Avoid's turn)."""
+
+    ports = (*SteeringLeaf.ports, FLOWING)
 
     def initialise(self) -> None:
         """Say what the mission is doing; only what is seen from now on counts."""

@@ -45,7 +45,7 @@ _FURTHER_M = 0.2
 class SteeringLeaf(MovingLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
-    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT, FLOWING)
+    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT)
     reads: ClassVar[tuple[Key[Any], ...]] = (
         STATE,
         FRAME,
