@@ -32,7 +32,14 @@ from perception.depth.ground import CameraView, level_rays
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import BodyVelocity, Corridor, DepthMap
 
-__all__ = ["SIDES", "CorridorBuilder", "CorridorConfig", "CorridorPlanes", "build_corridor"]
+__all__ = [
+    "SIDES",
+    "CorridorBuilder",
+    "CorridorConfig",
+    "CorridorPlanes",
+    "build_corridor",
+    "intruding_pixels",
+]
 
 Side = Literal["left", "right", "front", "up", "down"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right", "front", "up", "down")
@@ -134,13 +141,9 @@ def build_corridor(
     """
     config = config or CorridorConfig()
     _check(depth, planes, things)
-    counts = np.ones(depth.depth.shape, dtype=bool) if things is None else things
-    known = np.isfinite(depth.depth) & counts
-    lost = ~np.isfinite(depth.depth) & counts if things is not None else np.zeros_like(counts)
-    bound = depth.depth if depth.at_most is None else np.fmin(depth.depth, depth.at_most)
-    with np.errstate(invalid="ignore"):
-        inside = known & (depth.depth < planes.depth_m)
-        lost_inside = lost & (bound < planes.depth_m)
+    known, lost, bound = _looked_at(depth, things)
+    inside = _inside(known, depth.depth, planes)
+    lost_inside = _inside(lost, bound, planes)
     found = np.flatnonzero(inside | lost_inside)
     points = bound.ravel()[found] * planes.rays.reshape(3, -1)[:, found]
     points[0] += np.float32(offset_m)
@@ -158,6 +161,38 @@ def build_corridor(
         nearest_right_m=_least(range_m[points[1] >= 0.0], config.stray_px),
         unknown_px=int(np.count_nonzero(lost)),
     )
+
+
+def intruding_pixels(
+    depth: DepthMap, planes: CorridorPlanes, *, things: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
+    """Return the pixels that `build_corridor` finds inside the corridor, (H, W), for pictures.
+
+    Raises:
+        ShapeError: the sizes differ.
+        ValueRangeError: the depth is not metric.
+    """
+    _check(depth, planes, things)
+    known, lost, bound = _looked_at(depth, things)
+    return _inside(known, depth.depth, planes) | _inside(lost, bound, planes)
+
+
+def _looked_at(
+    depth: DepthMap, things: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]]:
+    """Return where the depth counts, where it is unknown and yet counts, and its upper bound."""
+    counts = np.ones(depth.depth.shape, dtype=bool) if things is None else things
+    finite = np.isfinite(depth.depth)
+    lost = ~finite & counts if things is not None else np.zeros_like(counts)
+    bound = depth.depth if depth.at_most is None else np.fmin(depth.depth, depth.at_most)
+    return finite & counts, lost, bound
+
+
+def _inside(
+    pixels: NDArray[np.bool_], metres: NDArray[np.float32], planes: CorridorPlanes
+) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):
+        return np.asarray(pixels & (metres < planes.depth_m))
 
 
 def _check(depth: DepthMap, planes: CorridorPlanes, things: NDArray[np.bool_] | None) -> None:
@@ -228,6 +263,12 @@ class CorridorBuilder:
         while len(self._planes) > self._kept:
             self._planes.popitem(last=False)
         return planes
+
+    def intruding(
+        self, depth: DepthMap, view: CameraView, *, things: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.bool_]:
+        """Return the pixels inside the corridor; see `intruding_pixels`."""
+        return intruding_pixels(depth, self.planes(view), things=things)
 
     def build(
         self,
