@@ -122,8 +122,8 @@ def test_imports_only_go_down(path: Path) -> None:
     [
         ("uav_bt.types", "import uav_bt.board"),
         ("uav_bt.clock", "from uav_bt import plugins"),
-        ("uav_bt.tree.loader", "from uav_bt.app import fly"),
-        ("uav_bt.tree.loader", "def late():\n    from uav_bt import cli"),
+        ("uav_bt.tree.loading.loader", "from uav_bt.app import fly"),
+        ("uav_bt.tree.loading.loader", "def late():\n    from uav_bt import cli"),
         ("uav_bt.mission.runner", "import behaviours.explore"),
         ("uav_bt.mission.runner", "if TYPE_CHECKING:\n    from sim_bridge.twin import drone"),
         ("uav_bt.view.map", "import perception.classes"),
@@ -148,7 +148,7 @@ def test_an_upward_import_would_be_found(importer: str, source: str) -> None:
     ("importer", "source"),
     [
         ("uav_bt.protocols", "import numpy\nfrom uav_bt.types import Frame"),
-        ("uav_bt.tree.loader", "from uav_bt.errors import TreeError\nfrom uav_bt.tree import node"),
+        ("uav_bt.tree.registry", "from uav_bt.errors import TreeError\nfrom uav_bt.tree import node"),
         ("perception.segmentation.unet", "import torch\nfrom perception.classes import CARPET"),
         ("behaviours.explore", "from perception import helipad\nfrom uav_bt.tree import Leaf"),
         ("uav_bt.app", "from sim_bridge.twin import create_drone\nimport behaviours"),

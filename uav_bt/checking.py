@@ -8,9 +8,9 @@ from pathlib import Path
 from uav_bt import plugins
 from uav_bt.errors import FileError, InputError, TreeError, UnknownNameError
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
-from uav_bt.tree.findings import WHOLE_FILE, Finding, Position
-from uav_bt.tree.palette import PaletteLeaf
-from uav_bt.tree.source import Element, parse_source
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.loading.palette import PaletteLeaf
+from uav_bt.tree.loading.source import Element, parse_source
 
 __all__ = ["POLICY_PORT", "check_file", "findings_of", "tree_findings", "unknown_policies"]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from uav_bt.checking import check_file, findings_of, tree_findings
 from uav_bt.errors import FileError, InputError
-from uav_bt.tree.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 
 
 def tree_file(folder: Path, body: str) -> Path:

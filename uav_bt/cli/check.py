@@ -12,7 +12,7 @@ from uav_bt.cli.options import palette_option, registry_with
 from uav_bt.errors import FileError, InputError
 
 if TYPE_CHECKING:
-    from uav_bt.tree.findings import Finding
+    from uav_bt.tree.loading.findings import Finding
 
 __all__ = ["check"]
 

@@ -142,7 +142,7 @@ def registry_with(palette: Path | None) -> NodeRegistry:
         TreeError: the palette cannot be read or makes no sense.
     """
     from uav_bt.tree import NodeRegistry  # noqa: PLC0415 - `--help` need not wait for it
-    from uav_bt.tree.palette import read_palette, with_palette  # noqa: PLC0415
+    from uav_bt.tree.loading.palette import read_palette, with_palette  # noqa: PLC0415
 
     installed = NodeRegistry.installed()
     return installed if palette is None else with_palette(installed, read_palette(palette))

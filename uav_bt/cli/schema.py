@@ -20,6 +20,6 @@ def schema(*, out: Path | None, palette: Path | None) -> None:
     XML editors complete, explain and check tree files with it. They find it by their settings, or
     by this line at the head of a tree file: <?xml-model href="uav-bt.xsd"?>
     """
-    from uav_bt.tree.schema import schema_xml  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.tree.loading.schema import schema_xml  # noqa: PLC0415 - `--help` need not wait for it
 
     tell_or_write(schema_xml(registry_with(palette)), out)

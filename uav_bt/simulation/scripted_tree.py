@@ -9,7 +9,7 @@ from typing import Any
 from uav_bt.errors import FileError, TreeError, ValueRangeError, did_you_mean
 from uav_bt.simulation.script_file import Scalar, SimulationScript
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
-from uav_bt.tree.findings import WHOLE_FILE, Finding
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.scripted import mock_class
 from uav_bt.tree.status import SUCCESS

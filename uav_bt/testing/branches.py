@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.tree import NodeKind, NodeRegistry
-from uav_bt.tree.document import Document, outline
-from uav_bt.tree.elements import label, node_id_of, walk
-from uav_bt.tree.findings import Findings, Position
-from uav_bt.tree.source import Element, parse_source, read_source
+from uav_bt.tree.loading.document import Document, outline
+from uav_bt.tree.loading.elements import label, node_id_of, walk
+from uav_bt.tree.loading.findings import Findings, Position
+from uav_bt.tree.loading.source import Element, parse_source, read_source
 
 __all__ = ["NodeBranches", "Outcome", "tree_branches"]
 

@@ -1,7 +1,7 @@
 """The tree language: nodes, ports, registry and the loader of tree files."""
 
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loader import load_tree, parse_tree
+from uav_bt.tree.loading.loader import load_tree, parse_tree
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port

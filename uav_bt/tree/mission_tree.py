@@ -9,8 +9,8 @@ from pathlib import Path
 
 from uav_bt.errors import MissionError, NodeFailedError
 from uav_bt.mission.context import MissionContext
-from uav_bt.tree.findings import Position
 from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status

@@ -11,7 +11,7 @@ from cli_world import assert_refused, run, tree_file
 from uav_bt.cli.new import new
 from uav_bt.starter import STARTERS
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.schema import schema_xml
+from uav_bt.tree.loading.schema import schema_xml
 
 # --- schema ---------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from uav_bt.board import PHASE
 from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
 from uav_bt.simulation import Answer, SimulatedTick, Simulation, read_script
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status
-from uav_bt.tree.palette import PaletteControl
+from uav_bt.tree.loading.palette import PaletteControl
 
 S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
 

@@ -13,9 +13,9 @@ from tree_world import World
 from uav_bt.board import MISSION_KEYS
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import MissionTree, parse_tree
-from uav_bt.tree.checker import node_attributes, node_id_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.source import Element, parse_source
+from uav_bt.tree.loading.checker import node_attributes, node_id_of
+from uav_bt.tree.loading.source import Element, parse_source
 
 ROOT = Path(__file__).parents[3]
 SOURCES = [

@@ -12,7 +12,8 @@ from tree_world import World, document
 
 from uav_bt.board import HEIGHT
 from uav_bt.errors import NodeFailedError, TreeError
-from uav_bt.tree import Leaf, NodeRegistry, Port, Status, checker, parse_tree
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.loading import checker
 
 SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
 NAMES = ("a", "b", "c", "_p")

@@ -11,8 +11,8 @@ from tree_world import World, document
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.describe import palette_xml
+from uav_bt.tree.loading.palette import PaletteLeaf, read_palette, with_palette
 from uav_bt.tree.nodes import Sequence
-from uav_bt.tree.palette import PaletteLeaf, read_palette, with_palette
 
 FOREIGN = """<TreeNodesModel>
   <Action ID="ComputePath" editable="true">

@@ -14,8 +14,8 @@ from tree_world import document
 
 from uav_bt.board import STATE
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree, parse_tree
+from uav_bt.tree.loading.palette import PaletteLeaf, PalettePort
 from uav_bt.tree.nodes import AlwaysSuccess, Inverter, Sequence
-from uav_bt.tree.palette import PaletteLeaf, PalettePort
 from uav_bt.tree.render import FORMATS, render
 from uav_bt.tree.render.layout import Size, arrange
 from uav_bt.tree.render.sketch import Box, sketch

@@ -14,7 +14,7 @@ from uav_bt.board import STATE
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.describe import palette_xml
-from uav_bt.tree.schema import schema_xml
+from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.types import DroneState
 
 TREES = Path(__file__).parents[3] / "trees"

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from uav_bt.mission.blackboard import Key
-from uav_bt.tree.elements import label
+from uav_bt.tree.loading.elements import label
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.port import Port
-from uav_bt.tree.source import Element
 
 __all__ = ["UNKNOWN", "Read", "Scope", "Slot", "Use", "Write"]
 

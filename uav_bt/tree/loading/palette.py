@@ -14,17 +14,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import MissionError
-from uav_bt.tree.elements import label
-from uav_bt.tree.findings import Findings
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.models import PORT_DIRECTIONS, NodeModel, read_models
+from uav_bt.tree.loading.elements import label
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_models
+from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.nodes.control import ControlNode
 from uav_bt.tree.nodes.decorator import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.source import Element, parse_source, read_source
 from uav_bt.tree.status import Status
 
 __all__ = [

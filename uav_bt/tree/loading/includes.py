@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from uav_bt.tree.findings import Findings
-from uav_bt.tree.source import Element, parse_source, read_source
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.source import Element, parse_source, read_source
 
 __all__ = ["MAX_INCLUDES", "Includes"]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.elements import check_attributes, label
-from uav_bt.tree.findings import Findings
+from uav_bt.tree.loading.elements import check_attributes, label
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
-from uav_bt.tree.source import Element
 
 __all__ = ["PORT_DIRECTIONS", "NodeModel", "read_models"]
 

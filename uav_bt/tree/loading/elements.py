@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.findings import Findings
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
-from uav_bt.tree.source import Element
 
 __all__ = [
     "EDITOR_ATTRIBUTES",

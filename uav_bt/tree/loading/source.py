@@ -14,7 +14,7 @@ from typing import Final
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError
-from uav_bt.tree.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 
 __all__ = ["MAX_BYTES", "MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_source", "read_source"]
 

@@ -18,8 +18,8 @@ from xml.etree import ElementTree as ET
 
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import NodeInfo, describe, port_text
-from uav_bt.tree.elements import EDITOR_ATTRIBUTES
-from uav_bt.tree.models import PORT_DIRECTIONS
+from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
+from uav_bt.tree.loading.models import PORT_DIRECTIONS
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
-from uav_bt.tree.document import Document, autoremaps
-from uav_bt.tree.elements import (
+from uav_bt.tree.loading.document import Document, autoremaps
+from uav_bt.tree.loading.elements import (
     KIND_TAGS,
     check_no_text,
     label,
@@ -17,16 +17,16 @@ from uav_bt.tree.elements import (
     node_id_of,
     walk,
 )
-from uav_bt.tree.findings import Findings
-from uav_bt.tree.fit import key_fits
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.fit import key_fits
+from uav_bt.tree.loading.source import Element
+from uav_bt.tree.loading.variable_checker import check_variables
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import parse_script
 from uav_bt.tree.script.expressions import Name
-from uav_bt.tree.source import Element
-from uav_bt.tree.variable_checker import check_variables
 
 __all__ = ["Checker", "node_attributes", "node_id_of"]
 

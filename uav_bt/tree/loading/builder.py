@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from uav_bt.errors import TreeError, ValueRangeError, did_you_mean
-from uav_bt.tree.checker import Checker, node_id_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.document import Document, label
-from uav_bt.tree.findings import Finding, Findings, Position
 from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.loading.checker import Checker, node_id_of
+from uav_bt.tree.loading.document import Document, label
+from uav_bt.tree.loading.findings import Finding, Findings, Position
+from uav_bt.tree.loading.source import MAX_DEPTH, Element
 from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -19,7 +20,6 @@ from uav_bt.tree.nodes.control import ControlNode
 from uav_bt.tree.nodes.decorator import DecoratorNode
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import ScriptedLeaf, mock_class
-from uav_bt.tree.source import MAX_DEPTH, Element
 
 __all__ = ["MAX_NODES", "Builder"]
 

@@ -9,17 +9,17 @@ from typing import Any, Final
 from uav_bt.errors import InputError
 from uav_bt.mission.blackboard import Key
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.document import Document, autoremaps
-from uav_bt.tree.elements import node_id_of, walk
+from uav_bt.tree.loading.document import Document, autoremaps
+from uav_bt.tree.loading.elements import node_id_of, walk
+from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
+from uav_bt.tree.loading.source import MAX_DEPTH, Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.script import Script, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment, Literal, Name
 from uav_bt.tree.script.kinds import certain_names, kind_of
-from uav_bt.tree.source import MAX_DEPTH, Element
 
 __all__ = ["BoardUse", "VariableUses"]
 

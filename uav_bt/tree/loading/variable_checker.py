@@ -10,14 +10,14 @@ from __future__ import annotations
 from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.document import Document
-from uav_bt.tree.elements import label
-from uav_bt.tree.findings import Findings
-from uav_bt.tree.fit import key_fits, may_convert, related
+from uav_bt.tree.loading.document import Document
+from uav_bt.tree.loading.elements import label
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.fit import key_fits, may_convert, related
+from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
+from uav_bt.tree.loading.variable_uses import BoardUse, VariableUses
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
-from uav_bt.tree.variable_uses import BoardUse, VariableUses
 
 __all__ = ["check_variables"]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from uav_bt.tree.builder import Builder
-from uav_bt.tree.checker import Checker
-from uav_bt.tree.document import outline
-from uav_bt.tree.findings import Findings
+from uav_bt.tree.loading.builder import Builder
+from uav_bt.tree.loading.checker import Checker
+from uav_bt.tree.loading.document import outline
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.source import parse_source, read_source
 
 __all__ = ["load_tree", "parse_tree"]
 

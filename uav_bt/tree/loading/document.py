@@ -7,20 +7,20 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.elements import (
+from uav_bt.tree.loading.elements import (
     EDITOR_ATTRIBUTES,
     check_attributes,
     check_no_text,
     label,
     node_attributes,
 )
-from uav_bt.tree.findings import Findings
-from uav_bt.tree.includes import Includes
-from uav_bt.tree.models import read_models
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.includes import Includes
+from uav_bt.tree.loading.models import read_models
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.source import Element
 
 __all__ = [
     "EDITOR_ATTRIBUTES",
