@@ -148,7 +148,7 @@ def test_an_upward_import_would_be_found(importer: str, source: str) -> None:
     ("importer", "source"),
     [
         ("uav_bt.protocols", "import numpy\nfrom uav_bt.types import Frame"),
-        ("uav_bt.tree.registry", "from uav_bt.errors import TreeError\nfrom uav_bt.tree import node"),
+        ("uav_bt.tree.registry", "from uav_bt import errors\nfrom uav_bt.tree import node"),
         ("perception.segmentation.unet", "import torch\nfrom perception.classes import CARPET"),
         ("behaviours.explore", "from perception import helipad\nfrom uav_bt.tree import Leaf"),
         ("uav_bt.app", "from sim_bridge.twin import create_drone\nimport behaviours"),
