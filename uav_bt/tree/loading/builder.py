@@ -142,8 +142,12 @@ class Builder:
             # The most exact way to name a leaf comes last, and so is the one that counts.
             for plan in leaves:
                 plan.mock = mocks.get(names(plan), plan.mock)
+        named: dict[str, list[_Plan]] = {}
+        for plan in leaves:
+            for name in set(_names(plan)):
+                named.setdefault(name, []).append(plan)
         for target, script in mocks.items():
-            hits = [plan for plan in leaves if target in _names(plan)]
+            hits = named.get(target, [])
             for plan in hits:
                 self._check_mock(target, script, plan, mock_class(classes[plan.path]))
             if not hits:
