@@ -1,7 +1,9 @@
 """Ways to watch a flight, composed: what the framework's displays need to know about our lab.
 
 with watching.flight_video(Path("flight.mp4"), speed=2.0) as video:
-    report = app.fly("explore_and_land_segmentation", listeners=video)
+    report = app.fly(
+        "explore_and_land_segmentation", listeners=video, tree_listeners=video.show_tree
+    )
     video.conclude(report)
 """
 
@@ -12,24 +14,32 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
-from perception.classes import BOXES, CLASS_COLOURS, HELIPAD_BOX
+from behaviours.perceive_depth import BuildCorridor
+from perception.classes import BOXES, CARPET, CLASS_COLOURS, HELIPAD_BOX
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from uav_bt.board import METRIC_DEPTH
 from uav_bt.mission.context import MissionContext
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.report.flight_report import FlightReport
+from uav_bt.tree import MissionTree
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 from uav_bt.view.canvas import Colour
 from uav_bt.view.map import LabMap, MapItem
 from uav_bt.view.status import LiveStatus
-from uav_bt.view.video import FlightVideo, FlightVideoConfig, Panes
+from uav_bt.view.video import FlightVideo, FlightVideoConfig, Intruding, Panes
 
 __all__ = [
     "Listeners",
+    "TreeListeners",
     "VideoListeners",
     "all_of",
+    "all_of_trees",
     "flight_video",
     "lab_map_of",
     "live_status",
@@ -37,6 +47,7 @@ __all__ = [
 ]
 
 Listeners = Callable[[Drone, MissionContext], Sequence[TickListener]]
+TreeListeners = Callable[[MissionTree, MissionContext], Sequence[TickListener]]
 
 
 def all_of(*factories: Listeners) -> Listeners:
@@ -44,6 +55,15 @@ def all_of(*factories: Listeners) -> Listeners:
 
     def make(drone: Drone, context: MissionContext) -> Sequence[TickListener]:
         return [listener for factory in factories for listener in factory(drone, context)]
+
+    return make
+
+
+def all_of_trees(*factories: TreeListeners) -> TreeListeners:
+    """Return what `app.fly` takes as `tree_listeners`, likewise."""
+
+    def make(tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
+        return [listener for factory in factories for listener in factory(tree, context)]
 
     return make
 
@@ -87,6 +107,7 @@ class VideoListeners:
     def __init__(self, video: FlightVideo, title: str) -> None:
         self._video = video
         self._title = title
+        self._show_depth: Callable[[MissionTree], None] | None = None
 
     def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
@@ -98,7 +119,20 @@ class VideoListeners:
             title=self._title,
         )
         self._video.begin(panes)
+
+        def show_depth(tree: MissionTree) -> None:
+            if any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves()):
+                panes.show_depth(_intruding_of(tree, drone.camera))
+
+        self._show_depth = show_depth
         return [self._video]
+
+    def show_tree(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
+        """What `app.fly` takes as `tree_listeners`: makes room for what the tree perceives."""
+        del context
+        if self._show_depth is not None:
+            self._show_depth(tree)
+        return []
 
     def conclude(self, report: FlightReport) -> None:
         """Show how the flight ended for a moment."""
@@ -109,6 +143,37 @@ class VideoListeners:
             lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
         good = report.outcome == Outcome.SUCCESS.value
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
+
+
+def _intruding_of(tree: MissionTree, camera: CameraModel) -> Intruding | None:
+    """Return what marks the corridor of a tree's leaf; None where it builds none of ours."""
+    # Imported here: OpenCV is not light, and not every video needs it.
+    from perception.corridor import CorridorBuilder, CorridorConfig  # noqa: PLC0415
+    from perception.depth.ground import view_of  # noqa: PLC0415
+
+    leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
+    if len(leaves) != 1:
+        return None
+    told = leaves[0].port_value
+    config = CorridorConfig(
+        left_m=told("side_m"),
+        right_m=told("side_m"),
+        front_m=told("front_m"),
+        up_m=told("up_down_m"),
+        down_m=told("up_down_m"),
+        focal_factor=told("focal_factor"),
+    )
+    builder, background = CorridorBuilder(config), bool(told("background"))
+
+    def intruding(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
+        height_px, width_px = depth.depth.shape
+        ids = class_map.ids
+        things = ids != CARPET if background else ids > CARPET
+        return builder.intruding(
+            depth, view_of(frame, camera, (width_px, height_px)), things=things
+        )
+
+    return intruding
 
 
 @contextmanager

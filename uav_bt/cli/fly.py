@@ -138,15 +138,19 @@ def fly(
             watchers.append(film)
         if footage is not None:
             watchers.append(stack.enter_context(flight_footage(footage, truth=truth)))
-        live = stack.enter_context(
-            watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
-        )
+        tree_watchers: list[watching.TreeListeners] = [
+            stack.enter_context(
+                watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
+            )
+        ]
+        if film is not None:
+            tree_watchers.append(film.show_tree)
         flown = app.fly(
             tree,
             options,
             report=report,
             listeners=watching.all_of(*watchers),
-            tree_listeners=live,
+            tree_listeners=watching.all_of_trees(*tree_watchers),
         )
         if film is not None:
             film.conclude(flown)

@@ -32,7 +32,17 @@ from uav_bt.view.canvas import (
 )
 from uav_bt.view.words import describe_fix, describe_movement
 
-__all__ = ["Readings", "draw_camera", "draw_class_map", "draw_readings", "project_fix"]
+__all__ = [
+    "Readings",
+    "colour_class_map",
+    "draw_camera",
+    "draw_class_map",
+    "draw_readings",
+    "draw_rows",
+    "mark_fix",
+    "project_fix",
+    "resize_picture",
+]
 
 _PAD_HEIGHT_M: Final = 0.4  # the landing box; only the mark on the picture depends on it
 _PAD_RADIUS_M: Final = 0.3
@@ -79,14 +89,9 @@ def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int
     frame = record.observation.frame
     if frame is None:
         return _empty("no picture yet", size_px)
-    # Shrinking by much needs averaging, which costs four times as much.
-    shrinks = frame.image.shape[1] > 1.5 * size_px[0]
-    interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    image: Image = np.asarray(
-        cv2.resize(frame.image, size_px, interpolation=interpolation), dtype=np.uint8
-    )
+    image = resize_picture(frame.image, size_px)
     if readings.fix.value is not None:
-        _mark_fix(image, readings.fix.value, frame, camera)
+        mark_fix(image, readings.fix.value, frame, camera)
     age_ms = 1000.0 * (record.time_s - frame.captured_s)
     tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
     if record.word:
@@ -95,7 +100,16 @@ def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int
     return image
 
 
-def _mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
+def resize_picture(picture: Image, size_px: tuple[int, int]) -> Image:
+    """Return a picture as large as its pane."""
+    # Shrinking by much needs averaging, which costs four times as much.
+    shrinks = picture.shape[1] > 1.5 * size_px[0]
+    interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(picture, size_px, interpolation=interpolation), dtype=np.uint8)
+
+
+def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
+    """Ring the helipad on a frame's picture, or point to where it is beyond the border."""
     if frame.height_above_carpet_m < _PAD_HEIGHT_M + _NEAR_M:
         return  # on the pad or about to be: it fills the view
     height_px, width_px = image.shape[:2]
@@ -158,6 +172,13 @@ def draw_class_map(
     class_map = readings.class_map.value
     if class_map is None:
         return _empty("no class map", size_px)
+    return colour_class_map(class_map, colours, size_px)
+
+
+def colour_class_map(
+    class_map: ClassMap, colours: NDArray[np.uint8], size_px: tuple[int, int]
+) -> Image:
+    """Return a class map's pane; see `draw_class_map`."""
     table = np.full((256, 3), ALARM, dtype=np.uint8)
     table[: len(colours)] = colours
     image: Image = np.asarray(
@@ -191,7 +212,7 @@ def draw_readings(readings: Readings, size_px: tuple[int, int]) -> Image:
     put(image, clock, (right, 38), scale=0.85)
     line(image, [(18, 52), (size_px[0] - 18, 52)], DIM)
     _draw_branch(image, record.active, (18, 76))
-    _draw_numbers(image, _numbers(readings), (_BRANCH_WIDTH_PX + 8, 76))
+    draw_rows(image, _numbers(readings), (_BRANCH_WIDTH_PX + 8, 76))
     return image
 
 
@@ -231,9 +252,10 @@ def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
     return rows
 
 
-def _draw_numbers(
+def draw_rows(
     image: Image, rows: Sequence[tuple[str, str, Colour]], at_px: tuple[int, int]
 ) -> None:
+    """Write names and values, each in its colour, one row below the other."""
     for index, (name, value, colour) in enumerate(rows):
         base = at_px[1] + index * _BRANCH_ROW_PX
         put(image, name, (at_px[0], base), colour=DIM, scale=0.45)

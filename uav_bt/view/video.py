@@ -1,9 +1,12 @@
-"""The video of a flight: camera, class map, map from above, and readings, tick by tick."""
+"""The video of a flight: camera, class map, map from above, and readings, tick by tick.
+
+Where the mission makes metric depth, the class map shares its quarter with depth and corridor.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -13,19 +16,34 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.board import CLASS_MAP, ELAPSED, HELIPAD
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.runner import TickRecord
-from uav_bt.types import CameraModel
-from uav_bt.view.canvas import ACCENT, ALARM, BACKDROP, DIM, INK, Colour, Image, put, text_width_px
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+from uav_bt.view.canvas import (
+    ACCENT,
+    ALARM,
+    BACKDROP,
+    DIM,
+    INK,
+    PANEL,
+    Colour,
+    Image,
+    put,
+    text_width_px,
+)
+from uav_bt.view.depth_panes import corridor_rows, draw_corridor, draw_depth
 from uav_bt.view.flown import FlownPath
 from uav_bt.view.live_map import LiveMap
 from uav_bt.view.map import LabMap
-from uav_bt.view.panes import Readings, draw_camera, draw_class_map, draw_readings
+from uav_bt.view.panes import Readings, draw_camera, draw_class_map, draw_readings, draw_rows
 from uav_bt.view.video_file import VideoFile
 
-__all__ = ["FlightVideo", "FlightVideoConfig", "Panes"]
+__all__ = ["FlightVideo", "FlightVideoConfig", "Intruding", "Panes"]
+
+Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
+"""Tells which pixels of a depth map are inside the corridor, (H, W)."""
 
 _WIDTH: Final = 1280
 _HEIGHT: Final = 720
@@ -56,7 +74,9 @@ class FlightVideoConfig:
 
 
 class Panes:
-    """Composes the four panes into one picture of 1280x720.
+    """Composes the panes into one picture of 1280x720.
+
+    The panes of depth and corridor appear with the first metric depth, or when asked for.
 
     Args:
         board: of the mission; class map, fix and time are read from it.
@@ -84,8 +104,19 @@ class Panes:
         self._camera = camera
         self._colours = class_colours
         self._title = title
+        self._shows_depth = False
+        self._intruding: Intruding | None = None
         self._map = LiveMap(lab_map, camera, (_HALF - _GAP // 2, _MAP_HEIGHT - _GAP // 2))
         self._image: Image = np.full((_HEIGHT, _WIDTH, 3), BACKDROP, dtype=np.uint8)
+
+    def show_depth(self, intruding: Intruding | None = None) -> None:
+        """Make room for depth and corridor from now on.
+
+        Args:
+            intruding: tells what to mark in the corridor's pane; None marks nothing.
+        """
+        self._shows_depth = True
+        self._intruding = intruding
 
     def draw(self, record: TickRecord, flown: FlownPath) -> Image:
         """Return the picture of a tick; it is drawn over by the next call."""
@@ -99,11 +130,42 @@ class Panes:
         pane_px = (_HALF - _GAP // 2, _HEIGHT // 2 - _GAP // 2)
         image = self._image
         image[: pane_px[1], : pane_px[0]] = draw_camera(readings, self._camera, pane_px)
-        image[-pane_px[1] :, : pane_px[0]] = draw_class_map(readings, self._colours, pane_px)
+        image[-pane_px[1] :, : pane_px[0]] = self._draw_perception(readings, pane_px)
         image[: _MAP_HEIGHT - _GAP // 2, -pane_px[0] :] = self._draw_map(readings, flown)
         text_px = (pane_px[0], _HEIGHT - _MAP_HEIGHT - _GAP // 2)
         image[-text_px[1] :, -text_px[0] :] = draw_readings(readings, text_px)
         return image
+
+    def _draw_perception(self, readings: Readings, size_px: tuple[int, int]) -> Image:
+        depth = self._board.read(METRIC_DEPTH)
+        self._shows_depth = self._shows_depth or depth.known
+        if not self._shows_depth:
+            return draw_class_map(readings, self._colours, size_px)
+        corridor, frame = self._board.read(CORRIDOR).value, readings.record.observation.frame
+        quarter_px = ((size_px[0] - _GAP) // 2, (size_px[1] - _GAP) // 2)
+        wide, high = quarter_px
+        image: Image = np.full((size_px[1], size_px[0], 3), BACKDROP, dtype=np.uint8)
+        image[:high, :wide] = draw_class_map(readings, self._colours, quarter_px)
+        image[:high, -wide:] = draw_depth(depth.value, quarter_px)
+        image[-high:, :wide] = draw_corridor(
+            None if frame is None else frame.image,
+            corridor,
+            self._marked(frame, readings.class_map.value, depth.value),
+            quarter_px,
+        )
+        image[-high:, -wide:] = PANEL
+        draw_rows(
+            image[-high:, -wide:], corridor_rows(depth.value, corridor, depth.age_s), (10, 28)
+        )
+        return image
+
+    def _marked(
+        self, frame: Frame | None, class_map: ClassMap | None, depth: DepthMap | None
+    ) -> NDArray[np.bool_] | None:
+        if self._intruding is None or frame is None or class_map is None or depth is None:
+            return None
+        together = depth.captured_s == class_map.captured_s == frame.captured_s
+        return self._intruding(frame, class_map, depth) if together else None
 
     def _draw_map(self, readings: Readings, flown: FlownPath) -> Image:
         state = readings.record.observation.state

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from uav_bt.types import (
+    Corridor,
     CutMotors,
     HelipadFix,
     Hover,
@@ -16,7 +17,7 @@ from uav_bt.types import (
     Velocity,
 )
 
-__all__ = ["describe_fix", "describe_movement"]
+__all__ = ["describe_corridor", "describe_fix", "describe_free", "describe_movement"]
 
 _NOTHING = 5e-3  # metres, metres a second: smaller parts are not worth a word
 _NO_TURN_RAD = math.radians(0.5)
@@ -71,3 +72,20 @@ def describe_fix(fix: HelipadFix | None, age_s: float) -> str:
     side = "right" if bearing_deg >= 0 else "left"
     source = "seen" if fix.detected else f"carried {age_s:.1f} s"
     return f"{fix.range_m:.2f} m, {abs(bearing_deg):.0f} deg {side}, {source}"
+
+
+def describe_corridor(corridor: Corridor) -> str:
+    """Return which side of the corridor is intruded upon, and how near."""
+    if corridor.nearest_side is None:
+        return "corridor clear"
+    return f"intrusion {corridor.nearest_side}, {corridor.nearest_m:.2f} m"
+
+
+def describe_free(corridor: Corridor) -> str:
+    """Return how far the way ahead is free."""
+    if math.isinf(corridor.free_distance_m):
+        return "nothing ahead"
+    words = f"free {corridor.free_distance_m:.2f} m ahead"
+    if math.isfinite(corridor.time_to_impact_s):
+        words += f", impact in {corridor.time_to_impact_s:.1f} s"
+    return words
