@@ -52,6 +52,7 @@ class _Sight:
 
     columns: Indices  # (N,)
     first: Indices  # (N,) its lowest row in each
+    last: Indices  # (N,) its uppermost
     visible: Array  # (N,) steepness there
     base: Array  # (N,) steepness of its border with the carpet; NaN where there is no carpet below
     cut: bool  # the image's edge hides the lower end of much of it
@@ -66,29 +67,30 @@ def find_base(panorama: Panorama, thing: int, height_m: float, config: BaseConfi
         height_m: of the lens above the carpet.
         config: what counts.
     """
-    shows = panorama.ids == thing
-    sight = _look(panorama, shows, config)
-    count = panorama.azimuth_rad.size
-    visible, top_row = np.full(count, np.nan), np.full(count, -1, dtype=np.intp)
-    visible[sight.columns] = sight.visible
-    top_row[sight.columns] = shows.shape[0] - 1 - shows[::-1, sight.columns].argmax(axis=0)
-    steepness = np.full(count, np.nan)
+    sight = _look(panorama, thing, config)
     line, found, on_line = _believe(panorama, sight, config)
-    steepness[sight.columns] = found
-    steepness[~(steepness >= height_m / config.max_range_m)] = np.nan
+    found[~(found >= height_m / config.max_range_m)] = np.nan
+    count = panorama.azimuth_rad.size
+    steepness, visible = np.full(count, np.nan), np.full(count, np.nan)
+    top_row = np.full(count, -1, dtype=np.intp)
     fitted = np.zeros(count, dtype=bool)
-    fitted[sight.columns] = on_line
+    steepness[sight.columns], visible[sight.columns] = found, sight.visible
+    top_row[sight.columns], fitted[sight.columns] = sight.last, on_line
     return Base(steepness=steepness, line=line, fitted=fitted, visible=visible, top_row=top_row)
 
 
-def _look(panorama: Panorama, shows: NDArray[np.bool_], config: BaseConfig) -> _Sight:
+def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
+    everywhere = panorama.ids == thing
+    across = np.flatnonzero(everywhere.any(axis=0))
+    left, right = (int(across[0]), int(across[-1]) + 1) if across.size else (0, 0)
+    shows = everywhere[:, left:right]
     run = max(1, round(config.min_run_px * panorama.rows_per_px))
     rows = shows.shape[0] - run + 1
     solid = shows[:rows].copy()
     for shift in range(1, run):
         solid &= shows[shift : rows + shift]
-    columns = np.flatnonzero(solid.any(axis=0))
-    first = solid[:, columns].argmax(axis=0)
+    inner = np.flatnonzero(solid.any(axis=0))
+    columns, first = inner + left, solid[:, inner].argmax(axis=0)
     carpet = rows_above(panorama, first, columns, CARPET, config.gap_px, step=-1)
     depression = panorama.depression_rad
     border = np.tan(0.5 * (depression[first] + depression[carpet]))
@@ -96,6 +98,7 @@ def _look(panorama: Panorama, shows: NDArray[np.bool_], config: BaseConfig) -> _
     return _Sight(
         columns=columns,
         first=first,
+        last=shows.shape[0] - 1 - shows[::-1, inner].argmax(axis=0),
         visible=np.tan(depression[first]),
         base=np.where(carpet >= 0, border, np.nan),
         cut=bool(np.count_nonzero(below == OUTSIDE) > config.specks * columns.size),
@@ -124,14 +127,13 @@ def rows_above(
     Returns:
         (N,) rows, -1 where the class does not follow.
     """
+    distances = np.arange(1, 2 + round(gap_px * panorama.rows_per_px))
+    candidates = rows[:, None] + step * distances
     last = panorama.depression_rad.size - 1
-    found = np.full(rows.size, -1, dtype=np.intp)
-    for distance in range(1 + round(gap_px * panorama.rows_per_px), 0, -1):
-        row = rows + step * distance
-        here = (row >= 0) & (row <= last)
-        here &= panorama.ids[np.clip(row, 0, last), columns] == wanted
-        found[here] = row[here]
-    return found
+    here = panorama.ids[np.clip(candidates, 0, last), columns[:, None]] == wanted
+    here &= (candidates >= 0) & (candidates <= last)
+    nearest = candidates[np.arange(rows.size), here.argmax(axis=1)]
+    return np.where(here.any(axis=1), nearest, -1)
 
 
 def _believe(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from perception.depth.footing import FootingConfig, FootingDepth, footing_depth
 from perception.depth.ground import CameraView, view_of
+from perception.depth.panorama import Unroller
 from perception.depth.scale import (
     Scale,
     ScaleConfig,
@@ -79,6 +80,7 @@ class MetricDepthMaker:
         self._config = config or MetricDepthConfig()
         self._scale: ScaleEstimator = make_scale(scale, self._config.sampling)
         self._generator = generator
+        self._unroller = Unroller()
 
     def make(
         self,
@@ -104,7 +106,9 @@ class MetricDepthMaker:
             return MetricDepth(depth=None, refusal="no height above the carpet")
         footing = None
         if self._source != "network":
-            footing = footing_depth(class_map.ids, view, self._config.footing)
+            footing = footing_depth(
+                class_map.ids, view, self._config.footing, unroller=self._unroller
+            )
         known = None if footing is None else _as_map(footing, frame.captured_s)
         if self._source == "footing" or relative is None:
             return MetricDepth(depth=known)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,11 +13,13 @@ from numpy.typing import NDArray
 
 from perception.depth.ground import CameraView
 from perception.geometry import camera_axes, pixel_rays, project
+from uav_bt.types import CameraModel
 
-__all__ = ["OUTSIDE", "Panorama", "unroll"]
+__all__ = ["OUTSIDE", "Panorama", "Unroller"]
 
 OUTSIDE = 255  # in the unrolled map: not in the image
 _ROWS_PER_PX = 2.0  # finer than the image, so that the borders between its pixels are found
+_NO_FRACTIONS = np.empty(0, dtype=np.uint16)  # cells lie on whole pixels
 _FLATTEST_RAD = 0.02  # flatter than this the ground is beyond every lab
 
 
@@ -46,13 +50,55 @@ class Panorama:
         return np.asarray(np.clip(nearest, 0, self.depression_rad.size - 1).astype(np.intp))
 
 
-def unroll(ids: NDArray[np.uint8], view: CameraView) -> Panorama:
-    """Unroll a map below the horizon.
+@dataclass(frozen=True, kw_only=True)
+class _Layout:
+    """Where each cell of a panorama is in the image; depends on camera and attitude only."""
 
-    Args:
-        ids: (H, W) class ids.
-        view: the camera, at the map's size.
-    """
+    azimuth_rad: NDArray[np.float64]
+    depression_rad: NDArray[np.float64]
+    places: Any  # (R, A, 2) int16, column and row
+
+
+class Unroller:
+    """Unrolls maps, and keeps the layouts of the last few attitudes: a gimbal mostly stands."""
+
+    def __init__(self, *, kept: int = 8) -> None:
+        self._kept = kept
+        self._layouts: OrderedDict[tuple[CameraModel, float, float], _Layout] = OrderedDict()
+
+    def unroll(self, ids: NDArray[np.uint8], view: CameraView) -> Panorama:
+        """Unroll a map below the horizon.
+
+        Args:
+            ids: (H, W) class ids.
+            view: the camera, at the map's size.
+        """
+        layout = self._layout(view)
+        unrolled = cv2.remap(
+            ids,
+            layout.places,
+            _NO_FRACTIONS,
+            cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=OUTSIDE,
+        )
+        return Panorama(
+            ids=np.asarray(unrolled, dtype=np.uint8),
+            azimuth_rad=layout.azimuth_rad,
+            depression_rad=layout.depression_rad,
+            pixel_rad=1.0 / view.camera.fy_px,
+        )
+
+    def _layout(self, view: CameraView) -> _Layout:
+        key = (view.camera, view.pitch_rad, view.roll_rad)
+        layout = self._layouts.pop(key, None) or _lay_out(view)
+        self._layouts[key] = layout
+        while len(self._layouts) > self._kept:
+            self._layouts.popitem(last=False)
+        return layout
+
+
+def _lay_out(view: CameraView) -> _Layout:
     camera = view.camera
     pixel_rad = 1.0 / camera.fy_px
     left, right, steepest = _extent(view)
@@ -60,20 +106,9 @@ def unroll(ids: NDArray[np.uint8], view: CameraView) -> Panorama:
     flattest = min(_FLATTEST_RAD, steepest - 2.0 * pixel_rad)
     depressions = np.arange(steepest, flattest, -pixel_rad / _ROWS_PER_PX)
     column, row = _places(view, azimuths, depressions)
-    unrolled = cv2.remap(
-        ids,
-        column,
-        row,
-        cv2.INTER_NEAREST,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=OUTSIDE,
-    )
-    return Panorama(
-        ids=np.asarray(unrolled, dtype=np.uint8),
-        azimuth_rad=azimuths,
-        depression_rad=depressions,
-        pixel_rad=pixel_rad,
-    )
+    places = np.stack([np.rint(column), np.rint(row)], axis=-1)
+    whole = np.clip(places, -9, np.iinfo(np.int16).max).astype(np.int16)
+    return _Layout(azimuth_rad=azimuths, depression_rad=depressions, places=whole)
 
 
 def _places(
