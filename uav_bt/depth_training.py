@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,33 +15,28 @@ from numpy.typing import NDArray
 
 from perception.depth.clips import ClipSource, DepthLabels, Flight
 from perception.depth.evaluation import DepthSample, DepthScore, score_depth
-from perception.depth.footage import FOOTAGE_SIZE_PX, Footage, FootageTruth, read_footage, shrink
-from perception.depth.footing import footing_depth
-from perception.depth.ground import CameraView, ground_depth, view_of
+from perception.depth.footage import Footage, read_footage, shrink
+from perception.depth.ground import CameraView, ground_depth
+from perception.depth.labelling import LABEL_SIZE_PX, add_parallax, footing_labels
 from perception.weights_io import SHIPPED_WEIGHTS
-from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
 from uav_bt.training import VALIDATION_SCENES, Advance
-from uav_bt.types import Attitude, CameraModel, Frame
+from uav_bt.types import CameraModel
 
 __all__ = [
-    "LABEL_SIZE_PX",
     "SHIPPED_DEPTH",
     "DepthViewPlan",
     "DepthViews",
     "Diary",
     "depth_strip",
     "depth_views",
-    "exact_labels",
-    "footing_labels",
-    "frames_of",
     "read_flights",
     "score_depth_on",
     "train_depth",
 ]
 
 SHIPPED_DEPTH: Final = SHIPPED_WEIGHTS / "depth.safetensors"
-LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
 
 Image = NDArray[np.uint8]
 
@@ -51,74 +46,6 @@ def _silent(_stage: str, _done: int, _total: int) -> None:
 
 
 # --- labels ---------------------------------------------------------------------------------------
-
-
-def frames_of(footage: Footage) -> Iterator[Frame]:
-    """Give the frames of a footage file back as the drone sent them, but for their size."""
-    for place in range(len(footage)):
-        roll, pitch, yaw = (float(angle) for angle in footage.attitude_rad[place])
-        yield Frame(
-            image=footage.frames[place],
-            index=int(footage.index[place]),
-            captured_s=float(footage.captured_s[place]),
-            gimbal_pitch_rad=float(footage.gimbal_pitch_rad[place]),
-            attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
-            altitude_m=float(footage.altitude_m[place]),
-            height_m=float(footage.height_m[place]),
-            height_above_carpet_m=float(footage.height_above_carpet_m[place]),
-        )
-
-
-def footing_labels(
-    footage: Footage,
-    segmenter: Segmenter,
-    *,
-    least_height_m: float = 0.8,
-    advance: Callable[[int, int], None] = lambda _done, _total: None,
-) -> DepthLabels:
-    """Label a flight without any truth: a network's masks, telemetry, geometry.
-
-    Args:
-        footage: one flight.
-        segmenter: gives the masks.
-        least_height_m: frames from further below are left without labels.
-        advance: told frames done and in all.
-    """
-    width, height = LABEL_SIZE_PX
-    depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
-    bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
-    for place, frame in enumerate(frames_of(footage)):
-        if frame.height_above_carpet_m >= least_height_m:
-            ids = segmenter.segment(frame).ids
-            view = view_of(frame, footage.camera, (ids.shape[1], ids.shape[0]))
-            known = footing_depth(ids, view)
-            for kept, map_ in ((depth, known.depth), (bound, known.at_most)):
-                kept[place] = cv2.resize(
-                    np.asarray(map_, dtype=np.float32),
-                    LABEL_SIZE_PX,
-                    interpolation=cv2.INTER_NEAREST_EXACT,
-                )
-        advance(place + 1, len(footage))
-    return DepthLabels(depth_m=depth, at_most_m=bound)
-
-
-def exact_labels(footage: Footage, truth: FootageTruth) -> DepthLabels:
-    """Label a flight with a simulator's exact depth: the upper bound to compare with.
-
-    Raises:
-        ValueRangeError: the truth is about other frames.
-    """
-    if not np.array_equal(footage.index, truth.index):
-        raise ValueRangeError("the truth is about other frames than the footage; fly both anew")
-    depth = np.stack(
-        [
-            cv2.resize(
-                exact.astype(np.float32), LABEL_SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT
-            )
-            for exact in truth.depth_m
-        ]
-    )
-    return DepthLabels(depth_m=depth.astype(np.float16))
 
 
 def read_flights(
@@ -149,7 +76,7 @@ def _kept_labels(path: Path, footage: Footage, segmenter: Segmenter, folder: Pat
     about = zlib.crc32(footage.captured_s.tobytes() + footage.frames[-1].tobytes())
     file = folder / f"labels-{path.stem}-{about:08x}.npz"
     if not file.is_file():
-        made = footing_labels(footage, segmenter)
+        made = add_parallax(footage, footing_labels(footage, segmenter))
         folder.mkdir(parents=True, exist_ok=True)
         partial = file.with_suffix(".part.npz")
         bound = made.at_most_m if made.at_most_m is not None else np.empty(0)

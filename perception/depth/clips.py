@@ -22,7 +22,7 @@ class ClipConfig:
     """Which frames go together, and how they are varied."""
 
     # Between a target and a reference: less movement shows no depth, more leaves no overlap.
-    least_move_m: float = 0.08
+    least_move_m: float = 0.04
     most_move_m: float = 0.5
     most_turn_rad: float = 0.35
     most_apart_s: float = 2.0  # integrated velocity drifts
