@@ -18,7 +18,11 @@ ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "clock")}
 # What composes everything: it may import all, and only its own kind may import it.
 FLOOR_FOUR = {
-    f"uav_bt.{name}" for name in ("app", "cli", "depth_training", "footage", "watching", "training")
+    f"uav_bt.{name}"
+    for name in (
+        *("app", "cli", "watching"),
+        *("depth_evaluation", "depth_training", "footage", "training"),
+    )
 }
 # Networks are made and trained there; what flies them needs no torch.
 TRAINERS = ("perception.segmentation", "perception.depth")

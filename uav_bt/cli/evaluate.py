@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -63,6 +63,70 @@ def segmentation(
     if out is not None:
         out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         click.echo(f"scores: {out}")
+
+
+@evaluate.command()
+@click.option(
+    "--model",
+    default="depth",
+    show_default=True,
+    help="'depth', an ONNX network, or 'footing' for the ways that need no network.",
+)
+@click.option(
+    "--masks",
+    type=click.Choice(["unet", "exact"]),
+    default="unet",
+    show_default=True,
+    help="Whose class maps: those a flight has, or the twin's exact ones.",
+)
+@click.option(
+    "--tables",
+    default="pairs,distance,sensitivity,points,corridor",
+    show_default=True,
+    metavar="NAMES",
+    help="Which tables, with commas between.",
+)
+@views_option(170)
+@seed_option(21)
+@output_option("--out", "Write the tables there too, as JSON.")
+def depth(
+    *,
+    model: str,
+    masks: Literal["unet", "exact"],
+    tables: str,
+    scenes: tuple[str, ...],
+    views: int,
+    seed: int,
+    out: Path | None,
+) -> None:
+    """Measure metric depth against the twin's exact depth; on the testing scenes by default.
+
+    Prints the paper's tables, its figures beside ours: lengths of obstacles' edges, distances from
+    the camera, what wrong telemetry and masks cost, how many carpet points the scale needs, and
+    what the safety corridor sees.
+    """
+    from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415 - late, for --help
+    from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
+    from uav_bt.cli.depth_tables import depth_report  # noqa: PLC0415
+    from uav_bt.depth_evaluation import pictures, report  # noqa: PLC0415
+    from uav_bt.depth_training import DepthViewPlan  # noqa: PLC0415
+    from uav_bt.training import TESTING_SCENES  # noqa: PLC0415
+
+    network = None if model == "footing" else load_depth_estimator(model, threads=2)
+    plan = pictures.PicturePlan(
+        views=DepthViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed), masks=masks
+    )
+    wanted = [name.strip() for name in tables.split(",") if name.strip()]
+    with progress_bars() as advance:
+        measured = report.evaluate_depth(
+            plan, shipped_unet(threads=2), network, tables=wanted, advance=advance
+        )
+    result = {"model": model, **measured}
+    for line in depth_report(result):
+        click.echo(line)
+    if out is not None:
+        out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        click.echo(f"tables: {out}")
 
 
 def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:
