@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,15 @@ from perception.depth.footage import Footage
 from perception.depth.motion import CameraTrack, camera_track, measured_motion
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["Clip", "ClipConfig", "ClipSource", "DepthLabels", "Flight"]
+__all__ = [
+    "Clip",
+    "ClipConfig",
+    "ClipSource",
+    "DepthLabels",
+    "Flight",
+    "mirrored",
+    "turned",
+]
 
 Floats = NDArray[np.float32]
 
@@ -28,6 +38,9 @@ class ClipConfig:
     most_apart_s: float = 2.0  # integrated velocity drifts
     least_height_m: float = 0.8  # above the carpet: the ground before take-off teaches nothing
     odometry: bool = True  # measure movements on the carpet; else telemetry's word is taken
+    # Either way: flights keep one gimbal angle, and a network would learn rows by heart.
+    pitch_rad: float = 0.07
+    roll_rad: float = 0.02  # likewise; a gimbal leaves that much
     flip: float = 0.5  # share of clips that are mirrored
     brightness: float = 0.2  # relative, either way; one draw for all frames of a clip
     tint: float = 0.05  # relative, either way, each colour for itself
@@ -193,7 +206,11 @@ class ClipSource:
             labels=labels,
             at_most=bounds,
         )
-        if rng.random() < self._config.flip:
+        config = self._config
+        if config.pitch_rad > 0.0 or config.roll_rad > 0.0:
+            pitch_rad = rng.uniform(-config.pitch_rad, config.pitch_rad)
+            clip = turned(clip, pitch_rad, rng.uniform(-config.roll_rad, config.roll_rad))
+        if rng.random() < config.flip:
             clip = mirrored(clip)
         return self._recoloured(clip, rng)
 
@@ -203,6 +220,76 @@ class ClipSource:
         tint = 1.0 + rng.uniform(-config.tint, config.tint, size=(3, 1, 1))
         images = np.clip(clip.images * (gain * tint).astype(np.float32), 0.0, 1.0)
         return replace(clip, images=images)
+
+
+def turned(clip: Clip, pitch_rad: float, roll_rad: float = 0.0) -> Clip:
+    """Return what the camera would have seen, turned about its lens.
+
+    Args:
+        clip: what it saw.
+        pitch_rad: its optical axis upwards.
+        roll_rad: its right side down.
+
+    Returns:
+        The same frames, movements and labels for that camera; at the borders, where it would have
+        seen more, pictures are mirrored and labels unknown.
+    """
+    c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+    up = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+    c, s = math.cos(roll_rad), math.sin(roll_rad)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ up
+    fx, fy, cx, cy = (float(value) for value in clip.intrinsics)
+    height, width = clip.images.shape[2:]
+    matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    homography = matrix @ turn @ np.linalg.inv(matrix)
+    images = [
+        cv2.warpPerspective(
+            np.ascontiguousarray(image.transpose(1, 2, 0)),
+            homography,
+            (width, height),
+            flags=cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REFLECT,
+        ).transpose(2, 0, 1)
+        for image in clip.images
+    ]
+    rotations = turn @ clip.motions[:, :, :3] @ turn.T
+    translations = turn @ clip.motions[:, :, 3:]
+    return replace(
+        clip,
+        images=np.ascontiguousarray(np.stack(images), dtype=np.float32),
+        motions=np.concatenate([rotations, translations], axis=2).astype(np.float32),
+        labels=_turned_maps(clip.labels, clip, turn, np.nan),
+        at_most=_turned_maps(clip.at_most, clip, turn, np.inf),
+    )
+
+
+def _turned_maps(
+    maps: Floats | None, clip: Clip, turn: NDArray[np.float64], beyond: float
+) -> Floats | None:
+    """Turn maps of depth: other pixels, and other depths along another optical axis."""
+    if maps is None:
+        return None
+    height, width = maps.shape[1:]
+    x_scale, y_scale = width / clip.images.shape[3], height / clip.images.shape[2]
+    fx, fy, cx, cy = (float(value) for value in clip.intrinsics)
+    fx, fy = fx * x_scale, fy * y_scale
+    cx, cy = (cx + 0.5) * x_scale - 0.5, (cy + 0.5) * y_scale - 0.5
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
+    rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(columns.shape)])
+    before = np.tensordot(turn.T, rays, axes=1)
+    nearer = np.maximum(before[2], 1e-3)  # depth along the old axis for one along the new
+    columns = np.asarray(fx * before[0] / nearer + cx, dtype=np.float32)
+    rows = np.asarray(fy * before[1] / nearer + cy, dtype=np.float32)
+    result = [
+        cv2.remap(
+            *(each, columns, rows, cv2.INTER_NEAREST),
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=(beyond,),
+        )
+        / nearer
+        for each in maps
+    ]
+    return np.asarray(np.stack(result), dtype=np.float32)
 
 
 def mirrored(clip: Clip) -> Clip:
