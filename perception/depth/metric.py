@@ -48,6 +48,7 @@ class MetricDepth:
 
     depth: DepthMap | None
     refusal: str = ""  # for the status line and the records; without a scale footing may remain
+    scale: Scale | None = None  # of the network's depth; None where none went in
 
 
 class MetricDepthMaker:
@@ -118,7 +119,7 @@ class MetricDepthMaker:
         if scale is None:
             why = "too little carpet" if sample is None else "the carpet disagrees with itself"
             return MetricDepth(depth=known, refusal=f"no scale: {why}")
-        return MetricDepth(depth=_fused(scale, fitting, footing, frame.captured_s))
+        return MetricDepth(depth=_fused(scale, fitting, footing, frame.captured_s), scale=scale)
 
     def _refusal(self, frame: Frame, class_map: ClassMap, relative: DepthMap | None) -> str:
         height_m, pitch_rad = frame.height_above_carpet_m, frame.gimbal_pitch_rad
