@@ -46,7 +46,9 @@ class CorridorRuleConfig:
     carpet_share: float = 0.7  # of the strip's width, at every range
     carpet_range_m: float = 4.0  # from the camera; further away a row is too many decimetres
     side_margin_m: float = 0.55  # from the body's centre to remembered obstacles beside the way
-    margin_relief_m: float = 0.06  # less of every margin after each full turn without a free way
+    # Less of every margin after each full turn without a free way. Remembered obstacles are off by
+    # up to 0.2 m after half a minute of turning, the body's half diagonal is 0.2 m, too.
+    margin_relief_m: float = 0.04
     max_full_turns: int = 3  # of relief
     # Leaving a turn takes this much more room than a step: no dithering at the threshold.
     hysteresis_m: float = 0.15
