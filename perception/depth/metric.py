@@ -114,13 +114,13 @@ class MetricDepthMaker:
             )
         known = None if footing is None else _as_map(footing, frame.captured_s)
         if self._source == "footing" or relative is None:
-            return MetricDepth(depth=known)
+            return _footing_only(known, none="nothing in view stands on carpet")
         fitting = _resized(relative.depth, view)
         sample = sample_carpet(fitting, class_map.ids, view, self._generator, self._config.sampling)
         scale = self._scale.update(sample, frame.captured_s)
         if scale is None:
             why = "too little carpet" if sample is None else "the carpet disagrees with itself"
-            return MetricDepth(depth=known, refusal=f"no scale: {why}")
+            return _footing_only(known, none=f"no scale: {why}", less=f"no scale: {why}")
         return MetricDepth(depth=_fused(scale, fitting, footing, frame.captured_s), scale=scale)
 
     def _refusal(
@@ -147,6 +147,13 @@ def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
     if relative is None or relative.captured_s != frame.captured_s:
         return "no relative depth of this frame"
     return "" if np.isfinite(relative.depth).all() else "relative depth is not finite"
+
+
+def _footing_only(known: DepthMap | None, *, none: str, less: str = "") -> MetricDepth:
+    """Return what footing knows; a map of nothing would read as a free way."""
+    if known is None or not np.isfinite(known.depth).any():
+        return MetricDepth(depth=None, refusal=none)
+    return MetricDepth(depth=known, refusal=less)
 
 
 def _fused(

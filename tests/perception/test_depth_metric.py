@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from perception.classes import BACKGROUND, BOXES, CARPET
+from perception.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
 from perception.depth.metric import MetricDepthMaker
 from sim_bridge.twin.camera import CameraPose, anafi_camera
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
@@ -161,8 +161,10 @@ def test_a_network_that_says_nothing_usable_is_refused_by_name(drawn: View, sour
     assert "no relative depth" in refusal(relative(drawn, captured_s=2.0))
 
 
-def test_without_carpet_there_is_no_scale_but_footing_remains(drawn: View) -> None:
+def test_without_a_scale_footing_remains(drawn: View) -> None:
+    """The pad's top needs no carpet: its height is known."""
     ids = np.where(drawn.ids == CARPET, BACKGROUND, drawn.ids).astype(np.uint8)
+    ids[60:70, 100:120] = HELIPAD_H
     bare = ClassMap(ids=ids, captured_s=3.0)
     network = maker("network").make(frame(drawn), bare, CAMERA, relative(drawn))
     fused = maker("fused").make(frame(drawn), bare, CAMERA, relative(drawn))
@@ -171,7 +173,19 @@ def test_without_carpet_there_is_no_scale_but_footing_remains(drawn: View) -> No
     assert network.refusal == "no scale: too little carpet"
     assert fused.refusal == network.refusal
     assert fused.depth is not None
-    assert np.isnan(fused.depth.depth).all()
+    assert np.isfinite(fused.depth.depth).sum() == 200
+
+
+@pytest.mark.parametrize(
+    ("source", "word"), [("footing", "nothing in view stands"), ("fused", "no scale")]
+)
+def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> None:
+    """It would read as a free way."""
+    nothing = ClassMap(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=3.0)
+    made = maker(source).make(frame(drawn), nothing, CAMERA, relative(drawn))
+
+    assert made.depth is None
+    assert word in made.refusal
 
 
 def test_unknown_sources_are_refused() -> None:
