@@ -18,7 +18,7 @@ from uav_bt.depth_evaluation.tables import (
     sample_table,
     sensitivity_table,
 )
-from uav_bt.errors import UnknownNameError
+from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.training import Advance
 
@@ -63,9 +63,12 @@ def evaluate_depth(
 
     Raises:
         UnknownNameError: there is no such table.
+        ValueRangeError: none is wanted.
         SceneError: a scene is missing or malformed.
         MissingDependencyError: OpenGL does not work here.
     """
+    if not tables:
+        raise ValueRangeError(f"there is no table to make; name some of {', '.join(TABLES)}")
     for table in tables:
         if table not in _MAKERS:
             raise UnknownNameError("table", table, TABLES)
