@@ -20,6 +20,7 @@ from perception.classes import CARPET
 from perception.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.ground import view_of
 from perception.depth.metric import MetricDepth, MetricDepthMaker
+from perception.depth.scale import Scale
 from perception.helipad import HelipadDetection, HelipadDetector, locate
 from perception.tracking import HelipadTracker
 from perception.undistortion import Undistorter
@@ -69,6 +70,7 @@ class Perceived:
     relative: DepthMap | None  # None without a network, and of a frozen picture
     depth: DepthMap | None  # metric; None where nothing is known
     refusal: str  # why there is no metric depth, or less than asked for; empty when all is well
+    scale: Scale | None  # of the network's depth; None where none went in
     corridor: Corridor | None  # None without metric depth
     intruding: NDArray[np.bool_] | None  # (H, W), pixels inside the corridor
     detection: HelipadDetection | None  # in this frame
@@ -154,6 +156,7 @@ class Pipeline:
             relative=relative,
             depth=metric.depth,
             refusal=metric.refusal,
+            scale=metric.scale,
             corridor=corridor,
             intruding=intruding,
             detection=detection,

@@ -21,7 +21,7 @@ FLOOR_FOUR = {
     f"uav_bt.{name}"
     for name in (
         *("app", "cli", "watching"),
-        *("depth_evaluation", "depth_training", "footage", "training"),
+        *("depth_evaluation", "depth_training", "footage", "perceiving", "training"),
     )
 }
 # Networks are made and trained there; what flies them needs no torch.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -25,6 +25,7 @@ __all__ = [
     "FolderSource",
     "Picture",
     "PictureSource",
+    "Pictures",
     "VideoSource",
     "open_source",
 ]
@@ -45,6 +46,10 @@ class Picture:
     index: int  # counts all pictures of the source, also those that are left out
     time_s: float  # since the source began
     name: str  # for messages
+
+
+Pictures = Generator[Picture, None, None]
+"""Pictures in order of time; closing lets go of the file or the camera."""
 
 
 class PictureSource(Protocol):
@@ -70,7 +75,7 @@ class PictureSource(Protocol):
         """What could not be used so far, and why."""
         ...
 
-    def pictures(self, every: int = 1) -> Iterator[Picture]:
+    def pictures(self, every: int = 1) -> Pictures:
         """Iterate over every n-th picture; what cannot be read is left out and told."""
         ...
 
@@ -133,7 +138,7 @@ class ArraySource:
         self.rate_per_s = 1.0 / between_s if between_s > 0.0 else _FOLDER_RATE
         self.skipped: list[str] = []
 
-    def pictures(self, every: int = 1) -> Iterator[Picture]:
+    def pictures(self, every: int = 1) -> Pictures:
         """Iterate over every n-th picture."""
         for index in range(0, len(self._images), every):
             yield Picture(
@@ -167,7 +172,7 @@ class FolderSource:
         self.rate_per_s = _FOLDER_RATE
         self.skipped: list[str] = []
 
-    def pictures(self, every: int = 1) -> Iterator[Picture]:
+    def pictures(self, every: int = 1) -> Pictures:
         """Iterate over every n-th picture."""
         shape: tuple[int, ...] | None = None
         for index in range(0, len(self._paths), every):
@@ -235,7 +240,7 @@ class VideoSource:
             return None
         return max(1, math.ceil(float(container.duration) / av.time_base * self.rate_per_s))
 
-    def pictures(self, every: int = 1) -> Iterator[Picture]:
+    def pictures(self, every: int = 1) -> Pictures:
         """Iterate over every n-th picture; damaged stretches are left out and told."""
         index, begin_s, shape = -1, None, None
         with self._opened() as container:
@@ -295,7 +300,7 @@ class CameraSource:
         self.rate_per_s = _FOLDER_RATE
         self.skipped: list[str] = []
 
-    def pictures(self, every: int = 1) -> Iterator[Picture]:
+    def pictures(self, every: int = 1) -> Pictures:
         """Iterate over every n-th picture until the camera stops.
 
         Raises:

@@ -25,6 +25,7 @@ _COMMANDS: Final = {
     "schema": "uav_bt.cli.schema:schema",
     "scenes": "uav_bt.cli.scenes:scenes",
     "calibrate": "uav_bt.cli.calibrate:calibrate",
+    "perceive": "uav_bt.cli.perceive:perceive",
     "pick": "uav_bt.cli.pick:pick",
     "log": "uav_bt.cli.log:log",
     "train": "uav_bt.cli.train:train",

@@ -138,7 +138,7 @@ def _draw_sides(image: Image, corridor: Corridor) -> None:
 def corridor_rows(
     depth: DepthMap | None, corridor: Corridor | None, age_s: float
 ) -> Sequence[tuple[str, str, Colour]]:
-    """Return depth and corridor as rows of a name, a value and its colour.
+    """Return depth, and what is inside the corridor, as rows of a name, a value and its colour.
 
     Args:
         depth: metric, None without one that is fresh.
@@ -147,16 +147,17 @@ def corridor_rows(
     """
     if depth is None:
         words = "none yet" if math.isinf(age_s) else f"none for {age_s:.1f} s"
-        return [("depth", words, ALARM), ("corridor", "unknown", ALARM)]
+        return [("depth", words, ALARM), ("inside", "unknown", ALARM)]
     rows: list[tuple[str, str, Colour]] = [
         ("depth", f"{age_s:.1f} s old, confidence {depth.confidence:.2f}", INK)
     ]
     if corridor is None:
-        return [*rows, ("corridor", "unknown", ALARM)]
-    calm = corridor.nearest_side is None
+        return [*rows, ("inside", "unknown", ALARM)]
+    side = corridor.nearest_side
+    inside = "nothing" if side is None else f"{side}, {corridor.nearest_m:.2f} m"
     return [
         *rows,
-        ("corridor", describe_corridor(corridor).removeprefix("corridor "), INK if calm else ALARM),
+        ("inside", inside, INK if side is None else ALARM),
         ("ahead", _metres(corridor.free_distance_m), INK),
         ("left", _metres(corridor.nearest_left_m), INK),
         ("right", _metres(corridor.nearest_right_m), INK),

@@ -1,0 +1,160 @@
+"""`uav-bt perceive`: the whole of perception over a video, a folder or a live camera."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from uav_bt.cli.options import output_option
+from uav_bt.cli.progress import progress_bars
+
+if TYPE_CHECKING:
+    from uav_bt.perceiving import PerceiveSummary
+
+__all__ = ["perceive"]
+
+_INTERRUPTED: Final = 1
+
+
+@click.command()
+@click.argument("source")
+@output_option("--out", "Write the overlays there: an mp4 file.")
+@output_option("--json", "Write one JSON object a frame there, a line each.")
+@click.option(
+    "--camera",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Camera file of `uav-bt calibrate`; without it, the ANAFI's video is assumed.",
+)
+@click.option(
+    "--height-m",
+    type=click.FloatRange(min=0.0, min_open=True, max=100.0),
+    default=1.5,
+    show_default=True,
+    help="Of the camera above the carpet, for all frames.",
+)
+@click.option(
+    "--gimbal-deg",
+    type=click.FloatRange(min=-90.0, max=90.0),
+    default=-30.0,
+    show_default=True,
+    help="Where the camera looks, for all frames: 0 level, negative down.",
+)
+@click.option(
+    "--telemetry",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Footage of the same flight, from `uav-bt fly --footage`: height and gimbal by frame.",
+)
+@click.option(
+    "--model",
+    default="depth",
+    show_default=True,
+    help="Of depth: 'depth', an ONNX file, or 'footing' (masks and geometry, no network).",
+)
+@click.option(
+    "--segmentation",
+    default="unet",
+    show_default=True,
+    help="'unet', 'teacher', or an ONNX file.",
+)
+@click.option(
+    "--classes",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Class-mapping file of a foreign segmentation network.",
+)
+@click.option(
+    "--every",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Look at every so many frames only.",
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Stop after so much of the source.",
+)
+@click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Of the networks' inference.",
+)
+@click.pass_context
+def perceive(
+    ctx: click.Context,
+    *,
+    source: str,
+    out: Path | None,
+    json: Path | None,
+    camera: Path | None,
+    height_m: float,
+    gimbal_deg: float,
+    telemetry: Path | None,
+    model: str,
+    segmentation: str,
+    classes: Path | None,
+    every: int,
+    seconds: float | None,
+    threads: int,
+) -> None:
+    """Show what perception makes of a video: masks, depth in metres, corridor, helipad.
+
+    SOURCE is a video file, a folder of pictures, a picture, a live camera such as camera:0, or a
+    footage file of `uav-bt fly --footage`, which brings its camera and telemetry along. Ctrl-C
+    keeps what was written and exits with 1.
+    """
+    if out is not None and out == json:
+        raise click.UsageError("--out and --json name the same file")
+
+    from uav_bt import perceiving  # noqa: PLC0415 - late, for --help
+
+    options = perceiving.PerceiveOptions(
+        camera=camera,
+        height_m=height_m,
+        gimbal_pitch_rad=math.radians(gimbal_deg),
+        telemetry=telemetry,
+        model=model,
+        segmentation=segmentation,
+        classes=classes,
+        every=every,
+        longest_s=seconds,
+        threads=threads,
+    )
+    with progress_bars() as advance:
+        summary = perceiving.perceive(source, options, out=out, lines=json, advance=advance)
+    _show(summary)
+    if out is not None and summary.frames:
+        click.echo(f"video: {out}")
+    if json is not None:
+        click.echo(f"frames: {json}")
+    if summary.interrupted:
+        ctx.exit(_INTERRUPTED)
+
+
+def _show(summary: PerceiveSummary) -> None:
+    none = sum(summary.without_depth.values())
+    stopped = ", then interrupted" if summary.interrupted else ""
+    rows = [
+        ("frames", f"{summary.frames}{stopped}"),
+        ("camera", summary.camera),
+        ("telemetry", summary.telemetry),
+        ("metric depth", f"in {summary.frames - none} frames, none in {none}"),
+        *(("", f"none in {count}: {why}") for why, count in summary.without_depth.items()),
+        *(("", f"footing only in {count}: {why}") for why, count in summary.in_part.items()),
+        ("helipad", f"seen in {summary.with_helipad} frames"),
+        *(
+            (name, f"{spent.p50:.1f} ms median, {spent.p99:.1f} ms 99 %")
+            for name, spent in summary.stage_ms.items()
+        ),
+    ]
+    for name, value in rows:
+        click.echo(f"{name:<15} {value}")
+    for line in summary.skipped:
+        click.echo(f"skipped {line}")
