@@ -20,13 +20,14 @@ from uav_bt.board import (
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import DepthMap, DroneState, Frame
+from uav_bt.types import CameraModel, DepthMap, DroneState, Frame
 
 __all__ = ["BuildCorridor", "EstimateDepth"]
 
 _FOOTING = "footing"
 _EVERY = 8  # pixels of two frames compared, to tell whether the picture is frozen
 _MOVING_MPS = 0.2  # faster than this two pictures cannot be the same
+_ASPECT_SLACK = 0.01  # 640x360 and 854x480 are both 16:9; more was cropped
 _CARPET = 1  # `perception.classes.CARPET`: greater ids are things
 
 
@@ -78,8 +79,9 @@ class EstimateDepth(Leaf):
         if frame is None or camera is None or class_map is None or frame.index == self._last_index:
             return Status.SUCCESS
         self._last_index = frame.index
-        if self._frozen(frame, state):
-            self.feedback_message = "no depth: the picture is frozen"
+        wrong = "the picture is frozen" if self._frozen(frame, state) else _misfit(frame, camera)
+        if wrong:
+            self.feedback_message = f"no depth: {wrong}"
             return Status.SUCCESS
         relative = self._relative(frame)
         with self._timer:
@@ -113,6 +115,18 @@ class EstimateDepth(Leaf):
 
         network: DepthEstimator = load_depth_estimator(model, threads=mission.inference_threads)
         return network
+
+
+def _misfit(frame: Frame, camera: CameraModel) -> str:
+    """Return why a frame cannot be of a camera; empty when it can."""
+    height_px, width_px = frame.image.shape[:2]
+    stretch = (width_px * camera.height_px) / (height_px * camera.width_px)
+    if abs(stretch - 1.0) <= _ASPECT_SLACK:
+        return ""
+    return (
+        f"the frame is {width_px}x{height_px}, its camera {camera.width_px}x{camera.height_px}: "
+        "another aspect"
+    )
 
 
 class BuildCorridor(Leaf):

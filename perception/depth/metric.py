@@ -38,7 +38,6 @@ class MetricDepthConfig:
 
     black_level: float = 8.0  # mean of 255 below which a frame shows nothing
     least_height_m: float = 0.15  # on the ground the carpet is not seen but touched
-    aspect_slack: float = 0.01  # of a frame's aspect to its camera's; more was cropped
     roll_rad: float = 0.0  # of the image, its right side down; what the gimbal is known to leave
     sampling: ScaleConfig = field(default_factory=ScaleConfig)
     footing: FootingConfig = field(default_factory=FootingConfig)
@@ -100,7 +99,7 @@ class MetricDepthMaker:
             camera: intrinsics, at any size.
             relative: the network's depth of that frame, at any size; not needed for ``footing``.
         """
-        refusal = self._refusal(frame, class_map, camera, relative)
+        refusal = self._refusal(frame, class_map, relative)
         if refusal:
             return MetricDepth(depth=None, refusal=refusal)
         height_px, width_px = class_map.ids.shape
@@ -123,19 +122,13 @@ class MetricDepthMaker:
             return _footing_only(known, none=f"no scale: {why}", less=f"no scale: {why}")
         return MetricDepth(depth=_fused(scale, fitting, footing, frame.captured_s), scale=scale)
 
-    def _refusal(
-        self, frame: Frame, class_map: ClassMap, camera: CameraModel, relative: DepthMap | None
-    ) -> str:
+    def _refusal(self, frame: Frame, class_map: ClassMap, relative: DepthMap | None) -> str:
         height_m, pitch_rad = frame.height_above_carpet_m, frame.gimbal_pitch_rad
         finite = map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))
         if not all(finite):
             return "telemetry is not finite"
         if height_m < self._config.least_height_m:
             return "no height above the carpet"
-        height_px, width_px = frame.image.shape[:2]
-        stretch = (width_px * camera.height_px) / (height_px * camera.width_px)
-        if abs(stretch - 1.0) > self._config.aspect_slack:
-            return "the frame has another aspect than its camera"
         if frame.image[::_EVERY, ::_EVERY].mean() < self._config.black_level:
             return "the frame is black"
         if class_map.captured_s != frame.captured_s:

@@ -165,6 +165,26 @@ def test_a_frozen_picture_of_a_moving_drone_is_refused(estimating: LeafBench) ->
     assert estimating.feedback == ""
 
 
+def test_a_frame_of_another_aspect_than_its_camera_is_refused(estimating: LeafBench) -> None:
+    estimating.hover()
+    square = Frame(
+        image=np.full((300, 300, 3), 90, dtype=np.uint8),
+        index=7,
+        captured_s=estimating.clock.now(),
+        gimbal_pitch_rad=PITCH_RAD,
+        height_above_carpet_m=1.5,
+    )
+    estimating.board[FRAME] = square
+    estimating.board[CLASS_MAP] = ClassMap(
+        ids=np.full(SIZE[::-1], CARPET, dtype=np.uint8), captured_s=square.captured_s
+    )
+
+    assert estimating.tick() is Status.SUCCESS
+    assert "300x300" in estimating.feedback
+    assert "another aspect" in estimating.feedback
+    assert METRIC_DEPTH not in estimating.board
+
+
 def test_without_a_class_map_there_is_no_depth(estimating: LeafBench) -> None:
     estimating.hover()
     assert estimating.tick() is Status.SUCCESS

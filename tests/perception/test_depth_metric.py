@@ -129,7 +129,6 @@ def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
     ("changes", "word"),
     [
         ({"image": np.zeros((90, 160, 3), dtype=np.uint8)}, "black"),
-        ({"image": np.full((120, 160, 3), 99, dtype=np.uint8)}, "another aspect"),
         ({"height_above_carpet_m": 0.0}, "no height"),
         ({"height_above_carpet_m": -0.2}, "no height"),
         ({"height_above_carpet_m": math.nan}, "telemetry"),
