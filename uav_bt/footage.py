@@ -102,6 +102,11 @@ class FootageRecorder:
             self._depths.append(self._referee.depth(frame, *size).astype(np.float16))
             self._ids.append(self._referee.class_ids(frame, *size))
 
+    @property
+    def empty(self) -> bool:
+        """Whether no frame came yet."""
+        return not self._frames
+
     def footage(self) -> Footage:
         """Return what was kept.
 
@@ -182,14 +187,22 @@ def flight_footage(
     Raises:
         FileError: a file cannot be written.
         InputError: the truth was asked for, and the drone has no referee.
+        ValueRangeError: the flight went well, and yet no frame came.
     """
     listeners = FootageListeners(config or FootageConfig(), with_truth=truth is not None)
     try:
         yield listeners
-    finally:
-        recorder = listeners.recorder
-        if recorder is not None:
-            write_footage(path, recorder.footage())
-            known = recorder.truth()
-            if truth is not None and known is not None:
-                write_truth(truth, known)
+    except BaseException:
+        # What was seen before it went wrong is worth keeping, and why it did is worth telling.
+        if listeners.recorder is not None and not listeners.recorder.empty:
+            _write(listeners.recorder, path, truth)
+        raise
+    if listeners.recorder is not None:
+        _write(listeners.recorder, path, truth)
+
+
+def _write(recorder: FootageRecorder, path: Path, truth: Path | None) -> None:
+    write_footage(path, recorder.footage())
+    known = recorder.truth()
+    if truth is not None and known is not None:
+        write_truth(truth, known)

@@ -106,7 +106,7 @@ class ClipSource:
             config: which frames go together.
 
         Raises:
-            ValueRangeError: nothing moves in these flights, or some have labels and others none.
+            ValueRangeError: no frame was taken aloft, or some flights have labels and others none.
         """
         self._config = config or ClipConfig()
         self._flights = tuple(flights)
@@ -123,13 +123,14 @@ class ClipSource:
                 beside = self._beside(flight.footage, track, int(target))
                 if len(beside) >= 2:
                     self._targets.append((number, int(target), beside))
-        if not self._targets:
+        if not self.frame_count:
             raise ValueRangeError(
-                f"no frame of {len(self._flights)} flights has two others that were taken from "
-                f"{self._config.least_move_m} to {self._config.most_move_m} m away; fly further"
+                f"no frame of {len(self._flights)} flights was taken from "
+                f"{self._config.least_height_m} m or more above the carpet; fly higher"
             )
 
     def __len__(self) -> int:
+        """How many targets have references."""
         return len(self._targets)
 
     @property
@@ -158,7 +159,17 @@ class ClipSource:
         )
 
     def draw(self, rng: np.random.Generator) -> Clip:
-        """Return a clip."""
+        """Return a clip.
+
+        Raises:
+            ValueRangeError: nothing moves in these flights.
+        """
+        if not self._targets:
+            config = self._config
+            raise ValueRangeError(
+                f"no frame of {len(self._flights)} flights has two others that were taken from "
+                f"{config.least_move_m} to {config.most_move_m} m away; fly further"
+            )
         number, target, beside = self._targets[int(rng.integers(len(self._targets)))]
         first, second = (int(frame) for frame in rng.choice(beside, size=2, replace=False))
         motions = np.stack(

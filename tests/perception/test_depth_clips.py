@@ -130,8 +130,16 @@ def test_single_frames_need_no_movement(flight: clips.Flight) -> None:
 
 def test_a_flight_that_does_not_move_is_refused(flight: clips.Flight) -> None:
     config = replace(PLAIN, least_move_m=5.0, most_move_m=6.0)
+    source = clips.ClipSource([flight], config)
+    assert len(source) == 0
+    assert source.draw_frames(np.random.default_rng(0)).labels is not None
     with pytest.raises(ValueRangeError, match="fly further"):
-        clips.ClipSource([flight], config)
+        source.draw(np.random.default_rng(0))
+
+
+def test_a_flight_that_stays_on_the_ground_is_refused(flight: clips.Flight) -> None:
+    with pytest.raises(ValueRangeError, match="fly higher"):
+        clips.ClipSource([flight], replace(PLAIN, least_height_m=4.0))
 
 
 def test_flights_with_and_without_labels_do_not_mix(flight: clips.Flight) -> None:

@@ -1,0 +1,203 @@
+"""From footage to a network that flies, in small: labels kept, scores and pictures written."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from click.testing import CliRunner
+
+from perception.depth.clips import DepthLabels
+from perception.depth.evaluation import DepthSample, score_depth
+from perception.depth.footage import Footage, write_footage
+from perception.depth.runtime import load_depth_estimator
+from perception.depth.training import DepthTrainingConfig
+from sim_bridge.twin.camera import anafi_camera
+from uav_bt import depth_training
+from uav_bt.cli.root import uav_bt
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types import ClassMap, Frame
+
+COUNT = 6
+FEW = depth_training.DepthViewPlan(scenes=("val-a",), views=2)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    """Footage that shows nothing but stripes: quick to make, and enough to run on."""
+    line = 0.1 * np.arange(COUNT)
+    frames = np.zeros((COUNT, 256, 320, 3), np.uint8)
+    for place in range(COUNT):
+        frames[place, :, 4 * place :: 16] = 200
+    path = tmp_path / "stripes.npz"
+    write_footage(
+        path,
+        Footage(
+            frames=frames,
+            index=np.arange(COUNT, dtype=np.int64),
+            captured_s=line,
+            gimbal_pitch_rad=np.full(COUNT, -0.5),
+            attitude_rad=np.zeros((COUNT, 3)),
+            altitude_m=np.full(COUNT, 1.0),
+            height_m=np.full(COUNT, 1.5),
+            height_above_carpet_m=np.full(COUNT, 1.5),
+            state_s=line,
+            state_attitude_rad=np.zeros((COUNT, 3)),
+            velocity_mps=np.tile([0.5, 0.0, 0.0], (COUNT, 1)),
+            camera=anafi_camera(640, 360).resized(320, 256),
+        ),
+    )
+    return path
+
+
+class _Carpet:
+    """A segmenter that sees carpet everywhere below, and counts."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def segment(self, frame: Frame) -> ClassMap:
+        self.asked += 1
+        ids = np.zeros((112, 224), np.uint8)
+        ids[40:] = 1
+        return ClassMap(ids=ids, captured_s=frame.captured_s)
+
+
+def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
+    segmenter = _Carpet()
+    (first,) = depth_training.read_flights([film], segmenter, tmp_path / "run")
+    (again,) = depth_training.read_flights([film], segmenter, tmp_path / "run")
+    assert segmenter.asked == COUNT
+    assert first.labels is not None
+    assert again.labels is not None
+    np.testing.assert_array_equal(first.labels.depth_m, again.labels.depth_m)
+    assert np.isfinite(first.labels.depth_m[:, 100]).all()
+
+
+def test_without_a_segmenter_there_are_no_labels(film: Path, tmp_path: Path) -> None:
+    (flight,) = depth_training.read_flights([film], None, tmp_path)
+    assert flight.labels is None
+
+
+def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) -> None:
+    flights = depth_training.read_flights([film], _Carpet(), tmp_path)
+    config = DepthTrainingConfig(
+        steps=2, batch=1, photometric=0.0, geometry=0.0, checkpoint_every=1
+    )
+    weights = tmp_path / "depth.safetensors"
+    score = depth_training.train_depth(
+        flights,
+        weights,
+        config=config,
+        checkpoint=tmp_path / "checkpoint.safetensors",
+        views=depth_training.depth_views(FEW),
+        diary=depth_training.Diary(tmp_path / "run"),
+        validate_every=2,
+    )
+    assert score is not None
+    assert score.pictures == 2
+    lines = (tmp_path / "run" / "scores.jsonl").read_text().splitlines()
+    assert [json.loads(line)["step"] for line in lines] == [2]
+    assert json.loads(lines[0])["abs_rel"] == pytest.approx(score.abs_rel)
+    assert (tmp_path / "run" / "step-000002.png").stat().st_size > 1000
+    estimator = load_depth_estimator(weights.with_suffix(".onnx"))
+    assert estimator.depth(np.zeros((360, 640, 3), np.uint8)).shape == (128, 160)
+
+
+def test_the_command_trains_on_footage(film: Path, tmp_path: Path) -> None:
+    out = tmp_path / "mine.safetensors"
+    result = CliRunner().invoke(
+        uav_bt,
+        [
+            *("train", "depth", str(film), "--out", str(out), "--run", str(tmp_path / "run")),
+            *("--labels", "footing", "--no-photometric", "--no-validate", "--steps", "1"),
+        ],
+    )
+    assert result.exit_code == 0, result.output
+    assert f"depth network: {out} and {out.with_suffix('.onnx')}" in result.output
+    assert out.with_suffix(".onnx").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["none.npz"], "there is no such file; `uav-bt fly"),
+        (["x.npz", "--out", "depth.onnx"], "must end in .safetensors"),
+        (["x.npz", "--labels", "none", "--no-photometric"], "nothing to learn from"),
+        ([], "FLIGHTS"),
+    ],
+)
+def test_the_command_refuses_what_it_cannot_use(arguments: list[str], words: str) -> None:
+    result = CliRunner().invoke(uav_bt, ["train", "depth", *arguments])
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+# --- scores ---------------------------------------------------------------------------------------
+
+
+def _sample(factor: float = 1.0, obstacle: float = 1.0) -> DepthSample:
+    truth = np.full((20, 30), 2.0, np.float32)
+    ids = np.ones((20, 30), np.uint8)
+    ids[:5] = 4
+    ids[5:6] = 0
+    predicted = factor * truth
+    predicted[:5] *= obstacle
+    return DepthSample(predicted=predicted, truth_m=truth, ids=ids, ground_m=truth.copy())
+
+
+def test_the_unit_of_relative_depth_does_not_matter() -> None:
+    score = score_depth([_sample(factor=7.0)])
+    assert score.abs_rel == pytest.approx(0.0, abs=1e-6)
+    assert score.obstacle_error_m == pytest.approx(0.0, abs=1e-6)
+    assert score.metric_error_m == pytest.approx(12.0)
+    assert score.delta_1 == 1.0
+
+
+def test_obstacles_are_measured_with_the_carpets_scale() -> None:
+    score = score_depth([_sample(factor=3.0, obstacle=1.1)])
+    assert score.obstacle_error_m == pytest.approx(0.2, rel=1e-4)
+    assert score.obstacle_abs_rel == pytest.approx(0.1, rel=1e-4)
+    assert score.carpet_error_m == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_view_without_carpet_has_no_metric_error() -> None:
+    sample = _sample()
+    blind = replace(sample, ids=np.full_like(sample.ids, 4))
+    score = score_depth([blind, sample])
+    assert score.pictures == 2
+    assert score.obstacle_error_m == pytest.approx(0.0, abs=1e-6)
+
+
+def test_maps_of_two_sizes_are_refused() -> None:
+    with pytest.raises(ShapeError, match="the maps of a sample must be 20x30, got 10x30"):
+        score_depth([replace(_sample(), ids=np.ones((10, 30), np.uint8))])
+
+
+def test_a_depth_that_is_not_positive_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="positive and finite"):
+        score_depth([_sample(factor=-1.0)])
+
+
+def test_nothing_to_score_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="no pictures"):
+        score_depth([])
+
+
+def test_labels_must_match_their_bounds() -> None:
+    with pytest.raises(ShapeError, match="depth bounds must be 2x3x4"):
+        DepthLabels(
+            depth_m=np.zeros((2, 3, 4), np.float16), at_most_m=np.zeros((2, 3, 5), np.float16)
+        )
