@@ -164,6 +164,25 @@ class ClipSource:
         Raises:
             ValueRangeError: nothing moves in these flights.
         """
+        number, target, (first, second) = self._draw_places(rng)
+        motions = np.stack(
+            [self._motion(number, target, first), self._motion(number, target, second)]
+        )
+        return self._clip(number, (target, first, second), motions, rng)
+
+    def draw_pair(self, rng: np.random.Generator) -> tuple[int, int]:
+        """Return the places of a target and a reference in the footage of the only flight.
+
+        Raises:
+            ValueRangeError: nothing moves in these flights, or there are several.
+        """
+        if len(self._flights) != 1:
+            raise ValueRangeError(f"pairs are drawn from one flight, got {len(self._flights)}")
+        _, target, (first, _) = self._draw_places(rng)
+        return target, first
+
+    def _draw_places(self, rng: np.random.Generator) -> tuple[int, int, tuple[int, int]]:
+        """Return a flight's number, a target's place in it, and two references'."""
         if not self._targets:
             config = self._config
             raise ValueRangeError(
@@ -171,11 +190,8 @@ class ClipSource:
                 f"{config.least_move_m} to {config.most_move_m} m away; fly further"
             )
         number, target, beside = self._targets[int(rng.integers(len(self._targets)))]
-        first, second = (int(frame) for frame in rng.choice(beside, size=2, replace=False))
-        motions = np.stack(
-            [self._motion(number, target, first), self._motion(number, target, second)]
-        )
-        return self._clip(number, (target, first, second), motions, rng)
+        first, second = rng.choice(beside, size=2, replace=False)
+        return number, target, (int(first), int(second))
 
     def _motion(self, number: int, origin: int, target: int) -> NDArray[np.float64]:
         track = self._tracks[number]
