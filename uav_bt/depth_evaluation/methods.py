@@ -99,7 +99,7 @@ def metric_maps(
     def all_maps() -> list[DepthMap]:
         made = []
         for frame, picture in zip(frames, pictures, strict=True):
-            metric = maker.make(frame, picture.masks[masks], picture.camera, picture.relative)
+            metric = maker.make(frame, picture.masks[masks], picture.video, picture.relative)
             made.append(metric.depth or _nothing(frame))
         return made
 

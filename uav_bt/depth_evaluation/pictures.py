@@ -65,8 +65,9 @@ class PicturePlan:
 class Picture:
     """A frame as a flight delivers it, what perception made of it, and the truth at map size."""
 
-    frame: Frame  # without its image, which is not needed any more
-    camera: CameraModel  # at map size
+    frame: Frame  # with every eighth pixel: enough to see that it is not black
+    video: CameraModel  # at the size of the video
+    camera: CameraModel  # the same at map size
     masks: dict[Masks, ClassMap]
     relative: DepthMap | None  # None without a network
     ids: NDArray[np.uint8]  # (112, 224) exact
@@ -111,7 +112,7 @@ def take_pictures(
 
     views, profile = plan.views, Profile.named(plan.views.profile)
     total = views.views * len(views.scenes)
-    camera = anafi_camera(640, 360).resized(*MAP_SIZE_PX)
+    video = anafi_camera(640, 360)
     done = 0
     for name in views.scenes:
         scene = load_scene(name)
@@ -125,7 +126,7 @@ def take_pictures(
         for view in drawn:
             done += 1
             frame = telemetry(view.pose, view.image, done)
-            yield _perceived(view, frame, camera, segmenter, network)
+            yield _perceived(view, frame, video, segmenter, network)
             advance("pictures", done, total)
 
 
@@ -136,7 +137,7 @@ def _level_poses(poses: list[Any], views: DepthViewPlan) -> list[Any]:
 def _perceived(
     view: Any,
     frame: Frame,
-    camera: CameraModel,
+    video: CameraModel,
     segmenter: Segmenter,
     network: DepthEstimator | None,
 ) -> Picture:
@@ -146,9 +147,11 @@ def _perceived(
             f"depth is measured at {MAP_SIZE_PX[0]}x{MAP_SIZE_PX[1]} pixels; the masks are "
             f"{seen.ids.shape[1]}x{seen.ids.shape[0]}"
         )
+    camera = video.resized(*MAP_SIZE_PX)
     exact = ClassMap(ids=np.ascontiguousarray(view.ids), captured_s=frame.captured_s)
     return Picture(
         frame=_small(frame),
+        video=video,
         camera=camera,
         masks={"unet": seen, "exact": exact},
         relative=None if network is None else network.estimate(frame),
@@ -159,7 +162,7 @@ def _perceived(
 
 
 def _small(frame: Frame) -> Frame:
-    """Return the frame with every eighth pixel: enough to see that it is not black."""
+    """Return the frame with every eighth pixel."""
     return replace(frame, image=frame.image[::8, ::8].copy())
 
 
