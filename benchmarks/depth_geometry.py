@@ -169,14 +169,19 @@ def main() -> None:
             lambda: sample_carpet(fitting, ids, seen, generator),  # noqa: B023
         )
         counts = (ids > CARPET) & (view.depth < NEAR_M)
+        metres = np.full_like(fitting, math.nan)
         for name, scale in scales.items():
             # Views are not a flight: each stands ten seconds from the next, so nothing is smoothed.
             fitted = scale.update(sample, 10.0 * index)
-            metres = np.full_like(fitting, math.nan) if fitted is None else fitted.apply(fitting)
-            scaled[f"{name}, things"].add(metres, view.depth, counts)
-            scaled[f"{name}, carpet"].add(metres, view.depth, view.ids == CARPET)
-        fused = np.where(np.isfinite(found.depth), found.depth, metres)
-        scaled["fused, things"].add(np.minimum(fused, found.at_most), view.depth, counts)
+            applied = np.full_like(fitting, math.nan) if fitted is None else fitted.apply(fitting)
+            metres = applied if name == "adaptive" else metres
+            scaled[f"{name}, things"].add(applied, view.depth, counts)
+            scaled[f"{name}, carpet"].add(applied, view.depth, view.ids == CARPET)
+        bounded = np.minimum(metres, found.at_most)
+        unknown = np.isnan(found.depth)
+        fused = np.where(unknown, bounded, found.depth)
+        scaled["fused, things"].add(fused, view.depth, counts)
+        scaled["what footing lacks, fused"].add(fused, view.depth, counts & unknown)
 
     error = np.concatenate(points)
     print(f"{', '.join(arguments.scene)}; {arguments.views} views each; {arguments.masks} masks")
