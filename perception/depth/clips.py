@@ -37,6 +37,9 @@ class ClipConfig:
     most_turn_rad: float = 0.35
     most_apart_s: float = 2.0  # integrated velocity drifts
     least_height_m: float = 0.8  # above the carpet: the ground before take-off teaches nothing
+    # Single frames are drawn from every so many: neighbours look alike, and `labelling` measures
+    # parallax for those only.
+    single_every: int = 3
     odometry: bool = True  # measure movements on the carpet; else telemetry's word is taken
     # Either way: flights keep one gimbal angle, and a network would learn rows by heart.
     pitch_rad: float = 0.07
@@ -46,6 +49,8 @@ class ClipConfig:
     tint: float = 0.05  # relative, either way, each colour for itself
 
     def __post_init__(self) -> None:
+        if self.single_every < 1:
+            raise ValueRangeError(f"single_every must be positive, got {self.single_every}")
         if not 0.0 <= self.least_move_m < self.most_move_m:
             raise ValueRangeError(
                 "least_move_m must be less than most_move_m, got "
@@ -118,8 +123,9 @@ class ClipSource:
         self._aloft: list[NDArray[np.intp]] = []
         for number, (flight, track) in enumerate(zip(flights, self._tracks, strict=True)):
             height_m = flight.footage.height_above_carpet_m
-            self._aloft.append(np.flatnonzero(height_m >= self._config.least_height_m))
-            for target in self._aloft[-1]:
+            aloft = np.flatnonzero(height_m >= self._config.least_height_m)
+            self._aloft.append(aloft[aloft % self._config.single_every == 0])
+            for target in aloft:
                 beside = self._beside(flight.footage, track, int(target))
                 if len(beside) >= 2:
                     self._targets.append((number, int(target), beside))
@@ -135,7 +141,7 @@ class ClipSource:
 
     @property
     def frame_count(self) -> int:
-        """How many frames are worth learning from for themselves."""
+        """How many frames are drawn for themselves."""
         return sum(map(len, self._aloft))
 
     @property
