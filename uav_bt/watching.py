@@ -40,6 +40,7 @@ __all__ = [
     "VideoListeners",
     "all_of",
     "all_of_trees",
+    "corridor_marker",
     "flight_video",
     "lab_map_of",
     "live_status",
@@ -122,7 +123,7 @@ class VideoListeners:
 
         def show_depth(tree: MissionTree) -> None:
             if any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves()):
-                panes.show_depth(_intruding_of(tree, drone.camera))
+                panes.show_depth(corridor_marker(tree, drone.camera))
 
         self._show_depth = show_depth
         return [self._video]
@@ -145,8 +146,16 @@ class VideoListeners:
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
 
 
-def _intruding_of(tree: MissionTree, camera: CameraModel) -> Intruding | None:
-    """Return what marks the corridor of a tree's leaf; None where it builds none of ours."""
+def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
+    """Return what tells a film which pixels are inside the corridor that a tree asks for.
+
+    Args:
+        tree: the mission.
+        camera: intrinsics at the frames' size.
+
+    Returns:
+        None where the tree does not build one corridor, with a leaf of ours.
+    """
     # Imported here: OpenCV is not light, and not every video needs it.
     from perception.corridor import CorridorBuilder, CorridorConfig  # noqa: PLC0415
     from perception.depth.ground import view_of  # noqa: PLC0415

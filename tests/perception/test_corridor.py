@@ -338,3 +338,17 @@ def test_other_sizes_are_refused() -> None:
 def test_impossible_corridors_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueRangeError):
         CorridorConfig(**wrong)
+
+
+def test_the_pixels_told_for_pictures_are_those_inside() -> None:
+    depth, at_most = far(), np.full((41, 61), np.inf)
+    depth[20, 30] = 1.0  # inside, known
+    depth[20, 40], at_most[20, 40] = np.nan, 0.9  # inside at any rate
+    depth[20, 50] = np.nan  # nobody knows
+    depth[10, 30] = 1.0  # inside, and no thing
+    things = np.ones((41, 61), dtype=bool)
+    things[10, 30] = False
+    marked = CorridorBuilder(CONFIG).intruding(depth_map(depth, at_most), LEVEL, things=things)
+    assert sorted(map(tuple, np.argwhere(marked).tolist())) == [(20, 30), (20, 40)]
+    with pytest.raises(ShapeError, match="mask of things"):
+        CorridorBuilder(CONFIG).intruding(depth_map(depth), LEVEL, things=things[1:])

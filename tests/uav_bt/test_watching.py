@@ -13,15 +13,15 @@ from rich.console import Console
 from perception.classes import CLASS_COLOURS, class_id
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from uav_bt import watching
-from uav_bt.board import MISSION_KEYS
+from uav_bt.board import CLASS_MAP, MISSION_KEYS
 from uav_bt.errors import FileError
 from uav_bt.mission.arbiter import Proposals
 from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.context import MissionContext
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone
-from uav_bt.tree import Status
-from uav_bt.types import HOVER
+from uav_bt.tree import Status, load_tree
+from uav_bt.types import HOVER, ClassMap, DepthMap, Frame
 
 SCENE = Scene(
     name="small",
@@ -114,3 +114,59 @@ def test_a_flight_is_filmed_and_told_at_once(tmp_path: Path) -> None:
         ticks(drone, watching.all_of(video, status)(drone, context_of(drone)), 2)
     assert (tmp_path / "flight.mp4").stat().st_size > 0
     assert out.getvalue().startswith("explore")
+
+
+SECOND_LEVEL = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+<Segment/><EstimateDepth model="footing"/><BuildCorridor side_m="0.4"/><Land/>
+</Sequence></BehaviorTree></root>"""
+
+
+def class_maps_size(tmp_path: Path, body: str) -> bool:
+    """Film one tick of a tree; return whether the class map has its quarter to itself."""
+    tree = tmp_path / "mission.xml"
+    tree.write_text(body, encoding="utf-8")
+    drone = SceneDrone()
+    context = context_of(drone)
+    ids = np.full((112, 224), 1, np.uint8)
+    context.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=0.0), captured_s=0.0)
+    with watching.flight_video(tmp_path / "flight.mp4") as video:
+        listeners = video(drone, context)
+        assert watching.all_of_trees(video.show_tree)(load_tree(tree), context) == []
+        ticks(drone, listeners, 1)
+    with av.open(str(tmp_path / "flight.mp4")) as container:
+        image = next(container.decode(video=0)).to_ndarray(format="rgb24")
+    difference = np.abs(image[700, 100].astype(int) - CLASS_COLOURS[1].astype(int))
+    return bool(difference.max() < 20)
+
+
+def test_the_film_makes_room_for_what_the_tree_perceives(tmp_path: Path) -> None:
+    first_level = SECOND_LEVEL.replace('<EstimateDepth model="footing"/>', "")
+    first_level = first_level.replace('<BuildCorridor side_m="0.4"/>', "")
+    assert class_maps_size(tmp_path, first_level)
+    assert not class_maps_size(tmp_path, SECOND_LEVEL)
+
+
+def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> None:
+    path = tmp_path / "mission.xml"
+    frame = Frame(
+        image=np.zeros((36, 64, 3), np.uint8),
+        index=0,
+        captured_s=0.0,
+        gimbal_pitch_rad=0.0,
+        height_above_carpet_m=1.5,
+    )
+    depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=0.0)
+    ids = ClassMap(ids=np.full((28, 56), class_id("box_1"), np.uint8), captured_s=0.0)
+    marked = {}
+    for side_m in ("0.4", "0.2"):
+        path.write_text(SECOND_LEVEL.replace("0.4", side_m), encoding="utf-8")
+        intruding = watching.corridor_marker(load_tree(path), ScriptedDrone().camera)
+        assert intruding is not None
+        marked[side_m] = int(intruding(frame, ids, depth).sum())
+    assert 0 < marked["0.2"] < marked["0.4"]
+
+
+def test_a_tree_without_our_corridor_has_nothing_to_mark(tmp_path: Path) -> None:
+    path = tmp_path / "mission.xml"
+    path.write_text(SECOND_LEVEL.replace('<BuildCorridor side_m="0.4"/>', ""), encoding="utf-8")
+    assert watching.corridor_marker(load_tree(path), ScriptedDrone().camera) is None

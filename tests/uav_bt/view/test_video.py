@@ -6,10 +6,12 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from view_world import CAMERA, COLOURS, LAB, World
 
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
-from uav_bt.types import Pose
+from uav_bt.types import ClassMap, DepthMap, Frame, Pose
+from uav_bt.view.canvas import PANEL
 from uav_bt.view.flown import FlownPath
 from uav_bt.view.video import FlightVideo, FlightVideoConfig, Panes
 
@@ -75,6 +77,57 @@ def test_the_four_panes_show_what_is_on_the_board() -> None:
     assert len(np.unique(with_map[:438, 642:].reshape(-1, 3), axis=0)) > 10, "the map"
     world.clock.advance(5.0)
     assert tuple(panes.draw(world.tick(), FlownPath())[700, 300]) != tuple(COLOURS[1]), "stale"
+
+
+def test_a_mission_without_depth_is_filmed_without_its_panes() -> None:
+    world = World()
+    world.see()
+    image = panes_of(world).draw(world.tick(), FlownPath())
+    assert (image[560:720, :638] == COLOURS[1]).all(), "one class map"
+
+
+@pytest.mark.parametrize("asked", [True, False], ids=["asked for", "seen"])
+def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -> None:
+    world = World()
+    panes = panes_of(world)
+    if asked:
+        panes.show_depth()
+    else:
+        world.see_depth()
+        panes.draw(world.tick(), FlownPath())
+        world.clock.advance(5.0)  # the panes stay when the depth is stale
+    world.see()
+    before = panes.draw(world.tick(), FlownPath()).copy()
+    assert tuple(before[530, 100]) == tuple(COLOURS[1]), "class map"
+    assert tuple(before[370, 330]) == PANEL, "no depth"
+    assert tuple(before[550, 10]) == PANEL, "no corridor"
+    world.see_depth()
+    after = panes.draw(world.tick(), FlownPath())
+    assert tuple(after[500, 330]) != PANEL
+    assert tuple(after[650, 10]) != PANEL
+
+
+def test_what_intrudes_is_marked_only_in_the_picture_it_was_found_in() -> None:
+    world = World()
+    panes = panes_of(world)
+    asked: list[DepthMap] = []
+
+    def everything(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
+        asked.append(depth)
+        return np.ones(class_map.ids.shape, dtype=bool)
+
+    panes.show_depth(everything)
+    world.see()
+    world.see_depth()
+    world.clock.advance(0.1)
+    late = panes.draw(world.tick(), FlownPath()).copy()
+    assert asked == []
+    world.see()
+    world.see_depth()
+    marked = panes.draw(world.tick(), FlownPath())
+    assert len(asked) == 1
+    red = marked[600, 100].astype(int) - late[600, 100]
+    assert red[0] > red[2] + 20
 
 
 def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:

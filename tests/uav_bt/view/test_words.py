@@ -1,10 +1,12 @@
 """Commands and fixes in words."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from uav_bt.types import (
+    Corridor,
     CutMotors,
     HelipadFix,
     Hover,
@@ -15,7 +17,7 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
-from uav_bt.view.words import describe_fix, describe_movement
+from uav_bt.view.words import describe_corridor, describe_fix, describe_free, describe_movement
 
 
 @pytest.mark.parametrize(
@@ -49,3 +51,19 @@ def test_a_fix_says_where_and_whether_it_is_seen() -> None:
 def test_no_fix_says_for_how_long() -> None:
     assert describe_fix(None, math.inf) == "none"
     assert describe_fix(None, 18.2) == "none for 18 s"
+
+
+def test_a_corridor_says_what_intrudes_and_how_far_the_way_is_free() -> None:
+    clear = Corridor(
+        captured_s=0.0,
+        free_distance_m=math.inf,
+        nearest_m=math.inf,
+        nearest_side=None,
+        time_to_impact_s=math.inf,
+    )
+    assert (describe_corridor(clear), describe_free(clear)) == ("corridor clear", "nothing ahead")
+    blocked = replace(
+        clear, free_distance_m=1.5, nearest_m=0.62, nearest_side="left", time_to_impact_s=2.04
+    )
+    assert describe_corridor(blocked) == "intrusion left, 0.62 m"
+    assert describe_free(blocked) == "free 1.50 m ahead, impact in 2.0 s"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from uav_bt.board import CLASS_MAP, ELAPSED, HELIPAD, MISSION_KEYS
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, MISSION_KEYS
 from uav_bt.clock import ManualClock
 from uav_bt.mission.arbiter import Override
 from uav_bt.mission.blackboard import Blackboard
@@ -17,6 +19,8 @@ from uav_bt.types import (
     Attitude,
     BodyVelocity,
     ClassMap,
+    Corridor,
+    DepthMap,
     DroneState,
     FlyingState,
     HelipadFix,
@@ -52,6 +56,20 @@ class World:
         if helipad:
             fix = HelipadFix(captured_s=now_s, forward_m=1.2, right_m=0.3, detected=True)
             self.board.write(HELIPAD, fix, captured_s=now_s)
+
+    def see_depth(self) -> None:
+        """Put metric depth and a corridor on the board."""
+        now_s = self.clock.now()
+        depth = DepthMap(depth=np.full((28, 56), 1.5, np.float32), metric=True, captured_s=now_s)
+        corridor = Corridor(
+            captured_s=now_s,
+            free_distance_m=1.5,
+            nearest_m=0.6,
+            nearest_side="left",
+            time_to_impact_s=math.inf,
+        )
+        self.board.write(METRIC_DEPTH, depth, captured_s=now_s)
+        self.board.write(CORRIDOR, corridor, captured_s=now_s)
 
     def tick(
         self,
