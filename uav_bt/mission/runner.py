@@ -51,6 +51,7 @@ class TickRecord:
     truth: Truth | None
     word: str = ""  # what the deepest running node says of itself, a policy's reason for instance
     slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
+    decided: Command | None = None  # the arbiter's word, before the drone's own limits
 
 
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
@@ -143,12 +144,13 @@ class MissionRunner:
         self._context.proposals.clear()
 
         began_s = self._timer()
-        status = self._tree.tick() if self._abort_reason is None else Status.INVALID
+        status = self._tick_tree()
         compute_s = self._timer() - began_s
         if self._abort_reason is not None:
             self._tree.halt()
 
-        command = self._command(observation, start_s)
+        decided = self._decide(observation, start_s)
+        command = self._drone.send(decided)
         if isinstance(command.movement, TakeOff):
             self._judge.took_off(start_s)
         truth = self._drone.referee.truth() if self._drone.referee else None
@@ -167,6 +169,7 @@ class MissionRunner:
             truth=truth,
             word=active[-1].feedback_message if active else "",
             slow=self._budgets.take(),
+            decided=decided,
         )
         for listener in self._listeners:
             listener.on_tick(record)
@@ -183,15 +186,16 @@ class MissionRunner:
             clock.sleep_until(start_s + self._config.tick_s)
         return verdict
 
-    def _command(self, observation: Observation, now_s: float) -> Command:
+    def _tick_tree(self) -> Status:
+        return self._tree.tick() if self._abort_reason is None else Status.INVALID
+
+    def _decide(self, observation: Observation, now_s: float) -> Command:
         frame = observation.frame
-        return self._drone.send(
-            self._arbiter.decide(
-                self._context.proposals,
-                observation.state,
-                frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
-                abort=self._abort_reason is not None,
-            )
+        return self._arbiter.decide(
+            self._context.proposals,
+            observation.state,
+            frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
+            abort=self._abort_reason is not None,
         )
 
     def _write_board(self, observation: Observation, now_s: float) -> None:
