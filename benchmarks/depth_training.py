@@ -2,6 +2,7 @@
 
 python benchmarks/depth_training.py networks                        # the shipped one
 python benchmarks/depth_training.py networks runs/a.onnx runs/b.onnx --scene val-a
+python benchmarks/depth_training.py flight runs/a.onnx flight.npz flight.truth.npz
 python benchmarks/depth_training.py labels flight.npz flight.truth.npz
 python benchmarks/depth_training.py motion flight.npz flight.truth.npz
 python benchmarks/depth_training.py speed --threads 2
@@ -21,10 +22,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import CLASS_TO_GROUP, GROUP_NAMES
+from perception.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
 from perception.depth.clips import ClipConfig, ClipSource, DepthLabels, Flight
+from perception.depth.evaluation import DepthSample, score_depth
 from perception.depth.footage import Footage, FootageTruth, read_footage, read_truth
-from perception.depth.labelling import add_parallax, exact_labels, footing_labels
+from perception.depth.ground import ground_depth, view_of
+from perception.depth.labelling import (
+    LABEL_SIZE_PX,
+    add_parallax,
+    exact_labels,
+    footing_labels,
+    frames_of,
+)
 from perception.depth.motion import camera_track, measured_motion
 from perception.depth.runtime import OnnxDepthEstimator
 from perception.segmentation.runtime import shipped_unet
@@ -44,6 +53,42 @@ def networks(paths: list[Path], scenes: tuple[str, ...], views: int) -> None:
         predicted = np.stack([estimator.depth(rgb) for rgb in pictures.rgb])
         score = asdict(score_depth_on(pictures, predicted))
         print(f"{path}: " + ", ".join(f"{name} {value:.4f}" for name, value in score.items()))
+
+
+def flight(path: Path, footage: Footage, truth: FootageTruth, every: int) -> None:
+    """Print how far a network is from the truth on the frames of a flight, by distance."""
+    estimator = OnnxDepthEstimator(path)
+    exact = exact_labels(footage, truth).depth_m.astype(np.float32)
+    camera = footage.camera.resized(*LABEL_SIZE_PX)
+    ids = truth.ids[:, 1::2, 1::2]
+    samples, rows = [], []
+    for place, frame in enumerate(frames_of(footage)):
+        level = view_of(frame, camera, LABEL_SIZE_PX)
+        if place % every or frame.gimbal_pitch_rad < -0.8 or level.height_m < 0.8:
+            continue
+        ground = ground_depth(level)
+        predicted = estimator.depth(frame.image)
+        samples.append(
+            DepthSample(predicted=predicted, truth_m=exact[place], ids=ids[place], ground_m=ground)
+        )
+        carpet = (ids[place] == CARPET) & np.isfinite(ground)
+        if np.count_nonzero(carpet) >= 50:
+            scale = np.median(ground[carpet] / predicted[carpet])
+            things = ids[place] > HELIPAD_BOX
+            off = scale * predicted[things] - exact[place][things]
+            rows.append(np.stack([exact[place][things], off]))
+    score = asdict(score_depth(samples))
+    print(", ".join(f"{name} {value:.4f}" for name, value in score.items()))
+    truth_m, off_m = np.concatenate(rows, axis=1)
+    for nearest, furthest in ((0.3, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 5.0)):
+        within = (truth_m >= nearest) & (truth_m < furthest)
+        if within.any():
+            error = np.abs(off_m[within])
+            print(
+                f"obstacles at {nearest} to {furthest} m, carpet's scale: mean {error.mean():.3f} "
+                f"m, median {np.median(error):.3f} m, signed {off_m[within].mean():.3f} m, "
+                f"{within.sum()} pixels"
+            )
 
 
 def labels(footage: Footage, truth: FootageTruth, every: int) -> None:
@@ -140,7 +185,7 @@ def speed(path: Path, threads: int, rounds: int) -> None:
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("networks", "labels", "motion", "speed"))
+    parser.add_argument("what", choices=("networks", "flight", "labels", "motion", "speed"))
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--scene", action="append", default=None)
     parser.add_argument("--views", type=int, default=40)
@@ -152,6 +197,11 @@ def main() -> None:
         networks(given.files, tuple(given.scene or VALIDATION_SCENES), given.views)
     elif given.what == "speed":
         speed(given.files[0] if given.files else _SHIPPED, given.threads, given.count)
+    elif given.what == "flight":
+        if len(given.files) != 3:
+            parser.error("give a network, the footage and its truth")
+        network, *films = given.files
+        flight(network, read_footage(films[0]), read_truth(films[1]), every=10)
     elif len(given.files) != 2:
         parser.error("give the footage and its truth")
     else:

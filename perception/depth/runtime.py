@@ -87,9 +87,7 @@ class OnnxDepthEstimator:
         return np.array(output, dtype=np.float32)  # a copy: the next frame overwrites the tensor
 
     def _run(self, rgb: NDArray[np.uint8]) -> NDArray[Any]:
-        planes = rgb.transpose(2, 0, 1)[None].astype(np.float32)
-        planes *= np.float32(1.0 / 255.0)
-        self._request.infer([np.ascontiguousarray(planes)])
+        self._request.infer([np.ascontiguousarray(rgb[None])])
         return np.asarray(self._request.get_output_tensor(0).data)
 
     def _input_size(self, model: Any) -> tuple[int, int]:
@@ -172,7 +170,19 @@ def _compile(model: Any, threads: int) -> Any:
         # Pinned, the workers of a campaign would all sit on the same core.
         "ENABLE_CPU_PINNING": False,
     }
-    return openvino.Core().compile_model(model, "CPU", settings)
+    return openvino.Core().compile_model(_taking_pictures(model), "CPU", settings)
+
+
+def _taking_pictures(model: Any) -> Any:
+    """Let a network of planes from 0 to 1 take pictures as they are: faster than doing it first."""
+    from openvino import Layout, Type  # noqa: PLC0415
+    from openvino.preprocess import PrePostProcessor  # noqa: PLC0415
+
+    steps = PrePostProcessor(model)
+    steps.input().tensor().set_element_type(Type.u8).set_layout(Layout("NHWC"))
+    steps.input().model().set_layout(Layout("NCHW"))
+    steps.input().preprocess().convert_element_type(Type.f32).scale(255.0)
+    return steps.build()
 
 
 def _shrunk(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
