@@ -223,7 +223,10 @@ def _points(
 
 
 def patch_depths(depth_m: Floats, pixels: Indices, patch_px: int = 1) -> NDArray[np.float64]:
-    """Return the median depth around pixels, (N,), NaN where nothing around is known.
+    """Return the median depth around pixels, (N,).
+
+    A patch smooths what is known: where a pixel's own depth is not, neither is its patch's, which
+    would be that of other things beside it.
 
     Args:
         depth_m: (H, W); NaN where unknown, which the median leaves out.
@@ -240,6 +243,6 @@ def patch_depths(depth_m: Floats, pixels: Indices, patch_px: int = 1) -> NDArray
     windows = np.lib.stride_tricks.sliding_window_view(padded, (patch_px, patch_px))
     patches = windows[pixels[:, 1], pixels[:, 0]].reshape(len(pixels), patch_px * patch_px)
     medians = np.full(len(pixels), np.nan)
-    known = np.isfinite(patches).any(axis=1)
+    known = np.isfinite(depth_m[pixels[:, 1], pixels[:, 0]])
     medians[known] = np.nanmedian(patches[known], axis=1)
     return medians

@@ -149,11 +149,16 @@ def test_the_median_of_a_patch_leaves_out_what_is_unknown_or_outside() -> None:
     np.testing.assert_allclose(patch_depths(depth, pixels, 1), [0.0, 12.0])
 
 
-def test_where_nothing_is_known_there_is_no_distance() -> None:
+def test_a_corner_of_unknown_depth_has_no_distance_whatever_lies_around() -> None:
     scenery = one_face()
     pairs = scenery.pick()
-    nowhere = np.full_like(scenery.depth, np.nan)
-    assert np.isnan(pair_distances(nowhere, pairs, CAMERA, patch_px=9)).all()
+    scenery.depth[22, 82] = np.nan
+    ends = np.stack([pairs.first, pairs.second], axis=1)
+    touches = (ends == (82, 22)).all(axis=2).any(axis=1)
+    assert touches.sum() == 2
+    for patch_px in (1, 9):
+        distances = pair_distances(scenery.depth, pairs, CAMERA, patch_px=patch_px)
+        np.testing.assert_array_equal(np.isnan(distances), touches)
 
 
 @pytest.mark.parametrize("side", [0, 2, -3])

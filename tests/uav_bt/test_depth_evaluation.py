@@ -176,9 +176,18 @@ def test_collected_scales_know_all_pictures_before_the_first(known: list[Picture
     assert np.nanmedian(first / known[0].depth_m) == pytest.approx(2.0, rel=0.05)
 
 
+def test_the_flat_world_ignores_the_network(known: list[Picture], asked: DepthQuestions) -> None:
+    flat = next(method for method in METHODS if method.name == "flat")
+    maps = metric_maps(flat, known, "exact")
+    made = [map_.depth for map_ in maps if np.isfinite(map_.depth).any()]
+    assert len(made) > 5
+    assert all(np.ptp(depth) == 0.0 for depth in made)
+    assert asked.distance_errors(maps).mean_m > 0.2
+
+
 def test_without_a_network_only_the_ways_that_need_none_remain(known: list[Picture]) -> None:
     blind = [replace(picture, relative=None) for picture in known]
-    assert [method.name for method in methods_for(blind)] == ["footing", "lowest_pixel"]
+    assert [method.name for method in methods_for(blind)] == ["footing", "lowest_pixel", "flat"]
     assert len(methods_for(known)) == len(METHODS)
     assert sample_table(DepthQuestions.of(blind), "exact") == []
     with pytest.raises(ValueRangeError, match="without a depth network"):

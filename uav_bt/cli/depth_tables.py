@@ -29,9 +29,10 @@ def depth_report(result: _Row) -> Iterator[str]:
         f"{result['masks']} masks, telemetry of profile '{result['profile']}'"
     )
     yield (
-        f"  {result['edges']} edges of obstacles in {result['pictures_with_edges']} pictures, "
-        f"{result['points']} points; errors in metres; 'known': share that a way can answer"
+        f"  {result['edges']} edges of obstacles in {result['pictures_with_edges']} pictures, half "
+        f"of them longer than {_text(result['median_edge_m'])} m; {result['points']} points"
     )
+    yield "  errors in metres; 'known': the share of questions that a way can answer"
     for table, rows in result["tables"].items():
         yield ""
         yield from _PRINTERS[table](rows)

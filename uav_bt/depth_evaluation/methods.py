@@ -27,11 +27,12 @@ class Method:
     source: str | None  # of `MetricDepthMaker`; None for the lowest-pixel baseline
     scale: str = "adaptive"
     collects: bool = False  # its scale is that of all pictures: they are shown to it twice
+    flat: bool = False  # in the network's place, a depth of one everywhere
 
     @property
     def needs_network(self) -> bool:
         """Whether it makes something of a network's relative depth."""
-        return self.source in ("network", "fused")
+        return self.source in ("network", "fused") and not self.flat
 
 
 METHODS: Final = (
@@ -41,6 +42,8 @@ METHODS: Final = (
     Method(name="fused", source="fused"),
     Method(name="footing", source="footing"),
     Method(name="lowest_pixel", source=None),
+    # What the questions give away: edges look as long as they are at about the right distance.
+    Method(name="flat", source="network", flat=True),
 )
 
 
@@ -99,7 +102,8 @@ def metric_maps(
     def all_maps() -> list[DepthMap]:
         made = []
         for frame, picture in zip(frames, pictures, strict=True):
-            metric = maker.make(frame, picture.masks[masks], picture.video, picture.relative)
+            relative = _flat(frame) if method.flat else picture.relative
+            metric = maker.make(frame, picture.masks[masks], picture.video, relative)
             made.append(metric.depth or _nothing(frame))
         return made
 
@@ -111,6 +115,11 @@ def metric_maps(
 def _lowest_pixel(frame: Frame, picture: Picture, class_map: ClassMap) -> DepthMap:
     depth = lowest_pixel_depth(class_map.ids, view_of(frame, picture.camera, MAP_SIZE_PX))
     return DepthMap(depth=depth, metric=True, captured_s=frame.captured_s)
+
+
+def _flat(frame: Frame) -> DepthMap:
+    ones: NDArray[np.float32] = np.ones(MAP_SIZE_PX[::-1], dtype=np.float32)
+    return DepthMap(depth=ones, metric=False, captured_s=frame.captured_s)
 
 
 def _nothing(frame: Frame) -> DepthMap:

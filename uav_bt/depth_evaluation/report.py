@@ -75,6 +75,7 @@ def evaluate_depth(
     pictures = list(take_pictures(plan, segmenter, network, advance=advance))
     asked = DepthQuestions.of(pictures, seed=plan.views.seed)
     edges = [int(np.count_nonzero(~pairs.across)) for pairs in asked.pairs]
+    lengths_m = asked.edge_lengths()
     return {
         "scenes": list(plan.views.scenes),
         "views": plan.views.views,
@@ -84,6 +85,7 @@ def evaluate_depth(
         "pictures": len(pictures),
         "pictures_with_edges": sum(count > 0 for count in edges),
         "edges": sum(edges),
+        "median_edge_m": _plain(float(np.median(lengths_m)) if lengths_m.size else math.nan),
         "points": sum(len(points) for points in asked.points),
         "tables": {
             table: [_plain(asdict(row)) for row in _MAKERS[table](asked, plan.masks, advance)]

@@ -73,6 +73,10 @@ class DepthQuestions:
             drawn.append(draw_points(*exact, generator, points))
         return cls(pictures=pictures, pairs=chosen, points=drawn)
 
+    def edge_lengths(self) -> Floats:
+        """Return the true lengths of all edges, metres."""
+        return self._lengths([picture.depth_m for picture in self.pictures], across=False)
+
     def pair_errors(
         self, maps: Sequence[DepthMap], *, across: bool = False, patch_px: int = 1
     ) -> ErrorSummary:
@@ -83,18 +87,18 @@ class DepthQuestions:
             across: of pairs on two faces, else of edges.
             patch_px: side of the median's square; the truth is that of the points themselves.
         """
+        truth = self._lengths([picture.depth_m for picture in self.pictures], across=across)
+        estimated = self._lengths([map_.depth for map_ in maps], across=across, patch_px=patch_px)
+        return summarise_errors(estimated, truth)
 
-        def lengths(depths: Sequence[NDArray[np.float32]], side_px: int) -> Floats:
-            per_picture = [
-                pair_distances(depth, pairs, picture.camera, patch_px=side_px)[
-                    pairs.across == across
-                ]
-                for depth, pairs, picture in zip(depths, self.pairs, self.pictures, strict=True)
-            ]
-            return np.concatenate(per_picture)
-
-        truth = lengths([picture.depth_m for picture in self.pictures], 1)
-        return summarise_errors(lengths([map_.depth for map_ in maps], patch_px), truth)
+    def _lengths(
+        self, depths: Sequence[NDArray[np.float32]], *, across: bool, patch_px: int = 1
+    ) -> Floats:
+        lengths = [
+            pair_distances(depth, pairs, picture.camera, patch_px=patch_px)[pairs.across == across]
+            for depth, pairs, picture in zip(depths, self.pairs, self.pictures, strict=True)
+        ]
+        return np.concatenate(lengths)
 
     def distance_errors(
         self, maps: Sequence[DepthMap], *, obstacle: bool | None = None
