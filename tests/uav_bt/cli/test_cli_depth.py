@@ -69,6 +69,7 @@ def test_figures_that_nobody_knows_are_dashes() -> None:
         "profile": "lab",
         "edges": 0,
         "pictures_with_edges": 0,
+        "median_edge_m": None,
         "points": 0,
         "tables": {"distance": [{"method": "footing", "what": "carpet", "error": error}]},
     }
