@@ -51,12 +51,12 @@ def perceive(
     with ExitStack() as stack:
         stack.enter_context(closing(pictures))
         writers: list[_Write] = []
-        if lines is not None:
-            writers.append(stack.enter_context(_json_lines(lines)))
         if out is not None:
             film = Film(out, pipeline.camera, look.source.rate_per_s / options.every)
             stack.callback(film.close)
             writers.append(lambda _, seen: film.write(seen))
+        if lines is not None:
+            writers.append(stack.enter_context(_json_lines(lines)))
         try:
             for picture in pictures:
                 frame = look.telemetry.frame(picture.image, picture.index, picture.time_s)
