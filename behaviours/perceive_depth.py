@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from uav_bt.board import (
     CORRIDOR,
     FRAME,
     METRIC_DEPTH,
+    OBSTACLES,
     RELATIVE_DEPTH,
     STATE,
 )
@@ -21,6 +23,9 @@ from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import CameraModel, DepthMap, DroneState, Frame
+
+if TYPE_CHECKING:
+    from perception.depth.bases import Remembered
 
 __all__ = ["BuildCorridor", "EstimateDepth"]
 
@@ -35,7 +40,8 @@ class EstimateDepth(Leaf):
     """Metric depth of each new frame; SUCCESS always, staleness shows by age.
 
     A frame that gives no metric depth (black, frozen, too little carpet, no height) writes none,
-    and the leaf's message says why.
+    and the leaf's message says why. Where RememberObstacles ticks before it, boxes whose base has
+    left the view are still known by where it was.
     """
 
     ports = (
@@ -53,7 +59,7 @@ class EstimateDepth(Leaf):
             doc="'network', or 'fused': by what things stand on where that is known",
         ),
     )
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -85,7 +91,8 @@ class EstimateDepth(Leaf):
             return Status.SUCCESS
         relative = self._relative(frame)
         with self._timer:
-            metric = self._maker.make(frame, class_map, camera, relative)
+            remembered = self._remembered(frame, camera, state)
+            metric = self._maker.make(frame, class_map, camera, relative, remembered)
         self.feedback_message = f"no depth: {metric.refusal}" if metric.refusal else ""
         if metric.depth is not None:
             self.write(METRIC_DEPTH, metric.depth, captured_s=frame.captured_s)
@@ -98,6 +105,16 @@ class EstimateDepth(Leaf):
             relative = self._network.estimate(frame)
         self.write(RELATIVE_DEPTH, relative, captured_s=frame.captured_s)
         return relative
+
+    def _remembered(
+        self, frame: Frame, camera: CameraModel, state: DroneState | None
+    ) -> Remembered | None:
+        from perception.depth.metric import remembered_bases  # noqa: PLC0415 - late
+
+        obstacles = self.read(OBSTACLES).value
+        if obstacles is None or state is None:
+            return None
+        return remembered_bases(obstacles, state, frame, camera)
 
     def _frozen(self, frame: Frame, state: DroneState | None) -> bool:
         """Return whether a moving drone sent the same picture again."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +12,7 @@ from perception.classes import CARPET
 from perception.depth.base_lines import BaseLine, fit_base
 from perception.depth.panorama import OUTSIDE, Panorama
 
-__all__ = ["Base", "BaseConfig", "find_base", "rows_above"]
+__all__ = ["Base", "BaseConfig", "Remembered", "find_base", "rows_above"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -33,6 +34,11 @@ class BaseConfig:
     specks: float = 0.25  # of a base's columns; so many may be at odds with it before it is wrong
     slack_px: float = 2.0  # by which a side may reach below its fitted base
     max_range_m: float = 7.0  # the lab's diagonal; a pixel of the base weighs 0.2 m there
+    # Remembered bases stray by decimetres and a few degrees: this far from the azimuths they are
+    # remembered at they are believed, and this far beyond what hides them.
+    recall_rad: float = 0.09
+    recall_m: float = 0.1
+    recall_least: int = 3  # points; fewer may be specks of an old mask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +53,23 @@ class Base:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Remembered:
+    """Bases seen earlier, from the lens now; for things whose base has left the view."""
+
+    azimuth_rad: Array  # (N,) growing, clockwise from the heading
+    range_m: Array  # (N,) on the ground
+
+    @classmethod
+    def at(cls, points_m: Array) -> Remembered:
+        """Return points (N, 2), metres forward and right of the lens, in order."""
+        azimuth = np.arctan2(points_m[:, 1], points_m[:, 0])
+        order = np.argsort(azimuth)
+        return cls(
+            azimuth_rad=azimuth[order], range_m=np.hypot(points_m[order, 0], points_m[order, 1])
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Sight:
     """The columns that show a thing."""
 
@@ -58,7 +81,13 @@ class _Sight:
     cut: bool  # the image's edge hides the lower end of much of it
 
 
-def find_base(panorama: Panorama, thing: int, height_m: float, config: BaseConfig) -> Base:
+def find_base(
+    panorama: Panorama,
+    thing: int,
+    height_m: float,
+    config: BaseConfig,
+    remembered: Remembered | None = None,
+) -> Base:
     """Find where the pixels of one class stand.
 
     Args:
@@ -66,9 +95,13 @@ def find_base(panorama: Panorama, thing: int, height_m: float, config: BaseConfi
         thing: the class.
         height_m: of the lens above the carpet.
         config: what counts.
+        remembered: for what stands on carpet that is out of view.
     """
     sight = _look(panorama, thing, config)
     line, found, on_line = _believe(panorama, sight, config)
+    if remembered is not None and line is None and np.isnan(found).any():
+        recalled = _recall(panorama, sight, remembered, height_m, config)
+        found = np.where(np.isnan(found), recalled, found)
     found[~(found >= height_m / config.max_range_m)] = np.nan
     count = panorama.azimuth_rad.size
     steepness, visible = np.full(count, np.nan), np.full(count, np.nan)
@@ -162,6 +195,52 @@ def _believe(
     on_line = (_distance(azimuth, azimuth[stands]) <= config.reach * line.spread_rad) & ~odd
     # Near a corner the fit may miss what is plainly seen.
     return line, np.where(on_line, fitted, np.where(odd, sight.base, np.nan)), on_line
+
+
+def _recall(
+    panorama: Panorama,
+    sight: _Sight,
+    remembered: Remembered,
+    height_m: float,
+    config: BaseConfig,
+) -> Array:
+    """Return the steepness of a remembered base at the columns of sight, NaN where none is."""
+    azimuth = panorama.azimuth_rad[sight.columns]
+    nothing = np.full(azimuth.size, np.nan)
+    if not azimuth.size or not remembered.azimuth_rad.size:
+        return nothing
+    # What is remembered beyond the carpet in view stands behind.
+    behind_m = np.interp(remembered.azimuth_rad, azimuth, height_m / sight.visible)
+    mine = remembered.range_m <= behind_m + config.recall_m
+    mine &= _distance(remembered.azimuth_rad, azimuth) <= config.recall_rad
+    if np.count_nonzero(mine) < config.recall_least:
+        return nothing
+    places, ranges = remembered.azimuth_rad[mine], remembered.range_m[mine]
+    within = _distance(azimuth, places) <= config.recall_rad
+    near_m = _near_side(places, ranges, np.clip(azimuth, places[0], places[-1]))
+    # It stands no further away than the lowest pixel seen says.
+    steepness = np.maximum(height_m / np.maximum(near_m, 0.05), sight.visible)
+    return np.where(within, steepness, np.nan)
+
+
+def _near_side(places: Array, ranges: Array, azimuth: Array) -> Array:
+    """Return the range at which azimuths meet the near side of the points' convex hull.
+
+    What is remembered of a box are also the sides that have turned away since.
+    """
+    points = np.stack([ranges * np.cos(places), ranges * np.sin(places)], axis=-1)
+    hull = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
+    start, edge = hull, np.roll(hull, -1, axis=0) - hull
+    along = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = along[..., 0] * edge[:, 1] - along[..., 1] * edge[:, 0]
+        share = (start[:, 1] * along[..., 0] - start[:, 0] * along[..., 1]) / -across
+        range_m = (start[:, 0] * edge[:, 1] - start[:, 1] * edge[:, 0]) / across
+        met = (share >= -1e-6) & (share <= 1.0 + 1e-6) & (range_m > 0.0)
+    met_m = np.where(met, range_m, np.inf).min(axis=1)
+    # Between rounding and the hull's ends an azimuth may miss every edge.
+    nearest = np.interp(azimuth, places, ranges)
+    return np.where(np.isfinite(met_m), met_m, nearest)
 
 
 def _distance(places: Array, seen: Array) -> Array:

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
-from perception.depth.bases import Base, BaseConfig, find_base, rows_above
+from perception.depth.bases import Base, BaseConfig, Remembered, find_base, rows_above
 from perception.depth.ground import CameraView, ground_depth, level_rays
-from perception.depth.panorama import Unroller
+from perception.depth.panorama import Panorama, Unroller
 from uav_bt.errors import ShapeError
 
 __all__ = ["FootingConfig", "FootingDepth", "footing_depth"]
@@ -58,6 +58,7 @@ def footing_depth(
     config: FootingConfig | None = None,
     *,
     unroller: Unroller | None = None,
+    remembered: Remembered | None = None,
 ) -> FootingDepth:
     """Estimate the depth of carpet, boxes, roofs and helipad.
 
@@ -66,6 +67,7 @@ def footing_depth(
         view: the camera, at the map's size.
         config: what is known of the lab.
         unroller: kept from map to map it saves a millisecond on each.
+        remembered: bases seen earlier, for boxes whose base is out of view now.
 
     Raises:
         ShapeError: the map's size is not the view's.
@@ -75,7 +77,8 @@ def footing_depth(
     if ids.shape != size:
         expected = f"{size[0]}x{size[1]}, as its camera"
         raise ShapeError("class map", expected=expected, actual=ids.shape)
-    return _Footing(ids, view, config or FootingConfig(), unroller or Unroller()).result()
+    panorama = (unroller or Unroller()).unroll(ids, view)
+    return _Footing(ids, view, config or FootingConfig(), panorama, remembered).result()
 
 
 class _Footing:
@@ -86,14 +89,15 @@ class _Footing:
         ids: NDArray[np.uint8],
         view: CameraView,
         config: FootingConfig,
-        unroller: Unroller,
+        panorama: Panorama,
+        remembered: Remembered | None,
     ) -> None:
         self._shape, self._ids = ids.shape, ids.ravel()
         self._height_m, self._config = view.height_m, config
         rays = level_rays(view)
         ground = ground_depth(view, rays=rays).ravel()
         self._rays = rays.reshape(3, -1)
-        self._panorama = unroller.unroll(ids, view)
+        self._panorama, self._remembered = panorama, remembered
         self._depth = np.where(self._ids == CARPET, ground, np.float32(np.nan))
         self._at_most = np.where(np.isnan(ground), np.float32(np.inf), ground)
         self._present = np.bincount(self._ids, minlength=256) > 0
@@ -118,7 +122,7 @@ class _Footing:
         )
 
     def _base(self, thing: int) -> Base:
-        return find_base(self._panorama, thing, self._height_m, self._config.base)
+        return find_base(self._panorama, thing, self._height_m, self._config.base, self._remembered)
 
     def _pixels(self, thing: int) -> tuple[Indices, Array, Array]:
         """Return the pixels of a class, their azimuths, and their rays' level parts."""

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.bases import Remembered
 from perception.depth.footing import FootingConfig, FootingDepth, footing_depth
 from perception.depth.ground import CameraView, view_of
 from perception.depth.panorama import Unroller
@@ -21,9 +22,16 @@ from perception.depth.scale import (
     sample_carpet,
 )
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+from uav_bt.types import CameraModel, ClassMap, DepthMap, DroneState, Frame, ObstaclePoints
 
-__all__ = ["SOURCES", "MetricDepth", "MetricDepthConfig", "MetricDepthMaker", "Source"]
+__all__ = [
+    "SOURCES",
+    "MetricDepth",
+    "MetricDepthConfig",
+    "MetricDepthMaker",
+    "Source",
+    "remembered_bases",
+]
 
 Source = Literal["network", "footing", "fused"]
 SOURCES: Final[tuple[Source, ...]] = ("network", "footing", "fused")
@@ -90,6 +98,7 @@ class MetricDepthMaker:
         class_map: ClassMap,
         camera: CameraModel,
         relative: DepthMap | None = None,
+        remembered: Remembered | None = None,
     ) -> MetricDepth:
         """Return the metric depth of a frame, at the class map's size.
 
@@ -98,6 +107,7 @@ class MetricDepthMaker:
             class_map: of that frame.
             camera: intrinsics, at any size.
             relative: the network's depth of that frame, at any size; not needed for ``footing``.
+            remembered: obstacles' bases seen earlier, for those out of view now.
         """
         refusal = self._refusal(frame, class_map, relative)
         if refusal:
@@ -109,7 +119,11 @@ class MetricDepthMaker:
         footing = None
         if self._source != "network":
             footing = footing_depth(
-                class_map.ids, view, self._config.footing, unroller=self._unroller
+                class_map.ids,
+                view,
+                self._config.footing,
+                unroller=self._unroller,
+                remembered=remembered,
             )
         known = None if footing is None else _as_map(footing, frame.captured_s)
         if self._source == "footing" or relative is None:
@@ -134,6 +148,26 @@ class MetricDepthMaker:
         if class_map.captured_s != frame.captured_s:
             return "the class map is of another frame"
         return "" if self._source == "footing" else _relative_refusal(frame, relative)
+
+
+def remembered_bases(
+    obstacles: ObstaclePoints, state: DroneState, frame: Frame, camera: CameraModel
+) -> Remembered:
+    """Return remembered obstacles as they were from the lens when a frame was captured.
+
+    Args:
+        obstacles: from the body's centre at the time of the state.
+        state: the newest telemetry; the video is a little behind it.
+        frame: its capture is the moment asked for.
+        camera: says where the lens is.
+    """
+    velocity, late_s = state.velocity, state.captured_s - frame.captured_s
+    since_m = obstacles.points_m + late_s * np.array([velocity.forward_mps, velocity.right_mps])
+    turn_rad = state.attitude.yaw_rad - frame.attitude.yaw_rad
+    c, s = math.cos(turn_rad), math.sin(turn_rad)
+    then_m = since_m @ np.array([[c, s], [-s, c]])
+    lever_m = camera.forward_offset_m * math.cos(frame.attitude.pitch_rad)
+    return Remembered.at(then_m - (lever_m, 0.0))
 
 
 def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from perception.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from perception.depth.bases import Remembered
 from perception.depth.footing import FootingDepth, footing_depth
 from perception.depth.ground import CameraView
 from perception.geometry import camera_axes
@@ -218,3 +219,68 @@ def test_below_the_helipads_top_its_top_is_not_guessed() -> None:
     ids[40:60, 80:140] = HELIPAD_H
     assert np.isnan(footing_depth(ids, view).depth[40:60, 80:140]).all()
     assert CAMERA.forward_offset_m == CAMERA_FORWARD_M
+
+
+# --- what is remembered ---------------------------------------------------------------------------
+
+
+def outline(x_m: float, y_m: float, half_m: float = 0.2) -> np.ndarray:
+    """Return the outline of an upright box from the lens at (-1, 0), metres forward and right."""
+    edge = np.linspace(-half_m, half_m, 9)
+    rim = np.concatenate(
+        [
+            np.stack([np.full(9, sign * half_m), edge], axis=1)[:, ::order]
+            for sign in (-1, 1)
+            for order in (1, -1)
+        ]
+    )
+    return (rim + np.array([x_m + 1.0, y_m])) * np.array([1.0, -1.0])
+
+
+def recall(drawn: View, points_m: np.ndarray) -> FootingDepth:
+    view = CameraView(camera=CAMERA, pitch_rad=PITCH_RAD, height_m=1.5)
+    return footing_depth(drawn.ids, view, remembered=Remembered.at(points_m))
+
+
+@pytest.mark.parametrize(("x_m", "y_m"), [(0.0, 0.0), (-0.1, 0.4), (0.1, -0.3)])
+def test_a_base_below_the_view_is_known_where_it_was_seen_before(x_m: float, y_m: float) -> None:
+    """All around, also its far sides: the near one counts."""
+    drawn = look(box(x_m, y_m))
+    sides = drawn.ids == BOXES[0]
+    assert np.isnan(estimate(drawn).depth[sides]).mean() > 0.8
+
+    error_m = np.abs(recall(drawn, outline(x_m, y_m)).depth - drawn.depth)[sides]
+    assert np.isfinite(error_m).mean() > 0.95
+    assert np.median(error_m[np.isfinite(error_m)]) < 0.02
+    assert np.nanpercentile(error_m, 95) < 0.08
+
+
+def test_what_is_remembered_behind_or_elsewhere_says_nothing() -> None:
+    drawn = look(box(0.0, 0.0))
+    sides = drawn.ids == BOXES[0]
+
+    for elsewhere in (
+        outline(1.6, 0.0),
+        outline(-0.2, 1.2),
+        outline(0.0, 0.0)[:2],
+        np.empty((0, 2)),
+    ):
+        assert np.isnan(recall(drawn, elsewhere).depth[sides]).all()
+
+
+def test_a_base_in_view_comes_before_what_is_remembered() -> None:
+    drawn = look(box(1.0, 0.3))
+    plain, misled = estimate(drawn), recall(drawn, outline(0.7, 0.3))
+
+    np.testing.assert_array_equal(plain.depth, misled.depth)
+
+
+def test_a_memory_that_strays_stays_within_its_bound() -> None:
+    """Remembered a little too far away, the box is at least as near as its lowest pixel says."""
+    drawn = look(box(0.0, 0.0))
+    sides = drawn.ids == BOXES[0]
+    found = recall(drawn, outline(0.25, 0.0))
+
+    known = sides & np.isfinite(found.depth)
+    assert known.any()
+    assert np.all(found.depth[known] <= found.at_most[known] + 1e-4)

@@ -9,12 +9,21 @@ import numpy as np
 import pytest
 
 from perception.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
-from perception.depth.metric import MetricDepthMaker
+from perception.depth.metric import MetricDepthMaker, remembered_bases
 from sim_bridge.twin.camera import CameraPose, anafi_camera
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import ClassMap, DepthMap, Frame
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    ClassMap,
+    DepthMap,
+    DroneState,
+    FlyingState,
+    Frame,
+    ObstaclePoints,
+)
 
 SIZE = (224, 112)
 CAMERA = anafi_camera(160, 90)
@@ -192,3 +201,41 @@ def test_unknown_sources_are_refused() -> None:
         maker("fusd")
     with pytest.raises(UnknownNameError, match="adaptive"):
         maker("network", "adaptiv")
+
+
+# --- what is remembered ---------------------------------------------------------------------------
+
+
+def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(drawn: View) -> None:
+    """Half a second ago the drone was a quarter metre behind and looked a quarter turn left."""
+    now = DroneState(
+        captured_s=3.5,
+        flying=FlyingState.FLYING,
+        attitude=Attitude(yaw_rad=math.pi / 2),
+        velocity=BodyVelocity(forward_mps=0.5),
+    )
+    points = ObstaclePoints(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
+    seen = remembered_bases(points, now, frame(drawn), CAMERA)
+
+    # 1.25 m to the right of where it was, and the lens ahead of its centre.
+    ahead = -CAMERA.forward_offset_m
+    assert seen.range_m == pytest.approx([math.hypot(ahead, 1.25)])
+    assert seen.azimuth_rad == pytest.approx([math.atan2(1.25, ahead)])
+
+
+def test_footing_uses_what_is_remembered(drawn: View) -> None:
+    """The box on the left is cut off; its outline was seen before."""
+    edge = np.linspace(-0.15, 0.15, 7)
+    rim = [
+        np.stack([np.full(7, 0.55), edge - 0.45], 1),
+        np.stack([edge + 0.7, np.full(7, -0.3)], 1),
+    ]
+    points = ObstaclePoints(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
+    state = DroneState(captured_s=3.0, flying=FlyingState.HOVERING)
+    remembered = remembered_bases(points, state, frame(drawn), CAMERA)
+    made = maker("footing").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)
+
+    assert made.depth is not None
+    error_m = np.abs(made.depth.depth - drawn.depth)[drawn.ids == BOXES[1]]
+    assert np.isfinite(error_m).mean() > 0.9
+    assert np.nanmedian(error_m) < 0.03
