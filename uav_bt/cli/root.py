@@ -28,6 +28,7 @@ _COMMANDS: Final = {
     "perceive": "uav_bt.cli.perceive:perceive",
     "pick": "uav_bt.cli.pick:pick",
     "log": "uav_bt.cli.log:log",
+    "campaign": "uav_bt.cli.campaign:campaign",
     "train": "uav_bt.cli.train:train",
     "evaluate": "uav_bt.cli.evaluate:evaluate",
 }

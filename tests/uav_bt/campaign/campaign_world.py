@@ -1,0 +1,66 @@
+"""What the tests of campaigns share: plans, and flights that do not fly.
+
+`fly` runs in a pilot's process, which imports this module by name; the policies of a plan, which
+nothing here flies with, carry what a seed should come to.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.errors import InputError
+
+FLY = "campaign_world:fly"
+
+
+def plan(
+    *, trees: tuple[str, ...] = ("one.xml",), scenes: tuple[str, ...] = ("lab",), **how: Any
+) -> CampaignPlan:
+    """Return a plan of files that need not exist."""
+    return CampaignPlan(
+        **{
+            "trees": tuple(PlannedFile(name=name, path=name, sha256="0" * 64) for name in trees),
+            "scenes": tuple(PlannedFile(name=name, path=name, sha256="1" * 64) for name in scenes),
+            "flights": 2,
+            "timeout_s": 60.0,
+            **how,
+        }
+    )
+
+
+def line(seed: int = 0, **fields: Any) -> dict[str, Any]:
+    """Return a flight as it is kept."""
+    return {
+        **{"tree": "one.xml", "scene": "lab", "seed": seed},
+        **{"outcome": "success", "reason": "landed", "duration_s": 100.0 + seed},
+        **fields,
+    }
+
+
+def fly(task: dict[str, Any]) -> dict[str, Any]:
+    """End as the plan's policies have it for this seed."""
+    fate = task["policies"].get(str(task["seed"]), "lands")
+    if fate == "crashes":
+        sys.stderr.write("a library's last words\n")
+        sys.stderr.flush()
+        os.abort()
+    if fate == "exits":
+        os._exit(3)
+    if fate == "hangs":
+        os.read(os.pipe()[0], 1)
+    if fate == "raises":
+        raise RuntimeError("out of luck")
+    if fate == "is refused":
+        raise InputError("no such weights")
+    if fate == "is chatty":
+        print("a library's banner")
+    if fate.startswith("waits for "):
+        os.read(os.open(fate.removeprefix("waits for "), os.O_RDONLY), 1)
+    if fate.startswith("counts in "):
+        with Path(fate.removeprefix("counts in ")).open("a") as counted:
+            counted.write(f"{task['seed']}\n")
+    return line(task["seed"], tree=task["tree"], scene=task["scene"], pid=os.getpid())

@@ -1,0 +1,82 @@
+"""Pilots: a crash, a hang and a fault cost one flight and say what happened."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from campaign_world import FLY, plan
+
+from uav_bt.campaign.pilot import FAILED, FLOWN, REFUSED
+from uav_bt.campaign.workers import Pilot, Pilots
+
+
+def task(fate: str, seed: int = 0) -> dict[str, Any]:
+    return next(plan(policies={str(seed): fate}, seed_from=seed).tasks()).to_json()
+
+
+@pytest.fixture(scope="module")
+def pilot() -> Iterator[Pilot]:
+    one = Pilot(FLY)
+    yield one
+    one.close()
+
+
+def test_a_pilot_flies_one_task_after_the_other_in_one_process(pilot: Pilot) -> None:
+    first, second = (pilot.fly(task("lands", seed), 60.0)[FLOWN] for seed in (0, 1))
+    assert (first["seed"], second["seed"]) == (0, 1)
+    assert first["pid"] == second["pid"]
+
+
+def test_what_libraries_print_does_not_land_among_the_answers(pilot: Pilot) -> None:
+    assert pilot.fly(task("is chatty"), 60.0)[FLOWN]["outcome"] == "success"
+
+
+def test_a_fault_is_told_with_where_it_came_from(pilot: Pilot) -> None:
+    answer = pilot.fly(task("raises"), 60.0)
+    assert answer[FAILED] == "RuntimeError: out of luck"
+    assert "campaign_world.py" in answer["details"]
+
+
+def test_refused_input_is_no_failed_flight(pilot: Pilot) -> None:
+    assert pilot.fly(task("is refused"), 60.0) == {REFUSED: "no such weights"}
+
+
+def test_a_crash_is_told_by_its_signal_and_its_last_words(pilot: Pilot) -> None:
+    answer = pilot.fly(task("crashes"), 60.0)
+    assert answer[FAILED] == "its process was ended by SIGABRT"
+    assert "a library's last words" in answer["details"]
+
+
+def test_a_process_that_leaves_is_told_by_its_exit_code(pilot: Pilot) -> None:
+    assert pilot.fly(task("exits"), 60.0)[FAILED] == (
+        "its process ended by itself, with exit code 3"
+    )
+
+
+def test_a_flight_that_hangs_is_stopped(pilot: Pilot) -> None:
+    assert pilot.fly(task("hangs"), 0.2)[FAILED].startswith("no end after 0.2 s of wall time")
+
+
+def test_after_a_lost_process_the_next_task_flies_in_a_new_one(pilot: Pilot) -> None:
+    before = pilot.fly(task("lands"), 60.0)[FLOWN]["pid"]
+    lost = pilot.fly(task("exits"), 60.0)
+    answer = pilot.fly(task("lands"), 60.0)
+    assert FAILED in lost
+    assert answer[FLOWN]["pid"] != before
+
+
+def test_closing_stops_what_still_flies() -> None:
+    pilots = Pilots(FLY)
+    answers: list[dict[str, Any]] = []
+    asked = threading.Thread(target=lambda: answers.append(pilots.fly(task("hangs"), 600.0)))
+    asked.start()
+    while not pilots.flying:
+        asked.join(0.01)
+    pilots.close()
+    asked.join(60.0)
+    assert not asked.is_alive()
+    assert FAILED in answers[0]
+    assert pilots.fly(task("lands"), 60.0) == {FAILED: "the campaign was stopped"}

@@ -1,0 +1,1 @@
+"""Many flights: planned, flown in processes of their own, kept line by line, resumed."""

@@ -1,0 +1,132 @@
+"""Flights on a Dask cluster.
+
+joblib has a Dask backend of its own; it is not used, because it never hears of a task that was lost
+with its worker and waits for it for ever. Dask itself tells of them.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from distributed import CancelledError, Client, as_completed
+
+import uav_bt
+from uav_bt.campaign.pilot import FAILED
+from uav_bt.campaign.plan import FlightTask
+from uav_bt.campaign.runner import Answers
+from uav_bt.campaign.workers import Pilots
+from uav_bt.errors import InputError, UavBtError
+
+__all__ = ["DaskBackend"]
+
+_CONNECT_S: Final = 10.0  # to reach a scheduler, and for a worker to come up
+
+_lock = threading.Lock()
+_pilots: dict[str, Pilots] = {}  # of this worker process, by function
+
+
+def _fly(function: str, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
+    """Fly a task on a worker: in a process of its own there, as on this machine."""
+    with _lock:
+        pilots = _pilots.setdefault(function, Pilots(function))
+    return pilots.fly(task, timeout_s)
+
+
+def _let_go(function: str) -> None:
+    """Stop the flights and the pilots of a worker."""
+    with _lock:
+        pilots = _pilots.pop(function, None)
+    if pilots is not None:
+        pilots.close()
+
+
+def _version() -> str:
+    return uav_bt.__version__
+
+
+class DaskBackend:
+    """The workers of a Dask cluster; as many flights at a time as they have threads.
+
+    Workers need uav-bt, and find trees and scenes that do not ship with it under the same paths.
+
+    Args:
+        address: HOST:PORT of the scheduler.
+        connect_s: how long to wait for it, and for its first worker.
+    """
+
+    def __init__(self, address: str, *, connect_s: float = _CONNECT_S) -> None:
+        self._address = address
+        self._connect_s = connect_s
+
+    def __str__(self) -> str:
+        return "dask"
+
+    def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
+        """Fly tasks, as `Backend` says.
+
+        Raises:
+            InputError: the scheduler does not answer, has no workers, or they have another uav-bt.
+            UavBtError: the connection was lost.
+        """
+        with self._connected() as client:
+            self._check_workers(client)
+            try:
+                yield from self._gather(client, function, tasks, timeout_s)
+            finally:
+                if client.status == "running":
+                    client.run(_let_go, function)
+
+    def _connected(self) -> Client:
+        try:
+            return Client(  # type: ignore[no-untyped-call]
+                self._address, timeout=self._connect_s, set_as_default=False
+            )
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"no Dask scheduler answers at {self._address} within {self._connect_s:g} s; "
+                "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
+            ) from error
+
+    def _check_workers(self, client: Client) -> None:
+        try:
+            client.wait_for_workers(1, timeout=self._connect_s)
+        except TimeoutError as error:
+            raise InputError(
+                f"the Dask cluster at {self._address} has no workers; "
+                f"start some with `dask worker {self._address}`"
+            ) from error
+        try:
+            versions = client.run(_version)
+        except ImportError as error:
+            raise InputError(
+                f"the workers of {self._address} cannot import uav-bt: {error}; install it there"
+            ) from error
+        others = {name: said for name, said in versions.items() if said != uav_bt.__version__}
+        if others:
+            raise InputError(
+                f"all workers need uav-bt {uav_bt.__version__}, as here; there are {others}"
+            )
+
+    @staticmethod
+    def _gather(
+        client: Client, function: str, tasks: Iterable[FlightTask], timeout_s: float
+    ) -> Answers:
+        # A flight is the same wherever it is flown, but no result of another campaign is taken.
+        flights = {
+            client.submit(_fly, function, task.to_json(), timeout_s, pure=False): task
+            for task in tasks
+        }
+        for future in as_completed(flights):  # type: ignore[no-untyped-call]
+            task = flights.pop(future)
+            error = future.exception()
+            if error is None:
+                yield task, future.result()
+            elif isinstance(error, CancelledError) or client.status != "running":
+                raise UavBtError(
+                    "the connection to the Dask cluster was lost; the flights that ended are kept, "
+                    "and the same command goes on from there"
+                ) from error
+            else:
+                yield task, {FAILED: f"lost by the cluster: {type(error).__name__}: {error}"}

@@ -1,0 +1,151 @@
+"""One flight, one line of JSON: what a campaign keeps and a report reads."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+from uav_bt.errors import FileError, InputError
+from uav_bt.mission.judge import Outcome
+
+__all__ = [
+    "METRICS",
+    "FlightKey",
+    "FlightLines",
+    "comparable",
+    "key_of",
+    "parse_flight",
+    "read_flights",
+]
+
+FlightKey = tuple[str, str | None, int]
+"""Tree, scene, seed: what tells the flights of a campaign apart."""
+
+METRICS: Final = (
+    "duration_s",
+    "explore_distance_m",
+    "total_distance_m",
+    "search_distance_m",
+    "time_to_find_helipad_s",
+    "time_to_land_s",
+    "landing_error_m",
+    "min_clearance_m",
+)
+"""Fields of a flight's report that are a number, or null when it was not reached."""
+
+_OUTCOMES: Final = frozenset(outcome.value for outcome in Outcome)
+# How long computing took and what the machine was doing meanwhile: no two runs agree on these.
+_OF_THE_CLOCK_ON_THE_WALL: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
+_WORDS: Final = ("reason", "drone", "record", "details")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightLines:
+    """What a file of flights holds."""
+
+    flights: tuple[dict[str, Any], ...]  # in the order in which they ended
+    damaged: tuple[str, ...]  # `file:line: what is wrong`, of lines that were left out
+
+
+def key_of(flight: Mapping[str, Any]) -> FlightKey:
+    """Return what tells a flight apart from the others of its campaign."""
+    return flight["tree"], flight["scene"], flight["seed"]
+
+
+def comparable(flight: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a flight without what depends on the speed of the machine.
+
+    Two flights of one seed agree in all of this on one machine, whatever flew beside them.
+    """
+    return {name: value for name, value in flight.items() if name not in _OF_THE_CLOCK_ON_THE_WALL}
+
+
+def parse_flight(text: str) -> dict[str, Any]:
+    """Return the flight of a line.
+
+    Raises:
+        InputError: the line holds no flight; the message says why.
+    """
+    try:
+        flight = json.loads(text, parse_constant=_refuse_constant)
+    except json.JSONDecodeError as error:
+        raise InputError(f"no JSON: {error.msg} at column {error.colno}") from error
+    except RecursionError as error:
+        raise InputError("no flight: nested too deeply") from error
+    if not isinstance(flight, dict):
+        raise InputError(f"expected a flight's JSON object, got {type(flight).__name__}")
+    _check(flight)
+    return flight
+
+
+def _check(flight: dict[str, Any]) -> None:
+    tree, scene, seed = flight.get("tree"), flight.get("scene"), flight.get("seed")
+    if not isinstance(tree, str) or not (scene is None or isinstance(scene, str)):
+        raise InputError("a flight needs 'tree' and 'scene', and they are texts")
+    flight.setdefault("scene", None)
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"a flight's 'seed' is a whole number from 0, got {seed!r}")
+    if flight.get("outcome") not in _OUTCOMES:
+        known = ", ".join(sorted(_OUTCOMES))
+        raise InputError(f"unknown outcome {flight.get('outcome')!r} (known: {known})")
+    for name in (*METRICS, "wall_s"):
+        if not _is_number(flight.get(name, 0.0)):
+            raise InputError(f"'{name}' must be a number or null, got {flight[name]!r}")
+    for name in _WORDS:
+        if not isinstance(flight.get(name) or "", str):
+            raise InputError(f"'{name}' must be a text, got {flight[name]!r}")
+    path = flight.get("path") or []
+    if not isinstance(path, list) or not all(_is_point(point) for point in path):
+        raise InputError("'path' must be a list of [t, x, y, z]")
+
+
+def _is_number(value: Any) -> bool:
+    plain = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return value is None or (plain and math.isfinite(value))
+
+
+def _is_point(point: Any) -> bool:
+    return (
+        isinstance(point, list)
+        and len(point) == 4
+        and all(value is not None and _is_number(value) for value in point)
+    )
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise InputError(f"{name} is no JSON")
+
+
+def read_flights(path: Path) -> FlightLines:
+    """Read a file of flights; damaged lines are left out and named.
+
+    A flight that stands there twice counts once: the later line.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror}") from error
+    return _parse_all(path, data.split(b"\n"))
+
+
+def _parse_all(path: Path, lines: Iterable[bytes]) -> FlightLines:
+    flights: dict[FlightKey, dict[str, Any]] = {}
+    damaged: list[str] = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            flight = parse_flight(line.decode("utf-8"))
+        except (InputError, UnicodeDecodeError) as error:
+            damaged.append(str(FileError(path, str(error), number)))
+        else:
+            flights.pop(key_of(flight), None)
+            flights[key_of(flight)] = flight
+    return FlightLines(flights=tuple(flights.values()), damaged=tuple(damaged))

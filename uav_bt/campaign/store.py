@@ -1,0 +1,162 @@
+"""A campaign's folder: its plan, and a line for each flight, kept whatever happens to us."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Final
+
+from uav_bt.campaign.flight_lines import FlightLines, read_flights
+from uav_bt.campaign.plan import CampaignPlan
+from uav_bt.errors import FileError, InputError
+
+__all__ = ["FLIGHTS_FILE", "PLAN_FILE", "RECORDS_FOLDER", "CampaignStore", "read_plan"]
+
+PLAN_FILE: Final = "campaign.json"
+FLIGHTS_FILE: Final = "flights.jsonl"
+RECORDS_FOLDER: Final = "records"
+_LOCK_FILE: Final = ".lock"
+_FORMAT: Final = 1  # of campaign.json
+
+
+def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
+    """Return the plan of a campaign's folder, and the runs it was flown in so far.
+
+    Raises:
+        FileError: there is none, or it is damaged or of a newer format.
+    """
+    path = folder / PLAN_FILE
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise FileError(path, "no such file; this folder holds no campaign") from error
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise FileError(path, f"damaged: no JSON: {error}") from error
+    try:
+        version, plan, runs = content["format"], content["plan"], content["runs"]
+    except (KeyError, TypeError) as error:
+        raise FileError(path, "not a campaign: needs 'format', 'plan' and 'runs'") from error
+    if version != _FORMAT:
+        raise FileError(path, f"has format {version}, this version of uav-bt reads {_FORMAT}")
+    try:
+        return CampaignPlan.from_json(plan), list(runs)
+    except InputError as error:
+        raise FileError(path, str(error)) from error
+
+
+class CampaignStore:
+    """A campaign's folder, open for one campaign at a time; made by `opened`.
+
+    Attributes:
+        kept: the flights that were there on opening.
+        repaired: whether a last line that was only half written was taken away on opening.
+    """
+
+    def __init__(self, folder: Path, out: IO[bytes], kept: FlightLines, *, repaired: bool) -> None:
+        self.folder = folder
+        self.kept = kept
+        self.repaired = repaired
+        self._out = out
+
+    @classmethod
+    @contextmanager
+    def opened(
+        cls, folder: Path, plan: CampaignPlan, run: Mapping[str, Any]
+    ) -> Iterator[CampaignStore]:
+        """Open a folder for a plan: a new one, or one that the same plan began to fill.
+
+        Args:
+            folder: made when it does not exist.
+            plan: what will be flown.
+            run: about this run, for people: when, where, of which commit.
+
+        Raises:
+            FileError: the folder cannot be written to, or another campaign is at work in it.
+            InputError: the folder belongs to another plan; the message says what differs.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = (folder / _LOCK_FILE).open("w")
+        except OSError as error:
+            raise FileError(folder, f"cannot be written to: {error.strerror}") from error
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise FileError(folder, "another campaign is at work in this folder") from error
+            _settle(folder, plan, run)
+            path = folder / FLIGHTS_FILE
+            try:
+                repaired = _repair(path)
+                out = path.open("ab", buffering=0)
+            except OSError as error:
+                raise FileError(path, f"cannot be written: {error.strerror}") from error
+            with out:
+                yield cls(folder, out, read_flights(path), repaired=repaired)
+
+    def keep(self, flight: Mapping[str, Any]) -> None:
+        """Write a flight down; it is on the disk on return.
+
+        Raises:
+            FileError: it cannot be written, the disk is full for instance; nothing is left of it.
+        """
+        line = json.dumps(flight, allow_nan=False).encode() + b"\n"
+        size = os.fstat(self._out.fileno()).st_size
+        try:
+            written = self._out.write(line)
+            if written != len(line):  # what a disk does that is just full
+                raise OSError(28, "no space left on device")  # noqa: TRY301 - one way out
+            os.fsync(self._out.fileno())
+        except OSError as error:
+            os.ftruncate(self._out.fileno(), size)
+            raise FileError(
+                self.folder / FLIGHTS_FILE,
+                f"cannot be written: {error.strerror}; all flights before this one are kept, and "
+                "the same command goes on from there",
+            ) from error
+
+
+def _settle(folder: Path, plan: CampaignPlan, run: Mapping[str, Any]) -> None:
+    """Write the plan down, or find that it is the one that stands there."""
+    runs: list[dict[str, Any]] = []
+    if (folder / PLAN_FILE).exists():
+        before, runs = read_plan(folder)
+        differences = plan.differences(before)
+        if differences:
+            raise InputError(
+                f"{folder} holds another campaign; choose another folder, or fly what it says:\n  "
+                + "\n  ".join(differences)
+            )
+    elif (folder / FLIGHTS_FILE).exists():
+        raise FileError(
+            folder / FLIGHTS_FILE, f"flights without a plan ({PLAN_FILE}); choose another folder"
+        )
+    content = {"format": _FORMAT, "plan": plan.to_json(), "runs": [*runs, dict(run)]}
+    path = folder / PLAN_FILE
+    partial = path.with_name(path.name + ".part")
+    try:
+        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise FileError(path, f"cannot be written: {error.strerror}") from error
+
+
+def _repair(path: Path) -> bool:
+    """Take away a last line without its end, which a killed campaign or a full disk left."""
+    if not path.exists():
+        return False
+    with path.open("r+b") as file:
+        data = file.read()
+        whole = data.rfind(b"\n") + 1
+        if whole == len(data):
+            return False
+        file.truncate(whole)
+        os.fsync(file.fileno())
+    return True

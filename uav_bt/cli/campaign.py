@@ -1,0 +1,225 @@
+"""`uav-bt campaign`: many flights, on all cores or on a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from uav_bt.cli.options import node_policies, picture_size
+from uav_bt.cli.progress import need
+from uav_bt.errors import MissionError
+
+if TYPE_CHECKING:
+    from uav_bt.campaign.plan import CampaignPlan
+    from uav_bt.campaign.runner import Backend
+    from uav_bt.campaigning import CampaignResult
+
+__all__ = ["campaign"]
+
+
+@click.command()
+@click.argument("trees", metavar="TREE...", nargs=-1)
+@click.option(
+    "--scenes",
+    metavar="GLOB",
+    multiple=True,
+    help="Scenes by name, file or pattern, several with commas between. Repeatable. Default: val-*",
+)
+@click.option(
+    "--flights",
+    type=click.IntRange(min=1),
+    help="Flights of each tree in each scene, one seed each. Default: 10",
+)
+@click.option(
+    "--seed-from", type=click.IntRange(min=0), default=0, show_default=True, help="The first seed."
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Flights at a time. Default: all cores")
+@click.option("--profile", default="lab", show_default=True, help="ideal, lab or harsh.")
+@click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
+@click.option(
+    "--image-size",
+    metavar="WxH",
+    callback=picture_size,
+    default="640x360",
+    show_default=True,
+    help="Of the camera's pictures, 16:9.",
+)
+@click.option(
+    "--policy",
+    "policies",
+    metavar="NODE=NAME",
+    multiple=True,
+    callback=node_policies,
+    help="Let a node use another leaf policy. Repeatable.",
+)
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Where the plan and the flights are kept. Default: runs/TREE",
+)
+@click.option(
+    "--resume",
+    metavar="DIR",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Go on with the campaign in this folder; all else is known there.",
+)
+@click.option(
+    "--backend",
+    type=click.Choice(["local", "dask"]),
+    default="local",
+    show_default=True,
+    help="This machine's cores, or a Dask cluster.",
+)
+@click.option("--address", metavar="HOST:PORT", help="The Dask scheduler's.")
+@click.option(
+    "--timeout-s",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=900.0,
+    show_default=True,
+    help="Wall time after which a flight counts as hung.",
+)
+@click.option(
+    "--fail-under",
+    metavar="PERCENT",
+    type=click.FloatRange(min=0.0, max=100.0),
+    help="Exit with 1 when fewer flights succeed.",
+)
+@click.pass_context
+def campaign(
+    ctx: click.Context,
+    *,
+    trees: tuple[str, ...],
+    scenes: tuple[str, ...],
+    flights: int | None,
+    seed_from: int,
+    workers: int | None,
+    profile: str,
+    exact_masks: bool,
+    image_size: tuple[int, int],
+    policies: dict[str, str],
+    out: Path | None,
+    resume: Path | None,
+    backend: str,
+    address: str | None,
+    timeout_s: float,
+    fail_under: float | None,
+) -> None:
+    """Fly missions many times and keep every flight.
+
+    TREE is a tree file, or the name of a mission that ships with uav-bt; each flies in every scene.
+    Flights are kept one by one in DIR/flights.jsonl. A campaign that was stopped goes on with the
+    same command; more --flights add to it. A flight that crashes or hangs its process counts as
+    `error`. `uav-bt report DIR` shows what came of it.
+
+    Exits with 0 when all flights were flown, whatever their outcome (but see --fail-under), with 1
+    when it was stopped, and with 2 when something given was refused.
+    """
+    if backend == "dask" and workers is not None:
+        raise click.UsageError("--workers is for this machine; a cluster knows its own")
+    if (backend == "dask") != (address is not None):
+        raise click.UsageError("--backend dask and --address belong together")
+    if resume is not None:
+        _only_resume(ctx)
+    elif not trees:
+        raise click.UsageError("which TREE is to be flown? or --resume DIR")
+    need("campaign", "joblib")
+
+    from uav_bt import campaigning  # noqa: PLC0415 - `--help` need not wait for it
+
+    if resume is not None:
+        plan, folder = campaigning.plan_of(resume), resume
+    else:
+        plan = campaigning.make_plan(
+            trees,
+            scenes=scenes or ("val-*",),
+            flights=flights or 10,
+            policies=policies,
+            seed_from=seed_from,
+            profile=profile,
+            image_size_px=image_size,
+            exact_masks=exact_masks,
+            timeout_s=timeout_s,
+        )
+        folder = out or Path("runs") / "-".join(Path(tree.name).stem for tree in plan.trees)
+    result = _fly(ctx, plan, folder, _backend(workers, address))
+    _tell(result, folder)
+    good = sum(flight["outcome"] == "success" for flight in result.flights)
+    if fail_under is not None and 100.0 * good / len(result.flights) < fail_under:
+        ctx.exit(MissionError.exit_code)
+
+
+def _only_resume(ctx: click.Context) -> None:
+    """Refuse what the folder to go on in says already."""
+    may = {"resume", "workers", "backend", "address", "fail_under"}
+    given = [
+        param.opts[0] if isinstance(param, click.Option) else "TREE"
+        for param in ctx.command.params
+        if param.name is not None
+        and param.name not in may
+        and ctx.get_parameter_source(param.name) is click.core.ParameterSource.COMMANDLINE
+    ]
+    if given:
+        raise click.UsageError(
+            f"--resume takes the plan from its folder, so leave out {', '.join(given)}"
+        )
+
+
+def _backend(workers: int | None, address: str | None) -> Backend:
+    if address is not None:
+        need("dask", "distributed")
+        from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415 - an extra
+
+        return DaskBackend(address)
+    import joblib  # noqa: PLC0415 - `--help` need not wait for it
+
+    from uav_bt.campaign.runner import LocalBackend  # noqa: PLC0415
+
+    return LocalBackend(workers or joblib.cpu_count())
+
+
+def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:
+    from uav_bt import campaigning  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.cli.campaign_progress import campaign_progress  # noqa: PLC0415
+
+    with campaign_progress(len(plan)) as progress:
+        try:
+            return campaigning.campaign(
+                plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
+            )
+        except KeyboardInterrupt:
+            progress.note(
+                f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
+                "and the same command goes on from there"
+            )
+            ctx.exit(MissionError.exit_code)
+
+
+def _tell(result: CampaignResult, folder: Path) -> None:
+    from uav_bt.report.statistics import by_tree  # noqa: PLC0415 - `--help` need not wait for it
+
+    for tree, flights in by_tree(result.flights).items():
+        _tell_tree(tree, flights)
+    click.echo(f"flights: {folder / 'flights.jsonl'}")
+
+
+def _tell_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
+    from uav_bt.report.statistics import summarise  # noqa: PLC0415
+
+    summary = summarise(flights)
+    low, high = summary.success_95
+    outcomes = ", ".join(f"{name} {count}" for name, count in summary.outcomes.items())
+    click.echo(
+        f"{tree}: {summary.flights} flights, {outcomes}; success {100 * summary.success:.1f} % "
+        f"(95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %)"
+    )
+    click.echo(f"  {'':24}{'n':>5}{'mean':>9}{'median':>9}{'p5':>9}{'p95':>9}{'most':>9}")
+    for name, found in summary.metrics.items():
+        if found is not None:
+            numbers = (found.mean, found.median, found.p5, found.p95, found.most)
+            click.echo(
+                f"  {name:<24}{found.count:>5}" + "".join(f"{value:>9.2f}" for value in numbers)
+            )
