@@ -25,6 +25,7 @@ from uav_bt.campaign.pilot import FAILED
 __all__ = ["Pilot", "Pilots"]
 
 _LAST_WORDS: Final = 4000  # characters of what a dead process wrote to its standard error stream
+_STOPPED: Final = "the campaign was stopped"
 _CHUNK: Final = 65536
 _DYING_S: Final = 10.0  # a core dump may come between the end of the pipe and that of the process
 
@@ -39,12 +40,16 @@ class Pilot:
     def __init__(self, function: str) -> None:
         self._function = function
         self._process: subprocess.Popen[bytes] | None = None
+        self._stopped = False
+        self._lock = threading.Lock()  # a process is not started while it is being stopped
         self._stderr = tempfile.TemporaryFile("w+b")  # noqa: SIM115 - closed with the pilot
 
     def fly(self, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
         """Return the answer to a task: what `uav_bt.campaign.pilot` says, or what became of it."""
-        self._stderr.truncate(0)
         process = self._running()
+        if process is None:
+            return {FAILED: _STOPPED}
+        self._stderr.truncate(0)
         try:
             return self._ask(process, json.dumps(task).encode() + b"\n", timeout_s)
         except TimeoutError:
@@ -61,32 +66,43 @@ class Pilot:
         return {FAILED: reason, "details": self._last_words()}
 
     def stop(self) -> None:
-        """Kill the process; for other threads, while this one waits for an answer."""
+        """End the process for good; for other threads, while one waits for an answer."""
+        with self._lock:
+            self._stopped = True
+            self._kill()
+
+    def close(self) -> None:
+        """End the process and let go of everything; safe to call twice."""
+        self.stop()
+        self._lose()
+        self._stderr.close()
+
+    def _running(self) -> subprocess.Popen[bytes] | None:
+        """Return the process, a new one if need be; None once it was stopped."""
+        if self._process is not None and self._process.poll() is not None:
+            self._lose()
+        with self._lock:
+            if self._process is None and not self._stopped:
+                self._process = self._started()
+            return self._process
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(  # noqa: S603 - our own interpreter and module
+            [sys.executable, "-m", "uav_bt.campaign.pilot", self._function],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._stderr,
+            # It must find what this process finds, also where a script added to the path.
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            # Ctrl-C is for the campaign: here it would land the drone, which counts as flown.
+            start_new_session=True,
+        )
+
+    def _kill(self) -> None:
         process = self._process
         if process is not None and process.poll() is None:
             # It leads a session of its own, so that what it may have started goes with it.
             os.killpg(process.pid, signal.SIGKILL)
-
-    def close(self) -> None:
-        """Stop the process, whatever it does; safe to call twice."""
-        self._lose()
-        self._stderr.close()
-
-    def _running(self) -> subprocess.Popen[bytes]:
-        if self._process is None or self._process.poll() is not None:
-            self._lose()
-            command = [sys.executable, "-m", "uav_bt.campaign.pilot", self._function]
-            self._process = subprocess.Popen(  # noqa: S603 - our own interpreter and module
-                command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=self._stderr,
-                # It must find what this process finds, also where a script added to the path.
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                # Ctrl-C is for the campaign: here it would land the drone, which counts as flown.
-                start_new_session=True,
-            )
-        return self._process
 
     @staticmethod
     def _ask(process: subprocess.Popen[bytes], request: bytes, timeout_s: float) -> dict[str, Any]:
@@ -118,11 +134,11 @@ class Pilot:
         return answer
 
     def _lose(self) -> None:
-        process = self._process
+        with self._lock:
+            self._kill()
+            process, self._process = self._process, None
         if process is None:
             return
-        self.stop()
-        self._process = None
         process.wait()
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
@@ -163,7 +179,7 @@ class Pilots:
         """Return the answer to a task, from an idle pilot or a new one."""
         with self._lock:
             if self._closed:
-                return {FAILED: "the campaign was stopped"}
+                return {FAILED: _STOPPED}
             pilot = self._idle.pop() if self._idle else Pilot(self._function)
             self._busy.append(pilot)
         try:
