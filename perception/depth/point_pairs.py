@@ -30,6 +30,8 @@ Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.uint8]
 
+_LEAST_CORNERS = 3  # of a face; what shrinks to a line shows no edges
+
 
 @dataclass(frozen=True, kw_only=True)
 class PairConfig:
@@ -89,6 +91,8 @@ def pick_pairs(
     corners: list[NDArray[np.intp]] = []
     for face in _faces(ids, config):
         outline = _polygon(face, config)
+        if len(outline) < _LEAST_CORNERS:
+            continue
         good = np.array([_picked(corner, face, ids, depth_m, config) for corner in outline])
         if not good.any():
             continue

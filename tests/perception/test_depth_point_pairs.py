@@ -90,6 +90,10 @@ def test_a_speck_has_no_edges() -> None:
     assert len(Scenery().paint(BOXES[2], np.s_[20:27], np.s_[80:87], FACE_M).pick()) == 0
 
 
+def test_a_strip_that_shrinks_to_a_line_has_no_edges() -> None:
+    assert len(Scenery().paint(BOXES[2], np.s_[20:25], np.s_[80:141], FACE_M).pick()) == 0
+
+
 def test_pairs_across_have_their_ends_on_two_faces() -> None:
     scenery = one_face().paint(BOXES[1], np.s_[30:71], np.s_[10:51], 3.0)
     pairs = scenery.pick(config=PairConfig(most_across=3))
