@@ -152,3 +152,10 @@ def test_labels_of_another_flight_are_refused(flight: clips.Flight) -> None:
     labels = clips.DepthLabels(depth_m=np.zeros((3, 4, 5), np.float16))
     with pytest.raises(ShapeError, match="one a frame"):
         clips.Flight(footage=flight.footage, labels=labels)
+
+
+def test_labels_must_match_their_bounds() -> None:
+    with pytest.raises(ShapeError, match="depth bounds must be 2x3x4"):
+        clips.DepthLabels(
+            depth_m=np.zeros((2, 3, 4), np.float16), at_most_m=np.zeros((2, 3, 5), np.float16)
+        )
