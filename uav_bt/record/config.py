@@ -1,0 +1,37 @@
+"""How a flight is recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.record.pictures import Quality
+
+__all__ = ["RecordConfig"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordConfig:
+    """What is kept, and what happens when the disk does not keep up."""
+
+    quality: Quality = "lossless"  # of camera pictures; only lossless ones replay exactly
+    # Ticks with pictures that may wait for the disk: 64 noisy frames of 640x360 are 45 MB.
+    queued_pictures: int = 64
+    queued_ticks: int = 1_024  # that may wait without pictures, some kilobytes each
+    # After so much mission time, or so long without work, everything is handed to the system: what
+    # a killed flight loses at most, and long enough for chunks that compress well.
+    flush_s: float = 0.5
+    # A simulated flight waits for the disk, its clock stands still meanwhile; a real one leaves
+    # pictures out.
+    wait: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.queued_pictures <= self.queued_ticks:
+            raise ValueRangeError(
+                "a record's queue needs 1 <= queued_pictures <= queued_ticks, got "
+                f"{self.queued_pictures} and {self.queued_ticks}"
+            )
+        if not 0.0 <= self.flush_s <= 1.0:
+            raise ValueRangeError(
+                f"a record must be flushed at least every second, got {self.flush_s} s"
+            )

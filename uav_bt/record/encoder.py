@@ -1,0 +1,179 @@
+"""What happened in a tick, as a record's messages. Runs in the writing thread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from uav_bt import board as keys
+from uav_bt.live.plain_values import plain
+from uav_bt.mission.runner import TickRecord
+from uav_bt.record import channels, messages
+from uav_bt.record.channels import Channel
+from uav_bt.record.config import RecordConfig
+from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
+from uav_bt.record.pictures import millimetres
+from uav_bt.record.timeline import Timeline
+from uav_bt.record.values import dump, encode, finite
+from uav_bt.record.worker import Encoded
+from uav_bt.tree.status import IDLE, Status
+from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement
+
+__all__ = ["LogLine", "MomentEncoder", "RawMoment"]
+
+# The board's values that have a channel of their own, whenever there is a new one.
+_VALUES: Final = {
+    keys.CORRIDOR.name: channels.CORRIDOR,
+    keys.HELIPAD.name: channels.HELIPAD,
+    keys.OBSTACLES.name: channels.OBSTACLES,
+}
+_MAPS: Final = {
+    keys.CLASS_MAP.name: channels.CLASS_MAP,
+    keys.RELATIVE_DEPTH.name: channels.RELATIVE_DEPTH,
+    keys.METRIC_DEPTH.name: channels.METRIC_DEPTH,
+}
+# Whole in channels of their own; the board's says of all others when they were captured.
+_ELSEWHERE: Final = frozenset({keys.FRAME.name, keys.STATE.name, keys.CAMERA.name})
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogLine:
+    """Something worth telling."""
+
+    level: str  # "Info", "Warning" or "Error"
+    message: str
+    name: str  # who says it
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawMoment:
+    """What the flight hands over of a tick; nothing in it changes any more."""
+
+    tick: TickRecord
+    proposed: Movement | None
+    proposed_gimbal: GimbalTo | None
+    board: dict[str, tuple[Any, float]]  # value and capture time by key
+    statuses: tuple[Status, ...]  # of all nodes
+    log: tuple[LogLine, ...] = ()
+
+
+class MomentEncoder:
+    """Makes messages of moments, in their order; says what is new only when it is.
+
+    Args:
+        timeline: of the record.
+        camera: of the drone.
+        config: how pictures are kept.
+    """
+
+    def __init__(self, timeline: Timeline, camera: CameraModel, config: RecordConfig) -> None:
+        self._timeline = timeline
+        self._camera = camera
+        self._config = config
+        self._frame_index: int | None = None
+        self._last: dict[str, Any] = {}  # the board's values that were written last
+        self._statuses: tuple[Status, ...] | None = None
+
+    def encode(self, moment: RawMoment, pictures: bool) -> Iterator[Encoded]:  # noqa: FBT001 - the worker's word
+        """Yield a moment's messages.
+
+        Args:
+            moment: what happened.
+            pictures: False leaves the pictures out; their channels are named without data.
+        """
+        now_ns = self._timeline.at(moment.tick.time_s)
+
+        def message(channel: Channel, data: bytes | None) -> Encoded:
+            return Encoded(channel=channel, time_ns=now_ns, data=data)
+
+        yield message(channels.TICK, dump(encode(TickNote.of(moment.tick))))
+        yield message(channels.COMMANDS, dump(encode(_commands(moment))))
+        yield message(channels.STATE, dump(encode(moment.tick.observation.state)))
+        if moment.statuses != self._statuses:
+            self._statuses = moment.statuses
+            yield message(channels.TREE_STATUS, dump(encode(_statuses(moment.statuses))))
+        for channel, data in self._truth(moment.tick, now_ns):
+            yield message(channel, data)
+        board = {
+            name: {"value": finite(plain(value)), "captured_s": finite(captured_s)}
+            for name, (value, captured_s) in moment.board.items()
+            if name not in _ELSEWHERE
+        }
+        yield message(channels.BOARD, dump(board))
+        for line in moment.log:
+            yield message(
+                channels.LOG, messages.log_line(line.level, line.message, line.name, now_ns)
+            )
+        for name, channel in _VALUES.items():
+            if self._is_new(name, moment):
+                yield message(channel, dump(encode(moment.board[name][0])))
+        for channel, picture in self._frame(moment.tick, pictures=pictures):
+            yield message(channel, picture)
+        for name, channel in _MAPS.items():
+            if self._is_new(name, moment) and self._is_kept(channel):
+                value = moment.board[name][0]
+                yield message(channel, self._map(value) if pictures else None)
+
+    def _is_new(self, name: str, moment: RawMoment) -> bool:
+        value, _ = moment.board.get(name, (None, 0.0))
+        if value is None or value is self._last.get(name):
+            return False
+        self._last[name] = value
+        return True
+
+    def _is_kept(self, channel: Channel) -> bool:
+        # Relative depth says nothing to a person and compresses badly; small files go without.
+        return self._config.quality == "lossless" or channel is not channels.RELATIVE_DEPTH
+
+    def _truth(self, tick: TickRecord, now_ns: int) -> Iterator[tuple[Channel, bytes]]:
+        truth, state = tick.truth, tick.observation.state
+        if truth is None:
+            return
+        yield channels.TRUTH, dump(encode(truth))
+        yield channels.POSE, messages.pose(truth.pose, state.attitude, now_ns)
+        for transform in messages.transforms(
+            truth.pose, state.attitude, state.gimbal_pitch_rad, self._camera, now_ns
+        ):
+            yield channels.TRANSFORM, transform
+
+    def _frame(self, tick: TickRecord, *, pictures: bool) -> Iterator[tuple[Channel, bytes | None]]:
+        frame = tick.observation.frame
+        if frame is None or frame.index == self._frame_index:
+            return
+        self._frame_index = frame.index
+        yield channels.CAMERA_FRAME, dump(encode(FrameNote.of(frame)))
+        if not pictures:
+            yield channels.CAMERA_IMAGE, None
+            return
+        captured_ns = self._timeline.at(frame.captured_s)
+        yield (
+            channels.CAMERA_IMAGE,
+            messages.camera_image(frame.image, captured_ns, self._config.quality),
+        )
+
+    def _map(self, value: ClassMap | DepthMap) -> bytes:
+        captured_ns = self._timeline.at(value.captured_s)
+        if isinstance(value, ClassMap):
+            return messages.raw(value.ids, captured_ns)
+        if value.metric:
+            return messages.raw(millimetres(value.depth), captured_ns)
+        return messages.raw(value.depth, captured_ns)
+
+
+def _commands(moment: RawMoment) -> CommandNote:
+    tick = moment.tick
+    return CommandNote(
+        proposed=moment.proposed,
+        proposed_by=tick.proposed_by,
+        proposed_gimbal=moment.proposed_gimbal,
+        decided=tick.decided or tick.command,
+        sent=tick.command,
+        override=None if tick.override is None else tick.override.value,
+    )
+
+
+def _statuses(statuses: tuple[Status, ...]) -> StatusNote:
+    return StatusNote(
+        statuses=tuple("IDLE" if status is IDLE else status.name for status in statuses)
+    )

@@ -1,0 +1,139 @@
+"""A tick as a record has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from uav_bt.errors import InputError
+from uav_bt.record import channels
+from uav_bt.record.channels import Channel
+from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
+from uav_bt.record.pictures import decode_image, image_bytes, raw_picture
+from uav_bt.record.values import decode
+from uav_bt.types import (
+    ClassMap,
+    Corridor,
+    DepthMap,
+    DroneState,
+    Frame,
+    HelipadFix,
+    ObstaclePoints,
+    Truth,
+)
+
+__all__ = ["Moment", "StoredFrame", "moment_of"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredFrame:
+    """A camera frame whose picture is decoded when it is asked for."""
+
+    note: FrameNote
+    picture: bytes | None  # a PNG or a JPEG; None when it was left out for want of time
+
+    def frame(self) -> Frame:
+        """Return the frame as the drone sent it.
+
+        Raises:
+            InputError: its picture was left out or is damaged.
+        """
+        if self.picture is None:
+            raise InputError(
+                f"the record has no picture of frame {self.note.index}: the disk was too slow then"
+            )
+        return self.note.with_image(decode_image(self.picture))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One tick. What is None was not new in this tick, or was not there at all."""
+
+    tick: TickNote
+    commands: CommandNote
+    state: DroneState
+    statuses: tuple[str, ...]  # of all nodes, in the order of `RecordReader.tree`; always there
+    board: Mapping[str, Any] = field(default_factory=dict)  # {key: {"value", "captured_s"}}
+    frame: StoredFrame | None = None
+    class_map: ClassMap | None = None
+    relative_depth: DepthMap | None = None
+    metric_depth: DepthMap | None = None  # whole millimetres; NaN where unknown
+    corridor: Corridor | None = None
+    helipad: HelipadFix | None = None
+    obstacles: ObstaclePoints | None = None
+    truth: Truth | None = None
+
+
+def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], parsed: Any) -> Moment:
+    """Return the moment of a tick's messages.
+
+    Args:
+        found: the messages by topic.
+        statuses: of the nodes after the tick before.
+        parsed: reads JSON's bytes.
+
+    Raises:
+        InputError: a message is damaged or missing.
+    """
+
+    def value(channel: Channel) -> Any:
+        if channel.topic not in found or not isinstance(channel.content, type):
+            return None
+        return decode(channel.content, parsed(found[channel.topic]))
+
+    tick, commands, state = (
+        value(channel) for channel in (channels.TICK, channels.COMMANDS, channels.STATE)
+    )
+    if tick is None or commands is None or state is None:
+        raise InputError("a tick of the record lacks its commands or its state")
+    status: StatusNote | None = value(channels.TREE_STATUS)
+    board = parsed(found[channels.BOARD.topic]) if channels.BOARD.topic in found else {}
+    return Moment(
+        tick=tick,
+        commands=commands,
+        state=state,
+        statuses=statuses if status is None else status.statuses,
+        board=board,
+        frame=_frame(value(channels.CAMERA_FRAME), found),
+        class_map=_class_map(found, board),
+        relative_depth=_depth(channels.RELATIVE_DEPTH, "relative_depth", found, board),
+        metric_depth=_depth(channels.METRIC_DEPTH, "metric_depth", found, board),
+        corridor=value(channels.CORRIDOR),
+        helipad=value(channels.HELIPAD),
+        obstacles=value(channels.OBSTACLES),
+        truth=value(channels.TRUTH),
+    )
+
+
+def _frame(note: FrameNote | None, found: Mapping[str, bytes]) -> StoredFrame | None:
+    if note is None:
+        return None
+    message = found.get(channels.CAMERA_IMAGE.topic)
+    return StoredFrame(note=note, picture=None if message is None else image_bytes(message))
+
+
+def _class_map(found: Mapping[str, bytes], board: Mapping[str, Any]) -> ClassMap | None:
+    message = found.get(channels.CLASS_MAP.topic)
+    if message is None:
+        return None
+    return ClassMap(ids=raw_picture(message), captured_s=float(board["class_map"]["captured_s"]))
+
+
+def _depth(
+    channel: Channel, key: str, found: Mapping[str, bytes], board: Mapping[str, Any]
+) -> DepthMap | None:
+    message = found.get(channel.topic)
+    if message is None:
+        return None
+    pixels, entry = raw_picture(message), board[key]
+    metric = pixels.dtype == np.uint16
+    depth = np.where(pixels > 0, pixels / np.float32(1000.0), np.nan) if metric else pixels
+    return DepthMap(
+        depth=depth.astype(np.float32),
+        metric=metric,
+        captured_s=float(entry["captured_s"]),
+        confidence=float(entry["value"]["confidence"]),
+    )

@@ -1,0 +1,155 @@
+"""Frames, class maps and depth maps as pictures that viewers know, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import InputError
+from uav_bt.record.wire import fields
+
+__all__ = [
+    "Quality",
+    "RawPicture",
+    "decode_image",
+    "encode_image",
+    "image_bytes",
+    "millimetres",
+    "raw_picture",
+]
+
+Quality = Literal["lossless", "high"]
+
+# Measured on a noisy 640x360 frame of the twin: 20 ms and 396 kB, against 27 ms and 447 kB of
+# OpenCV's usual strategy at level 1. JPEG at 90 takes 3 ms and 49 kB.
+_PNG: Final = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, 2]  # 2: Huffman only
+_JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
+_SUFFIXES: Final[dict[str, tuple[str, list[int]]]] = {
+    "lossless": (".png", _PNG),
+    "high": (".jpg", _JPEG),
+}
+
+# What foxglove.RawImage calls our pixels, and how many millimetres fit the smallest of them.
+_DTYPES: Final[dict[str, np.dtype[Any]]] = {
+    "mono8": np.dtype("<u1"),
+    "16UC1": np.dtype("<u2"),
+    "32FC1": np.dtype("<f4"),
+}
+_MOST_MM: Final = 65_535
+# Field numbers of foxglove.CompressedImage and foxglove.RawImage.
+_COMPRESSED_DATA: Final = 2
+_WIDTH, _HEIGHT, _ENCODING, _DATA = 2, 3, 4, 6
+
+
+def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str]:
+    """Return a picture as a file's bytes, and what Foxglove calls their format.
+
+    Args:
+        image: (H, W, 3), RGB.
+        quality: "lossless" is PNG; "high" is JPEG at 90.
+
+    Raises:
+        InputError: OpenCV cannot encode it.
+    """
+    suffix, options = _SUFFIXES[quality]
+    good, data = cv2.imencode(suffix, np.ascontiguousarray(image[..., ::-1]), options)
+    if not good:
+        raise InputError(f"a picture of {image.shape} cannot be encoded as {suffix}")
+    return data.tobytes(), "png" if suffix == ".png" else "jpeg"
+
+
+def decode_image(data: bytes | memoryview) -> NDArray[np.uint8]:
+    """Return the picture of a PNG's or JPEG's bytes, (H, W, 3), RGB.
+
+    Raises:
+        InputError: they are no picture.
+    """
+    buffer = np.frombuffer(data, dtype=np.uint8)
+    image = cv2.imdecode(buffer, cv2.IMREAD_COLOR) if len(buffer) else None
+    if image is None:
+        raise InputError(f"expected a PNG or JPEG picture, got {len(buffer)} bytes of neither")
+    return np.ascontiguousarray(image[..., ::-1]).astype(np.uint8, copy=False)
+
+
+def image_bytes(message: bytes) -> bytes:
+    """Return the picture file in a foxglove.CompressedImage.
+
+    Raises:
+        InputError: there is none.
+    """
+    data = fields(message).get(_COMPRESSED_DATA)
+    if not isinstance(data, memoryview):
+        raise InputError("expected a foxglove.CompressedImage with data, got none")
+    return bytes(data)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawPicture:
+    """The fields of a foxglove.RawImage."""
+
+    width: int
+    height: int
+    encoding: str
+    step: int  # bytes of a row
+    data: bytes
+
+    @classmethod
+    def of(cls, array: NDArray[np.generic]) -> RawPicture:
+        """Return an array as raw pixels.
+
+        Args:
+            array: (H, W) of uint8, uint16 or float32.
+
+        Raises:
+            InputError: it has another type or shape.
+        """
+        names = [name for name, dtype in _DTYPES.items() if dtype == array.dtype]
+        if not names or array.ndim != 2:
+            raise InputError(
+                f"expected a HxW picture of uint8, uint16 or float32, got {array.dtype} "
+                f"{array.shape}"
+            )
+        height, width = array.shape
+        return cls(
+            width=width,
+            height=height,
+            encoding=names[0],
+            step=width * array.itemsize,
+            data=np.ascontiguousarray(array).tobytes(),
+        )
+
+
+def raw_picture(message: bytes) -> NDArray[Any]:
+    """Return the pixels of a foxglove.RawImage, (H, W).
+
+    Raises:
+        InputError: it has no pixels, or of a kind that records do not have.
+    """
+    found = fields(message)
+    data, encoding = found.get(_DATA), found.get(_ENCODING)
+    width, height = found.get(_WIDTH), found.get(_HEIGHT)
+    name = bytes(encoding).decode(errors="replace") if isinstance(encoding, memoryview) else ""
+    if name not in _DTYPES or not isinstance(data, memoryview):
+        raise InputError(f"expected a foxglove.RawImage as records have it, got one of '{name}'")
+    pixels = np.frombuffer(data, dtype=_DTYPES[name])
+    if not isinstance(width, int) or not isinstance(height, int) or pixels.size != width * height:
+        raise InputError(f"a foxglove.RawImage of {width}x{height} has {pixels.size} pixels")
+    return pixels.reshape(height, width).copy()
+
+
+def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Return metres as whole millimetres, as depth cameras give them.
+
+    Args:
+        depth_m: (H, W) metres; what is not finite or not positive is unknown.
+
+    Returns:
+        (H, W) millimetres, at most 65.535 m; 0 is unknown.
+    """
+    with np.errstate(invalid="ignore"):
+        mm = np.clip(np.rint(depth_m * 1000.0), 0, _MOST_MM)
+    return np.where(np.isfinite(depth_m), mm, 0).astype(np.uint16)

@@ -1,0 +1,225 @@
+"""Reading records: whole ones, unfinished ones, and what is left of damaged ones.
+
+reader = RecordReader(Path("flight.mcap"))
+for moment in reader.moments():
+    print(moment.tick.time_s, moment.commands.sent)
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from uav_bt.errors import FileError, InputError
+from uav_bt.record import channels
+from uav_bt.record.channels import END, SCHEMA_VERSION, START, need_extra
+from uav_bt.record.moment import Moment, moment_of
+from uav_bt.record.notes import TreeNote
+from uav_bt.record.record_file import Attachment
+from uav_bt.record.timeline import Timeline
+from uav_bt.record.values import decode
+from uav_bt.types import CameraModel
+
+__all__ = ["RecordReader", "StoredMessage"]
+
+_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredMessage:
+    """A message as it stands in the file."""
+
+    topic: str
+    time_ns: int  # on the record's timeline
+    data: bytes
+
+
+class RecordReader:
+    """One record. Opening reads its beginning only.
+
+    Args:
+        path: the file.
+
+    Attributes:
+        metadata: what was known when the flight began.
+        attachments: the files that travel with it, by name: the tree's, the scene's.
+        timeline: where mission seconds stand.
+        camera: of the drone.
+        tree: the nodes whose statuses the moments have.
+        finished: whether it was closed; one that was not lacks index, summary and `end`.
+        damages: what the last pass over it found not to be whole.
+
+    Raises:
+        FileError: it cannot be read, is no flight record, or is of a newer version.
+        MissingDependencyError: the extra `record` is not installed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        need_extra()
+        from uav_bt.record.scan import RecordScan, is_finished  # noqa: PLC0415 - an extra
+
+        self.path = path
+        self.metadata: dict[str, str] = {}
+        self.attachments: dict[str, Attachment] = {}
+        self.tree = TreeNote(nodes=())
+        self.finished = is_finished(path)
+        self._scan = RecordScan(path)
+        self._read_beginning()
+        self._check_version()
+        try:
+            self.timeline = Timeline(
+                start_ns=int(self.metadata["start_ns"]), start_s=float(self.metadata["start_s"])
+            )
+            self.camera = decode(CameraModel, json.loads(self.metadata["camera"]))
+        except (KeyError, ValueError, InputError) as error:
+            raise FileError(path, f"the record's metadata is damaged: {error}") from error
+
+    @property
+    def damages(self) -> tuple[str, ...]:
+        """What the last pass found not to be whole, a line each."""
+        return tuple(str(damage) for damage in self._scan.damages)
+
+    def _read_beginning(self) -> None:
+        from mcap.records import Attachment as Attached  # noqa: PLC0415 - an extra
+        from mcap.records import Channel, Message, Metadata  # noqa: PLC0415
+
+        topics: dict[int, str] = {}
+        for record in self._scan:
+            if isinstance(record, Metadata) and record.name == START:
+                self.metadata = dict(record.metadata)
+            elif isinstance(record, Attached):
+                self.attachments[record.name] = Attachment(
+                    name=record.name, media_type=record.media_type, data=record.data
+                )
+            elif isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                if topics[record.channel_id] == channels.TREE.topic:
+                    self.tree = decode(TreeNote, json.loads(record.data))
+                elif topics[record.channel_id] != channels.CALIBRATION.topic:
+                    return
+
+    def _check_version(self) -> None:
+        if not self.metadata:
+            raise FileError(self.path, "is an MCAP file, but no flight record of uav-bt")
+        told = self.metadata.get("schema_version", "")
+        if not told.isdecimal():
+            raise FileError(self.path, f"the record's version is damaged: '{told}'")
+        if int(told) > SCHEMA_VERSION:
+            raise FileError(
+                self.path,
+                f"was recorded with schema version {told} by uav-bt "
+                f"{self.metadata.get('uav_bt', 'of a later version')}; this one knows "
+                f"{SCHEMA_VERSION}: update uav-bt to read it",
+            )
+
+    @property
+    def end(self) -> Mapping[str, str] | None:
+        """How the flight ended, and what the record lacks; None in an unfinished record."""
+        if not self.finished:
+            return None
+        with self.path.open("rb") as stream:
+            for record in self._indexed(stream).iter_metadata():
+                if record.name == END:
+                    return dict(record.metadata)
+        return None
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        *,
+        from_s: float | None = None,
+        to_s: float | None = None,
+    ) -> Iterator[StoredMessage]:
+        """Yield messages in the order of time; those of damaged parts are passed over.
+
+        Args:
+            topics: only these.
+            from_s: seconds since the record's start; a finished record is then not read before.
+            to_s: likewise; not included.
+
+        Raises:
+            FileError: the record cannot be read.
+        """
+        start_ns = 0 if from_s is None else self.timeline.start_ns + round(from_s * _NS)
+        end_ns = None if to_s is None else self.timeline.start_ns + round(to_s * _NS)
+        wanted = None if topics is None else frozenset(topics)
+        if self.finished and (from_s is not None or to_s is not None):
+            found = self._found_by_index(wanted, start_ns, end_ns)
+        else:
+            found = self._found_by_scan()
+        for message in found:
+            if wanted is not None and message.topic not in wanted:
+                continue
+            if message.time_ns >= start_ns and (end_ns is None or message.time_ns < end_ns):
+                yield message
+
+    def _found_by_scan(self) -> Iterator[StoredMessage]:
+        from mcap.records import Channel, Message  # noqa: PLC0415 - an extra
+
+        topics: dict[int, str] = {}
+        for record in self._scan:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                yield StoredMessage(
+                    topic=topics[record.channel_id], time_ns=record.log_time, data=record.data
+                )
+
+    def _found_by_index(
+        self, topics: Collection[str] | None, start_ns: int, end_ns: int | None
+    ) -> Iterator[StoredMessage]:
+        from mcap.exceptions import McapError  # noqa: PLC0415 - an extra
+
+        with self.path.open("rb") as stream:
+            try:
+                for _, channel, message in self._indexed(stream).iter_messages(
+                    topics, start_time=start_ns, end_time=end_ns
+                ):
+                    yield StoredMessage(
+                        topic=channel.topic, time_ns=message.log_time, data=message.data
+                    )
+            except (McapError, ValueError) as error:
+                raise FileError(
+                    self.path, f"is damaged ({error}); `uav-bt record repair` saves what is whole"
+                ) from error
+
+    @staticmethod
+    def _indexed(stream: Any) -> Any:
+        from mcap.reader import SeekingReader  # noqa: PLC0415 - an extra
+
+        return SeekingReader(stream, validate_crcs=True)
+
+    def moments(
+        self, *, from_s: float | None = None, to_s: float | None = None
+    ) -> Iterator[Moment]:
+        """Yield the flight's ticks; pictures of frames are decoded when asked for.
+
+        Args:
+            from_s: seconds since the record's start.
+            to_s: likewise; not included.
+
+        Raises:
+            FileError: a message is damaged in a way that checksums do not show.
+        """
+        found: dict[str, bytes] = {}
+        statuses = ("IDLE",) * len(self.tree.nodes)
+        for message in self.messages(from_s=from_s, to_s=to_s):
+            if message.topic == channels.TICK.topic and found:
+                moment = self._moment(found, statuses)
+                statuses = moment.statuses
+                yield moment
+                found = {}
+            if found or message.topic == channels.TICK.topic:
+                found[message.topic] = message.data
+        if channels.STATE.topic in found and channels.COMMANDS.topic in found:
+            yield self._moment(found, statuses)
+
+    def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
+        try:
+            return moment_of(found, statuses, json.loads)
+        except (InputError, KeyError, ValueError) as error:
+            raise FileError(self.path, f"a tick of the record is damaged: {error}") from error

@@ -1,0 +1,130 @@
+"""The file of a record: channels as they are first used, chunks that are closed when told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Final, Protocol
+
+from uav_bt import __version__
+from uav_bt.errors import FileError
+from uav_bt.record.channels import Channel, need_extra, schema_of
+
+__all__ = ["Attachment", "RecordFile", "RecordSink"]
+
+# Chunks are closed by `flush`; this only bounds how much of a burst is held in memory.
+_CHUNK_BYTES: Final = 4 * 1024 * 1024
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attachment:
+    """A file that travels with a record."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+class RecordSink(Protocol):
+    """Where encoded messages go."""
+
+    def write(self, channel: Channel, time_ns: int, data: bytes) -> None:
+        """Take a message."""
+        ...
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Take a metadata record."""
+        ...
+
+    def flush(self) -> None:
+        """Make what was written readable, whatever happens to this process."""
+        ...
+
+    def finish(self) -> None:
+        """Write index and summary, and close."""
+        ...
+
+    def abandon(self) -> None:
+        """Close without a summary: what is there stays unfinished, and says so."""
+        ...
+
+
+class RecordFile:
+    """An MCAP file that is being written.
+
+    Args:
+        path: where; an old record of that name is replaced.
+
+    Raises:
+        FileError: it cannot be written.
+        MissingDependencyError: the extra `record` is not installed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        need_extra()
+        from mcap.writer import Writer  # noqa: PLC0415 - an extra
+
+        self._path = path
+        try:
+            self._stream: IO[bytes] = path.open("wb")
+        except OSError as error:
+            raise FileError(path, f"cannot be written: {error.strerror}") from error
+        self._writer: Any = Writer(self._stream, chunk_size=_CHUNK_BYTES)
+        self._channel_ids: dict[str, int] = {}
+        self._schema_ids: dict[str, int] = {}
+        self._sequences: dict[str, int] = {}
+        self._writer.start(profile="", library=f"uav-bt/{__version__}")
+
+    def write(self, channel: Channel, time_ns: int, data: bytes) -> None:
+        """Add a message; OSError when the disk is full."""
+        channel_id = self._channel_ids.get(channel.topic) or self._register(channel)
+        sequence = self._sequences.get(channel.topic, 0)
+        self._sequences[channel.topic] = sequence + 1
+        self._writer.add_message(
+            channel_id, log_time=time_ns, data=data, publish_time=time_ns, sequence=sequence
+        )
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Add a metadata record."""
+        self._writer.flush()
+        self._writer.add_metadata(name, dict(values))
+
+    def attach(self, attachment: Attachment, time_ns: int) -> None:
+        """Add a file."""
+        self._writer.flush()
+        self._writer.add_attachment(
+            create_time=time_ns,
+            log_time=time_ns,
+            name=attachment.name,
+            media_type=attachment.media_type,
+            data=attachment.data,
+        )
+
+    def flush(self) -> None:
+        """Close the chunk and hand everything to the system."""
+        self._writer.flush()
+
+    def finish(self) -> None:
+        """Write index and summary, and close."""
+        self._writer.finish()
+        self._stream.close()
+
+    def abandon(self) -> None:
+        """Close as it is; what the disk did not take is lost."""
+        try:
+            self._stream.close()
+        except OSError:
+            # Closing flushes, and the disk is as full as it was: the loss has been told already.
+            self._stream.close()
+
+    def _register(self, channel: Channel) -> int:
+        name = channel.schema_name
+        if name not in self._schema_ids:
+            encoding, data = schema_of(channel)
+            self._schema_ids[name] = self._writer.register_schema(name, encoding, data)
+        channel_id: int = self._writer.register_channel(
+            channel.topic, channel.encoding, self._schema_ids[name]
+        )
+        self._channel_ids[channel.topic] = channel_id
+        return channel_id

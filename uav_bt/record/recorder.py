@@ -1,0 +1,244 @@
+"""Records one flight: a tick listener in front of a file that a thread writes."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Final, Self
+
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.runner import TickRecord
+from uav_bt.record import channels, messages
+from uav_bt.record.channels import END, SCHEMA_VERSION, START
+from uav_bt.record.config import RecordConfig
+from uav_bt.record.encoder import LogLine, MomentEncoder, RawMoment
+from uav_bt.record.notes import NodeNote, TreeNote
+from uav_bt.record.record_file import Attachment, RecordFile, RecordSink
+from uav_bt.record.timeline import Timeline
+from uav_bt.record.values import dump, encode
+from uav_bt.record.worker import RecordWorker
+from uav_bt.tree import MissionTree
+from uav_bt.types import CameraModel, Land, TakeOff
+
+__all__ = ["FlightFacts", "FlightRecorder", "RecordLosses"]
+
+_LOG: Final = logging.getLogger(__name__)
+_LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
+_RUNNER: Final = "runner"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightFacts:
+    """What is known of a flight before it begins."""
+
+    values: Mapping[str, str]  # the metadata; JSON where a text is not enough
+    attachments: Sequence[Attachment] = ()  # the tree's files, the scene's
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordLosses:
+    """What a record lacks."""
+
+    dropped: Mapping[str, int] = field(default_factory=dict)  # messages left out, by topic
+    lost_ticks: int = 0  # of which nothing was kept
+    failure: str | None = None  # what ended the writing before its time
+
+    def __str__(self) -> str:
+        """Return the losses in a line; empty without any."""
+        parts = [self.failure] if self.failure else []
+        if self.lost_ticks:
+            parts.append(f"{self.lost_ticks} ticks lost")
+        parts += [f"{count} of {topic} left out" for topic, count in sorted(self.dropped.items())]
+        return "; ".join(parts)
+
+
+class FlightRecorder:
+    """Records a flight from now until `finish`.
+
+    Args:
+        file: where to; this recorder closes it.
+        tree: set up, not ticked yet.
+        context: of its mission.
+        camera: of the drone.
+        facts: what is known of the flight.
+        start_ns: the wall clock's time, since 1970; the record's timeline begins there.
+        config: what is kept.
+    """
+
+    def __init__(
+        self,
+        file: RecordFile,
+        tree: MissionTree,
+        context: MissionContext,
+        camera: CameraModel,
+        facts: FlightFacts,
+        *,
+        start_ns: int,
+        config: RecordConfig | None = None,
+        sink: Callable[[RecordFile], RecordSink] | None = None,
+    ) -> None:
+        self._context = context
+        self._nodes = tuple(tree.nodes())
+        self._sink: RecordSink = file if sink is None else sink(file)
+        self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
+        self._phase = ""
+        self._override: str | None = None
+        self._ended = False
+        self.losses = RecordLosses()
+        self._lines: list[LogLine] = []
+        self._handler = _Lines(self._lines)
+        self._begin(file, camera, facts)
+        config = config or RecordConfig()
+        encoder = MomentEncoder(self._timeline, camera, config)
+        self._worker = RecordWorker(self._sink, encoder.encode, config)
+        logging.getLogger().addHandler(self._handler)
+
+    def _begin(self, file: RecordFile, camera: CameraModel, facts: FlightFacts) -> None:
+        at_ns = self._timeline.start_ns
+        file.metadata(
+            START,
+            {
+                **facts.values,
+                "schema_version": str(SCHEMA_VERSION),
+                "start_ns": str(at_ns),
+                "start_s": repr(float(self._timeline.start_s)),
+                "camera": dump(encode(camera)).decode(),
+            },
+        )
+        for attachment in facts.attachments:
+            file.attach(attachment, at_ns)
+        file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
+        file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
+        file.flush()
+
+    def _tree_note(self) -> TreeNote:
+        places = {node.path: place for place, node in enumerate(self._nodes)}
+        parents = {child.path: places[node.path] for node in self._nodes for child in node.children}
+        return TreeNote(
+            nodes=tuple(
+                NodeNote(
+                    path=node.path,
+                    name=node.name,
+                    node_id=node.node_id,
+                    parent=parents.get(node.path),
+                )
+                for node in self._nodes
+            )
+        )
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Hand a tick over to the writing thread."""
+        proposals = self._context.proposals
+        self._note_changes(record)
+        lines = tuple(self._lines)
+        self._lines.clear()
+        self._worker.put(
+            RawMoment(
+                tick=record,
+                proposed=proposals.movement,
+                proposed_gimbal=proposals.gimbal,
+                board=self._context.board.snapshot(),
+                statuses=tuple(node.status for node in self._nodes),
+                log=lines,
+            ),
+            record.time_s,
+        )
+
+    def _note_changes(self, record: TickRecord) -> None:
+        if record.phase != self._phase:
+            self._phase = record.phase
+            self._say("Info", f"phase: {record.phase}")
+        override = None if record.override is None else record.override.value
+        if override != self._override:
+            self._override = override
+            self._say("Warning", f"override: {override}" if override else "override over")
+        movement = record.command.movement
+        if isinstance(movement, TakeOff | Land):
+            name = "take-off" if isinstance(movement, TakeOff) else "land"
+            self._say("Info", f"sent: {name}")
+
+    def _say(self, level: str, message: str) -> None:
+        self._lines.append(LogLine(level=level, message=message, name=_RUNNER))
+
+    def finish(self, end: Mapping[str, str] | None = None) -> RecordLosses:
+        """Write what is left, index and summary, and close. Safe to call twice.
+
+        Args:
+            end: how the flight ended, as metadata.
+
+        Returns:
+            What the record lacks; a warning has told it, too.
+        """
+        if self._ended:
+            return self.losses
+        self._ended = True
+        logging.getLogger().removeHandler(self._handler)
+        self._worker.close()
+        failure = self._worker.failure
+        if failure is None:
+            failure = self._conclude(end or {})
+        if failure is not None:
+            self._sink.abandon()
+        self.losses = self._losses(failure)
+        if str(self.losses):
+            _LOG.warning("the flight's record is incomplete: %s", self.losses)
+        return self.losses
+
+    def _losses(self, failure: Exception | None) -> RecordLosses:
+        told = failure.strerror if isinstance(failure, OSError) and failure.strerror else failure
+        return RecordLosses(
+            dropped=dict(self._worker.dropped),
+            lost_ticks=self._worker.lost_ticks,
+            failure=None if told is None else f"not written to its end: {told}",
+        )
+
+    def _conclude(self, end: Mapping[str, str]) -> Exception | None:
+        losses = self._losses(None)
+        try:
+            self._sink.metadata(
+                END,
+                {
+                    **end,
+                    "dropped": json.dumps(dict(losses.dropped)),
+                    "lost_ticks": str(losses.lost_ticks),
+                },
+            )
+            self._sink.finish()
+        except OSError as error:
+            return error
+        return None
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Finish, whatever happened."""
+        if error is not None:
+            reason = f"{type(error).__name__}: {error}"
+            self.finish({"outcome": "error", "reason": reason})
+        self.finish()
+
+
+class _Lines(logging.Handler):
+    """Collects what the flying thread logs."""
+
+    def __init__(self, lines: list[LogLine]) -> None:
+        super().__init__(level=logging.INFO)
+        self._lines = lines
+        self._thread = threading.get_ident()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line of this flight; other flights of this process have threads of their own."""
+        if record.thread == self._thread:
+            level = _LEVELS.get(record.levelno, "Info")
+            self._lines.append(LogLine(level=level, message=record.getMessage(), name=record.name))

@@ -1,0 +1,132 @@
+"""A thread that encodes and writes, so that the tick only hands over.
+
+The queue is bounded. When it is full a real flight goes on and pictures are left out first; every
+message that is left out is counted by channel. A simulated flight may wait instead.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import Generic, TypeVar
+
+from uav_bt.record.channels import Channel
+from uav_bt.record.config import RecordConfig
+from uav_bt.record.record_file import RecordSink
+
+__all__ = ["Encoded", "RecordWorker"]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoded:
+    """A message, ready to be written; or, without data, one that is left out."""
+
+    channel: Channel
+    time_ns: int
+    data: bytes | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Job(Generic[T]):
+    item: T
+    time_s: float
+    pictures: bool
+
+
+class RecordWorker(Generic[T]):
+    """Encodes and writes items in their order, in a thread of its own.
+
+    Args:
+        sink: where messages go; only the thread touches it until `close` returns.
+        encode: makes an item's messages; its second argument says whether pictures are wanted.
+        config: how much may wait, and what happens then.
+    """
+
+    def __init__(
+        self,
+        sink: RecordSink,
+        encode: Callable[[T, bool], Iterable[Encoded]],
+        config: RecordConfig,
+    ) -> None:
+        self._sink = sink
+        self._encode = encode
+        self._config = config
+        self._jobs: deque[_Job[T]] = deque()
+        self._pictures_waiting = 0
+        self._changed = threading.Condition()
+        self._closing = False
+        self._flushed_s: float | None = None
+        self.dropped: Counter[str] = Counter()  # messages left out, by topic
+        self.lost_ticks = 0  # of which nothing was kept
+        self.failure: Exception | None = None  # what ended the writing before its time
+        self._thread = threading.Thread(target=self._run, name="flight record", daemon=True)
+        self._thread.start()
+
+    def put(self, item: T, time_s: float) -> None:
+        """Hand an item over.
+
+        Args:
+            item: what is encoded later; it must not change any more.
+            time_s: its mission time.
+        """
+        config = self._config
+        with self._changed:
+            if config.wait:
+                self._changed.wait_for(lambda: self._pictures_waiting < config.queued_pictures)
+            if len(self._jobs) >= config.queued_ticks:
+                self.lost_ticks += 1
+                return
+            pictures = self._pictures_waiting < config.queued_pictures
+            self._pictures_waiting += pictures
+            self._jobs.append(_Job(item=item, time_s=time_s, pictures=pictures))
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Return when all that was handed over is written. Safe to call twice."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                worked = self._changed.wait_for(
+                    lambda: bool(self._jobs) or self._closing,
+                    timeout=self._config.flush_s or None,
+                )
+                job = self._jobs.popleft() if self._jobs else None
+                if job is None and self._closing:
+                    break
+            if job is not None:
+                self._guarded(partial(self._write, job))
+                with self._changed:
+                    self._pictures_waiting -= job.pictures
+                    self.lost_ticks += self.failure is not None
+                    self._changed.notify_all()
+            elif not worked:
+                self._guarded(self._sink.flush)
+
+    def _write(self, job: _Job[T]) -> None:
+        for message in self._encode(job.item, job.pictures):
+            if message.data is None:
+                self.dropped[message.channel.topic] += 1
+            else:
+                self._sink.write(message.channel, message.time_ns, message.data)
+        if self._flushed_s is None or job.time_s - self._flushed_s >= self._config.flush_s:
+            self._flushed_s = job.time_s
+            self._sink.flush()
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Do a piece of work; after a failure nothing is written any more."""
+        if self.failure is not None:
+            return
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - told at the end: a full disk lands no drone
+            self.failure = error
