@@ -63,13 +63,19 @@ def write_camera(path: Path, trial: LayoutTrial) -> None:
         raise FileError(path, f"cannot be written: {error.strerror}") from error
 
 
-def load_camera(path: Path, *, size_px: tuple[int, int] | None = None) -> CameraModel:
+def load_camera(
+    path: Path,
+    *,
+    size_px: tuple[int, int] | None = None,
+    forward_offset_m: float = CameraModel.forward_offset_m,
+) -> CameraModel:
     """Read a camera file.
 
     Args:
         path: the YAML file.
         size_px: width and height of the pictures it is for; the camera is scaled to it. As
             calibrated when None.
+        forward_offset_m: of the lens ahead of the drone's centre, where the file does not say it.
 
     Raises:
         FileError: the file is absent or malformed.
@@ -83,7 +89,7 @@ def load_camera(path: Path, *, size_px: tuple[int, int] | None = None) -> Camera
     missing = [key for key in _NEEDED if key not in content]
     if missing:
         raise FileError(path, f"a camera file needs {', '.join(missing)}")
-    camera = _camera(path, content)
+    camera = _camera(path, {"forward_offset_m": forward_offset_m} | content)
     return camera if size_px is None else fitted_camera(camera, *size_px, source=str(path))
 
 
@@ -141,7 +147,7 @@ def _camera(path: Path, content: dict[Any, Any]) -> CameraModel:
     if distortion.ndim != 1 or distortion.size not in _DISTORTIONS:
         known = ", ".join(map(str, _DISTORTIONS))
         raise FileError(path, f"distortion must hold {known} numbers, got {distortion.size}")
-    offset_m = content.get("forward_offset_m", CameraModel.forward_offset_m)
+    offset_m = content["forward_offset_m"]
     if not _is_number(offset_m):
         raise FileError(path, f"forward_offset_m must be a finite number, got {offset_m!r}")
     return CameraModel(

@@ -20,7 +20,7 @@ FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "cloc
 FLOOR_FOUR = {
     f"uav_bt.{name}"
     for name in (
-        *("app", "campaigning", "cli", "watching"),
+        *("app", "calibrated_drone", "campaigning", "cli", "watching"),
         *("depth_evaluation", "depth_training", "footage", "perceiving", "training"),
     )
 }

@@ -21,6 +21,7 @@ import numpy as np
 
 from uav_bt import plugins
 from uav_bt.board import MISSION_KEYS
+from uav_bt.calibrated_drone import CalibratedDrone
 from uav_bt.checking import unknown_policies
 from uav_bt.errors import FileError, InputError, TreeError, UavBtError
 from uav_bt.mission.arbiter import Limits, Proposals
@@ -57,6 +58,7 @@ class FlightOptions:
     image_size_px: tuple[int, int] = (640, 360)  # width, height
     realtime: bool = False
     inference_threads: int = 1  # one, so that a flight does not depend on the load
+    camera: Path | None = None  # a camera file in place of the intrinsics the drone tells itself
     exact_masks: bool = False  # simulated drones: fly on the referee's masks instead of a network
     limits: Limits = field(default_factory=Limits)
     runner: RunnerConfig = field(default_factory=RunnerConfig)
@@ -107,7 +109,7 @@ def make_drone(options: FlightOptions) -> Drone:
             realtime=options.realtime,
         )
     )
-    return drone
+    return drone if options.camera is None else CalibratedDrone(drone, options.camera)
 
 
 def check(tree: str | Path, registry: NodeRegistry | None = None) -> MissionTree:

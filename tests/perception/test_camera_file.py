@@ -78,7 +78,10 @@ def test_another_aspect_is_refused_with_both(tmp_path: Path, size: tuple[int, in
 def test_the_lenss_place_may_be_given(tmp_path: Path) -> None:
     path = tmp_path / "camera.yaml"
     path.write_text(yaml.safe_dump(content(tmp_path) | {"forward_offset_m": 0.07}))
-    assert load_camera(path).forward_offset_m == 0.07
+    assert load_camera(path, forward_offset_m=0.2).forward_offset_m == 0.07
+    path.write_text(yaml.safe_dump(content(tmp_path)))
+    assert load_camera(path, forward_offset_m=0.2).forward_offset_m == 0.2
+    assert load_camera(path).forward_offset_m == CameraModel.forward_offset_m
 
 
 @pytest.mark.parametrize(

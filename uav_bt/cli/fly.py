@@ -42,6 +42,12 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     callback=node_policies,
     help="Let a node, by name or path, use another leaf policy. Repeatable.",
 )
+@click.option(
+    "--camera",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="A camera file of `uav-bt calibrate`: frames are undistorted with it.",
+)
 @output_option("--report", "Write the flight's report there, as JSON.")
 @output_option("--video", "Film the flight: an mp4 file.")
 @output_option("--btlog", "Log what each node does: a .btlog file, which Groot2 replays.")
@@ -81,6 +87,7 @@ def fly(
     drone: str,
     profile: str,
     policies: dict[str, str],
+    camera: Path | None,
     report: Path | None,
     video: Path | None,
     btlog: Path | None,
@@ -126,6 +133,7 @@ def fly(
         profile=profile,
         policies=policies,
         image_size_px=image_size,
+        camera=camera,
         realtime=realtime,
         inference_threads=threads,
     )
