@@ -37,8 +37,8 @@ class ClipConfig:
     most_turn_rad: float = 0.35
     most_apart_s: float = 2.0  # integrated velocity drifts
     least_height_m: float = 0.8  # above the carpet: the ground before take-off teaches nothing
-    # Single frames are drawn from every so many: neighbours look alike, and `labelling` measures
-    # parallax for those only.
+    # Single frames are drawn from every so many: neighbours look alike, and `labelling` labels
+    # those only.
     single_every: int = 3
     odometry: bool = True  # measure movements on the carpet; else telemetry's word is taken
     # Either way: flights keep one gimbal angle, and a network would learn rows by heart.

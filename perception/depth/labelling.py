@@ -1,8 +1,8 @@
 """Depth labels for a flight's frames, without any truth: masks, telemetry and geometry.
 
-Two sources complete each other: things are as far away as the carpet they stand on
-(`perception.depth.footing`), and what passes close by, its base out of the picture, moves most from
-frame to frame (`perception.depth.parallax`).
+Two sources complete each other: things are as far away as the carpet they stand on, seen now or a
+while ago (`perception.depth.footing`), and what passes close by, its base out of the picture, moves
+most from frame to frame (`perception.depth.parallax`).
 """
 
 from __future__ import annotations
@@ -18,11 +18,14 @@ from perception.depth.clips import DepthLabels
 from perception.depth.footage import FOOTAGE_SIZE_PX, Footage, FootageTruth
 from perception.depth.footing import footing_depth
 from perception.depth.ground import view_of
+from perception.depth.metric import remembered_bases
 from perception.depth.motion import CameraTrack, camera_track, measured_motion
+from perception.depth.panorama import Unroller
 from perception.depth.parallax import Parallax, ParallaxConfig
+from perception.obstacle_memory import ObstacleMemory
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.protocols import Segmenter
-from uav_bt.types import Attitude, Frame
+from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
 
 __all__ = [
     "LABEL_SIZE_PX",
@@ -49,7 +52,7 @@ class LabelConfig:
     """Which frames are labelled, and from which others."""
 
     least_height_m: float = 0.8  # above the carpet; the ground before take-off teaches nothing
-    parallax_every: int = 3  # frames; neighbours look alike, and dense flow is slow
+    every: int = 3  # frames; neighbours look alike, and dense flow is slow
     others: int = 4  # frames that parallax is measured against
     least_move_m: float = 0.04  # of the camera, to such a frame
     most_move_m: float = 0.3
@@ -60,10 +63,9 @@ class LabelConfig:
     parallax: ParallaxConfig = field(default_factory=ParallaxConfig)
 
     def __post_init__(self) -> None:
-        if self.parallax_every < 1 or self.others < 1:
+        if self.every < 1 or self.others < 1:
             raise ValueRangeError(
-                "parallax_every and others must be positive, got "
-                f"{self.parallax_every} and {self.others}"
+                f"every and others must be positive, got {self.every} and {self.others}"
             )
 
 
@@ -80,6 +82,19 @@ def frames_of(footage: Footage) -> Iterator[Frame]:
             altitude_m=float(footage.altitude_m[place]),
             height_m=float(footage.height_m[place]),
             height_above_carpet_m=float(footage.height_above_carpet_m[place]),
+        )
+
+
+def _states_of(footage: Footage) -> Iterator[DroneState]:
+    """Give the telemetry back as the drone sent it."""
+    for place in range(len(footage.state_s)):
+        roll, pitch, yaw = (float(angle) for angle in footage.state_attitude_rad[place])
+        forward, right, down = (float(speed) for speed in footage.velocity_mps[place])
+        yield DroneState(
+            captured_s=float(footage.state_s[place]),
+            flying=FlyingState.FLYING,
+            attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
+            velocity=BodyVelocity(forward_mps=forward, right_mps=right, down_mps=down),
         )
 
 
@@ -102,12 +117,23 @@ def footing_labels(
     width, height = LABEL_SIZE_PX
     depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
     bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
+    memory, unroller = ObstacleMemory(), Unroller()
+    states = _states_of(footage)
+    state = next(states)
+    memory.predict(state)
     for place, frame in enumerate(frames_of(footage)):
+        while state.captured_s < frame.captured_s and (later := next(states, None)) is not None:
+            state = later
+            memory.predict(state)
         if frame.height_above_carpet_m >= config.least_height_m:
-            ids = segmenter.segment(frame).ids
-            view = view_of(frame, footage.camera, (ids.shape[1], ids.shape[0]))
-            known = footing_depth(ids, view)
-            depth[place], bound[place] = _small(known.depth), _small(known.at_most)
+            class_map = segmenter.segment(frame)
+            view = view_of(frame, footage.camera, class_map.ids.shape[::-1])
+            # What stands too near for its base to be seen was seen from further away.
+            remembered = remembered_bases(memory.points(), state, frame, footage.camera)
+            memory.update(class_map, frame, view.camera)
+            if place % config.every == 0:
+                known = footing_depth(class_map.ids, view, unroller=unroller, remembered=remembered)
+                depth[place], bound[place] = _small(known.depth), _small(known.at_most)
         advance(place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=bound)
 
@@ -139,7 +165,7 @@ def add_parallax(
     depth = labels.depth_m.copy()
     aloft = footage.height_above_carpet_m >= config.least_height_m
     for place in range(len(footage)):
-        if aloft[place] and place % config.parallax_every == 0:
+        if aloft[place] and place % config.every == 0:
             found = _small(_parallax_of(footage, track, place, config))
             wanted = np.isnan(depth[place]) & np.isfinite(found)
             if labels.at_most_m is not None:

@@ -82,11 +82,12 @@ def test_a_frame_of_another_size_is_refused(known: KnownFlight) -> None:
 
 
 def test_footings_label_carpet_and_boxes(known: KnownFlight) -> None:
-    labels = labelling.footing_labels(known.footage, _Exact(known))
+    labels = labelling.footing_labels(known.footage, _Exact(known), labelling.LabelConfig(every=5))
     assert labels.depth_m.shape == (12, 128, 160)
     big = cv2.resize(
         labels.depth_m[5].astype(np.float32), (320, 256), interpolation=cv2.INTER_NEAREST
     )
+    assert np.isnan(labels.depth_m[4]).all()  # not one of every five
     error = _relative_error(big, known, 5)
     assert error.size > 20000
     assert np.median(error) < 0.03
@@ -101,7 +102,7 @@ def test_low_frames_get_no_labels(known: KnownFlight) -> None:
 def test_parallax_fills_gaps_and_leaves_labels_alone(known: KnownFlight) -> None:
     blank = np.full((12, 128, 160), np.nan, np.float16)
     blank[:, :20] = 7.0
-    config = labelling.LabelConfig(parallax_every=5)
+    config = labelling.LabelConfig(every=5)
     filled = labelling.add_parallax(known.footage, DepthLabels(depth_m=blank), config).depth_m
     assert (filled[:, :20] == 7.0).all()
     assert np.isfinite(filled[5, 20:]).sum() > 1000
@@ -112,7 +113,7 @@ def test_parallax_beyond_the_bound_is_not_believed(known: KnownFlight) -> None:
     blank = np.full((12, 128, 160), np.nan, np.float16)
     bound = np.full_like(blank, 0.1)
     labels = DepthLabels(depth_m=blank, at_most_m=bound)
-    config = labelling.LabelConfig(parallax_every=5)
+    config = labelling.LabelConfig(every=5)
     assert np.isnan(labelling.add_parallax(known.footage, labels, config).depth_m).all()
 
 
@@ -140,6 +141,6 @@ def test_frames_come_back_with_their_telemetry(known: KnownFlight) -> None:
 
 
 def test_no_frames_at_all_are_refused() -> None:
-    with pytest.raises(ValueRangeError, match="parallax_every and others"):
+    with pytest.raises(ValueRangeError, match="every and others"):
         replace(labelling.LabelConfig(), others=0)
     assert ParallaxConfig().least_views == 2
