@@ -78,7 +78,8 @@ class _Sight:
     last: Indices  # (N,) its uppermost
     visible: Array  # (N,) steepness there
     base: Array  # (N,) steepness of its border with the carpet; NaN where there is no carpet below
-    cut: bool  # the image's edge hides the lower end of much of it
+    outside: NDArray[np.bool_]  # (N,) the image's edge hides its lower end
+    cut: bool  # it does so in much of it
 
 
 def find_base(
@@ -134,6 +135,7 @@ def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
         last=shows.shape[0] - 1 - shows[::-1, inner].argmax(axis=0),
         visible=np.tan(depression[first]),
         base=np.where(carpet >= 0, border, np.nan),
+        outside=below == OUTSIDE,
         cut=bool(np.count_nonzero(below == OUTSIDE) > config.specks * columns.size),
     )
 
@@ -204,13 +206,18 @@ def _recall(
     height_m: float,
     config: BaseConfig,
 ) -> Array:
-    """Return the steepness of a remembered base at the columns of sight, NaN where none is."""
-    azimuth = panorama.azimuth_rad[sight.columns]
-    nothing = np.full(azimuth.size, np.nan)
-    if not azimuth.size or not remembered.azimuth_rad.size:
+    """Return the steepness of a remembered base at the columns of sight, NaN where none is.
+
+    Only where the image's edge hides the base: what another thing hides stands behind that one, and
+    what is remembered there may be either's.
+    """
+    nothing = np.full(sight.columns.size, np.nan)
+    if not sight.outside.any() or not remembered.azimuth_rad.size:
         return nothing
+    azimuth = panorama.azimuth_rad[sight.columns[sight.outside]]
+    visible = sight.visible[sight.outside]
     # What is remembered beyond the carpet in view stands behind.
-    behind_m = np.interp(remembered.azimuth_rad, azimuth, height_m / sight.visible)
+    behind_m = np.interp(remembered.azimuth_rad, azimuth, height_m / visible)
     mine = remembered.range_m <= behind_m + config.recall_m
     mine &= _distance(remembered.azimuth_rad, azimuth) <= config.recall_rad
     if np.count_nonzero(mine) < config.recall_least:
@@ -219,8 +226,9 @@ def _recall(
     within = _distance(azimuth, places) <= config.recall_rad
     near_m = _near_side(places, ranges, np.clip(azimuth, places[0], places[-1]))
     # It stands no further away than the lowest pixel seen says.
-    steepness = np.maximum(height_m / np.maximum(near_m, 0.05), sight.visible)
-    return np.where(within, steepness, np.nan)
+    steepness = np.maximum(height_m / np.maximum(near_m, 0.05), visible)
+    nothing[sight.outside] = np.where(within, steepness, np.nan)
+    return nothing
 
 
 def _near_side(places: Array, ranges: Array, azimuth: Array) -> Array:

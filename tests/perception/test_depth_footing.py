@@ -275,6 +275,16 @@ def test_a_base_in_view_comes_before_what_is_remembered() -> None:
     np.testing.assert_array_equal(plain.depth, misled.depth)
 
 
+def test_what_another_box_hides_is_not_taken_for_that_one() -> None:
+    """The nearer box's outline is remembered on the same azimuths; it says nothing of the other."""
+    tall = BoxSpec(pattern=2, position_m=(1.6, 0.0), size_m=(0.3, 0.3, 2.0))
+    low = BoxSpec(pattern=1, position_m=(1.1, 0.0), size_m=(0.4, 0.8, 0.6))
+    drawn = look(tall, low)
+    found = recall(drawn, outline(1.1, 0.0))
+
+    assert np.isnan(found.depth[drawn.ids == BOXES[1]]).all()
+
+
 def test_a_memory_that_strays_stays_within_its_bound() -> None:
     """Remembered a little too far away, the box is at least as near as its lowest pixel says."""
     drawn = look(box(0.0, 0.0))
