@@ -280,6 +280,17 @@ def test_a_blind_method_misses_every_intrusion(known: list[Picture]) -> None:
             assert math.isnan(row.nearest_error_m)
 
 
+def test_pictures_without_depth_are_no_misses(known: list[Picture]) -> None:
+    nothing = np.zeros_like(known[0].ids)
+    nowhere = [
+        replace(picture, masks={"unet": replace(picture.masks["unet"], ids=nothing)})
+        for picture in known
+    ]
+    for row in corridor_table(nowhere, "unet"):
+        assert row.without_depth == row.pictures == len(known)
+        assert row.misses == row.intruded == 0
+
+
 # --- all together ---------------------------------------------------------------------------------
 
 

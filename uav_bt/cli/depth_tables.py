@@ -112,11 +112,15 @@ def _corridor(rows: Sequence[_Row]) -> Iterator[str]:
     yield "Corridor against exact depth; 'clear': walls moved by 0.1 m would not change the truth"
     yield f"  {'front':>6}{'f':>5}  {'':<12}" + "".join(
         f"{head:>13}"
-        for head in ("intruded", "false alarms", "(clear)", "misses", "(clear)", "nearest, m")
+        for head in (
+            *("no depth", "intruded", "false alarms", "(clear)"),
+            *("misses", "(clear)", "nearest, m"),
+        )
     )
     for row in rows:
         counts = [
-            f"{row['intruded']}/{row['pictures']}",
+            f"{row['without_depth']}/{row['pictures']}",
+            row["intruded"],
             *(row[name] for name in ("false_alarms", "clear_false_alarms")),
             *(row[name] for name in ("misses", "clear_misses")),
             row["nearest_error_m"],

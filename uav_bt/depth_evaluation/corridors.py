@@ -30,13 +30,18 @@ def _silent(_stage: str, _done: int, _total: int) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorRow:
-    """How often the corridor in a method's depth is wrong."""
+    """How often the corridor in a method's depth is wrong.
+
+    Pictures without any depth are not counted as seen wrongly: a flight then has no corridor, knows
+    it, and stops.
+    """
 
     method: str
     front_m: float  # the front plane, from the drone's centre
     focal_factor: float  # f of the estimated corridor; the true one has f = 1
     pictures: int
-    intruded: int  # pictures with a true intrusion
+    without_depth: int  # of these; the figures below are about the others
+    intruded: int  # with a true intrusion
     false_alarms: int  # an intrusion that is none
     misses: int  # a true intrusion that is not seen
     # Likewise, where walls a hand's breadth further in or out would not have changed the truth.
@@ -67,11 +72,12 @@ def corridor_table(
     for done, config in enumerate(settings, start=1):
         truths = [_truths(picture, config) for picture in pictures]
         for name, found in maps.items():
-            seen = [
-                _seen(picture, map_, masks, config)
-                for picture, map_ in zip(pictures, found, strict=True)
+            told = [
+                (_seen(picture, map_, masks, config), truth)
+                for picture, map_, truth in zip(pictures, found, truths, strict=True)
+                if np.isfinite(map_.depth).any()
             ]
-            rows.append(_row(name, config, seen, truths))
+            rows.append(_row(name, config, told, len(pictures)))
         advance("corridor", done, len(settings))
     return rows
 
@@ -118,27 +124,28 @@ def _seen(picture: Picture, depth: DepthMap, masks: Masks, config: CorridorConfi
 
 
 def _row(
-    name: str, config: CorridorConfig, seen: Sequence[Corridor], truths: Sequence[_Truth]
+    name: str, config: CorridorConfig, told: Sequence[tuple[Corridor, _Truth]], pictures: int
 ) -> CorridorRow:
     alarm, real, narrow, wide = (
-        np.array([corridor.nearest_side is not None for corridor in corridors])
+        np.array([corridor.nearest_side is not None for corridor in corridors], dtype=bool)
         for corridors in (
-            seen,
-            [truth.exact for truth in truths],
-            [truth.narrow for truth in truths],
-            [truth.wide for truth in truths],
+            [seen for seen, _ in told],
+            [truth.exact for _, truth in told],
+            [truth.narrow for _, truth in told],
+            [truth.wide for _, truth in told],
         )
     )
     errors_m = [
-        abs(mine.nearest_m - truth.exact.nearest_m)
-        for mine, truth in zip(seen, truths, strict=True)
-        if mine.nearest_side is not None and truth.exact.nearest_side is not None
+        abs(seen.nearest_m - truth.exact.nearest_m)
+        for seen, truth in told
+        if seen.nearest_side is not None and truth.exact.nearest_side is not None
     ]
     return CorridorRow(
         method=name,
         front_m=config.front_m,
         focal_factor=config.focal_factor,
-        pictures=len(seen),
+        pictures=pictures,
+        without_depth=pictures - len(told),
         intruded=int(real.sum()),
         false_alarms=int((alarm & ~real).sum()),
         misses=int((~alarm & real).sum()),
