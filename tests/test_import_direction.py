@@ -22,6 +22,7 @@ FLOOR_FOUR = {
     for name in (
         *("app", "calibrated_drone", "campaigning", "cli", "watching"),
         *("depth_evaluation", "depth_training", "footage", "perceiving", "training"),
+        *("recording", "replaying"),
     )
 }
 # Networks are made and trained there; what flies them needs no torch.

@@ -12,10 +12,11 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,10 +31,15 @@ from uav_bt.mission.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
 from uav_bt.protocols import Drone, DroneOptions, LeafPolicy, Referee, Segmenter
+from uav_bt.record.channels import need_extra
+from uav_bt.record.config import Quality
 from uav_bt.report.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree_files import resolve_tree
 from uav_bt.types import ClassMap, Frame
+
+if TYPE_CHECKING:
+    from uav_bt.recording import FlightRecord
 
 __all__ = [
     "ExactSegmenter",
@@ -60,6 +66,8 @@ class FlightOptions:
     inference_threads: int = 1  # one, so that a flight does not depend on the load
     camera: Path | None = None  # a camera file in place of the intrinsics the drone tells itself
     exact_masks: bool = False  # simulated drones: fly on the referee's masks instead of a network
+    record: Path | None = None  # where the flight's record goes, an MCAP file; None keeps none
+    record_quality: Quality = "lossless"  # of its pictures; only lossless ones replay exactly
     limits: Limits = field(default_factory=Limits)
     runner: RunnerConfig = field(default_factory=RunnerConfig)
     judge: JudgeConfig = field(default_factory=JudgeConfig)
@@ -180,19 +188,40 @@ def fly(
     if report is not None and not report.parent.is_dir():
         raise FileError(report, f"folder {report.parent} does not exist; create it first")
     drone = make_drone(options)
-    drone.connect()
-    try:
-        return _fly_connected(
+    with ExitStack() as stack:
+        record = (
+            None
+            if options.record is None
+            else stack.enter_context(_record(options.record, options))
+        )
+        stack.callback(drone.disconnect)
+        drone.connect()
+        flown = _fly_connected(
             mission,
             path,
             drone,
             options,
             report_path=report,
+            record=record,
             listeners=listeners,
             tree_listeners=tree_listeners,
         )
-    finally:
-        drone.disconnect()
+        if record is not None:
+            record.conclude(flown)
+        return flown
+
+
+def _record(file: Path, options: FlightOptions) -> FlightRecord:
+    if not file.parent.is_dir():
+        raise FileError(file, f"folder {file.parent} does not exist; create it first")
+    need_extra()
+    from uav_bt.recording import FlightRecord  # noqa: PLC0415 - most flights need no such extra
+
+    told = asdict(options)
+    del told["record"]
+    return FlightRecord(
+        file, told, quality=options.record_quality, stands_still=not options.realtime
+    )
 
 
 def _fly_connected(
@@ -202,6 +231,7 @@ def _fly_connected(
     options: FlightOptions,
     *,
     report_path: Path | None,
+    record: FlightRecord | None,
     listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None,
     tree_listeners: Callable[[MissionTree, MissionContext], Sequence[TickListener]] | None,
 ) -> FlightReport:
@@ -218,6 +248,7 @@ def _fly_connected(
     log = FlightLog()
     followers = [
         log,
+        *(() if record is None else (record.begin(mission, path, drone, context),)),
         *(listeners(drone, context) if listeners else ()),
         *(tree_listeners(mission, context) if tree_listeners else ()),
     ]

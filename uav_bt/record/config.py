@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.record.pictures import Quality
 
-__all__ = ["RecordConfig"]
+__all__ = ["Quality", "RecordConfig"]
+
+Quality = Literal["lossless", "high"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,8 @@ import numpy as np
 from foxglove import messages as foxglove
 from numpy.typing import NDArray
 
-from uav_bt.record.pictures import Quality, RawPicture, encode_image
+from uav_bt.record.config import Quality
+from uav_bt.record.pictures import RawPicture, encode_image
 from uav_bt.types import Attitude, CameraModel, Pose
 
 __all__ = [

@@ -73,7 +73,7 @@ class RecordReader:
             self.timeline = Timeline(
                 start_ns=int(self.metadata["start_ns"]), start_s=float(self.metadata["start_s"])
             )
-            self.camera = decode(CameraModel, json.loads(self.metadata["camera"]))
+            self.camera = decode(CameraModel, json.loads(self.metadata["camera_model"]))
         except (KeyError, ValueError, InputError) as error:
             raise FileError(path, f"the record's metadata is damaged: {error}") from error
 

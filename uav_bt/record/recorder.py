@@ -106,7 +106,7 @@ class FlightRecorder:
                 "schema_version": str(SCHEMA_VERSION),
                 "start_ns": str(at_ns),
                 "start_s": repr(float(self._timeline.start_s)),
-                "camera": dump(encode(camera)).decode(),
+                "camera_model": dump(encode(camera)).decode(),
             },
         )
         for attachment in facts.attachments:
