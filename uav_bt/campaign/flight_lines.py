@@ -40,7 +40,7 @@ METRICS: Final = (
 _OUTCOMES: Final = frozenset(outcome.value for outcome in Outcome)
 # How long computing took and what the machine was doing meanwhile: no two runs agree on these.
 _OF_THE_CLOCK_ON_THE_WALL: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
-_WORDS: Final = ("reason", "drone", "record", "details")
+_WORDS: Final = ("reason", "drone", "record", "details", "profile")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,12 +92,21 @@ def _check(flight: dict[str, Any]) -> None:
     if flight.get("outcome") not in _OUTCOMES:
         known = ", ".join(sorted(_OUTCOMES))
         raise InputError(f"unknown outcome {flight.get('outcome')!r} (known: {known})")
-    for name in (*METRICS, "wall_s"):
-        if not _is_number(flight.get(name, 0.0)):
-            raise InputError(f"'{name}' must be a number or null, got {flight[name]!r}")
+    _check_numbers(flight)
     for name in _WORDS:
         if not isinstance(flight.get(name) or "", str):
             raise InputError(f"'{name}' must be a text, got {flight[name]!r}")
+
+
+def _check_numbers(flight: dict[str, Any]) -> None:
+    for name in (*METRICS, "wall_s"):
+        if not _is_number(flight.get(name, 0.0)):
+            raise InputError(f"'{name}' must be a number or null, got {flight[name]!r}")
+    stages = flight.get("perception_ms") or {}
+    if not isinstance(stages, dict) or not all(map(_are_times, stages.values())):
+        raise InputError("'perception_ms' must hold p50, p99 and max by stage")
+    if not _are_times(flight.get("tick_ms")):
+        raise InputError("'tick_ms' must hold p50, p99 and max")
     path = flight.get("path") or []
     if not isinstance(path, list) or not all(_is_point(point) for point in path):
         raise InputError("'path' must be a list of [t, x, y, z]")
@@ -106,6 +115,14 @@ def _check(flight: dict[str, Any]) -> None:
 def _is_number(value: Any) -> bool:
     plain = isinstance(value, (int, float)) and not isinstance(value, bool)
     return value is None or (plain and math.isfinite(value))
+
+
+def _are_times(value: Any) -> bool:
+    return value is None or (
+        isinstance(value, dict)
+        and all(name in value and _is_number(value[name]) for name in ("p50", "p99", "max"))
+        and None not in value.values()
+    )
 
 
 def _is_point(point: Any) -> bool:

@@ -29,6 +29,7 @@ _COMMANDS: Final = {
     "pick": "uav_bt.cli.pick:pick",
     "log": "uav_bt.cli.log:log",
     "campaign": "uav_bt.cli.campaign:campaign",
+    "report": "uav_bt.cli.report:report",
     "train": "uav_bt.cli.train:train",
     "evaluate": "uav_bt.cli.evaluate:evaluate",
 }

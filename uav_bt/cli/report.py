@@ -1,0 +1,33 @@
+"""`uav-bt report`: what came of campaigns, on one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from uav_bt.cli.options import output_option
+from uav_bt.cli.progress import need
+
+__all__ = ["report"]
+
+
+@click.command()
+@click.argument(
+    "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+@output_option("--out", "The HTML page; pictures and tables go beside it. Default: DIR/report.html")
+def report(*, sources: tuple[Path, ...], out: Path | None) -> None:
+    """Write the report of campaigns, their trees side by side.
+
+    DIR is the folder of a `uav-bt campaign`, or a file with a flight a line. The page needs nothing
+    but itself; its pictures (PNG) and tables (CSV) are written beside it as well.
+    """
+    need("campaign", "matplotlib")
+    from uav_bt import campaigning  # noqa: PLC0415 - `--help` need not wait for it
+
+    written = campaigning.report(
+        sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True)
+    )
+    for file in (written.page, *written.pictures, *written.tables):
+        click.echo(file)
