@@ -1,0 +1,207 @@
+"""Where a view goes: into a file, into Rerun's own window, or into a browser. Loopback only.
+
+The viewer is a process of its own, told to listen on loopback: Rerun's default is every interface.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from uav_bt.errors import FileError, InputError, MissingDependencyError, UavBtError
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+__all__ = ["Viewer", "has_display", "need_display", "need_rerun", "saved", "viewer_command"]
+
+_APPLICATION: Final = "uav_bt"
+_LOOPBACK: Final = "127.0.0.1"
+_FOOTER: Final = b"RRF2FOOT"  # near the end of a whole file
+_END_BYTES: Final = 32
+_FILE_S: Final = 120.0  # for what is still on its way to the disk
+_FLUSH_S: Final = 20.0  # for what is still on its way to a viewer that may be gone
+
+
+def need_rerun() -> None:
+    """Make sure that Rerun is installed.
+
+    Raises:
+        MissingDependencyError: it is not.
+    """
+    if importlib.util.find_spec("rerun") is None:
+        raise MissingDependencyError("views need Rerun: pip install 'uav-bt[view]'")
+
+
+def has_display(environment: Mapping[str, str] | None = None) -> bool:
+    """Return whether a window can open here."""
+    given = os.environ if environment is None else environment
+    return sys.platform == "darwin" or bool(given.get("DISPLAY") or given.get("WAYLAND_DISPLAY"))
+
+
+def need_display(environment: Mapping[str, str] | None = None) -> None:
+    """Make sure that a window can open here.
+
+    Raises:
+        InputError: it cannot.
+    """
+    if not has_display(environment):
+        raise InputError(
+            "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set): "
+            "--web shows it in a browser, --save FILE.rrd keeps it for `rerun FILE.rrd` elsewhere"
+        )
+
+
+@contextmanager
+def saved(path: Path) -> Iterator[rr.RecordingStream]:
+    """Write what is drawn inside into an rrd file; it appears whole or not at all.
+
+    Args:
+        path: ends in .rrd; an existing file is replaced when the new one is whole.
+
+    Raises:
+        FileError: the file cannot be written.
+        MissingDependencyError: Rerun is not installed.
+    """
+    need_rerun()
+    import rerun as rr  # noqa: PLC0415 - only views need it
+
+    if path.suffix.lower() != ".rrd":
+        raise FileError(path, "a view's name must end in .rrd")
+    partial = path.with_name(path.name + ".part")
+    try:
+        partial.touch()
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+    try:
+        stream = rr.RecordingStream(_APPLICATION)
+        stream.save(partial)
+        yield stream
+        _finish(path, stream)
+        _check_whole(path, partial)
+        partial.replace(path)
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _finish(path: Path, stream: rr.RecordingStream) -> None:
+    try:
+        stream.flush(timeout_sec=_FILE_S)
+    except RuntimeError as error:  # what Rerun raises when its writer gave up
+        raise FileError(path, f"cannot be written to the end: {error}") from error
+    finally:
+        stream.disconnect()
+
+
+def _check_whole(path: Path, partial: Path) -> None:
+    """Refuse a file that a full disk cut short: Rerun writes in a thread and only logs that."""
+    with partial.open("rb") as file:
+        file.seek(-min(_END_BYTES, partial.stat().st_size), os.SEEK_END)
+        end = file.read()
+    if _FOOTER not in end:
+        raise FileError(path, "could not be written to the end; is the disk full?")
+
+
+class Viewer:
+    """A viewer's process, and the recording that it shows.
+
+    Args:
+        web: serve a browser instead of opening a window.
+        port: where the viewer receives; 0 for any that is free.
+        web_port: where the browser finds it; 0 for any that is free.
+
+    Raises:
+        InputError: a port is taken.
+        MissingDependencyError: Rerun is not installed.
+        UavBtError: the viewer cannot be started.
+    """
+
+    def __init__(self, *, web: bool, port: int = 0, web_port: int = 0) -> None:
+        need_rerun()
+        import rerun as rr  # noqa: PLC0415 - only views need it
+
+        self.port = _free_port(port)
+        self._web_port = _free_port(web_port) if web else None
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - Rerun's own program
+                viewer_command(self.port, self._web_port),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+        except OSError as error:
+            raise UavBtError(f"Rerun's viewer cannot be started: {error}") from error
+        self.stream = rr.RecordingStream(_APPLICATION)
+        self.stream.connect_grpc(self._address)
+
+    @property
+    def _address(self) -> str:
+        return f"rerun+http://{_LOOPBACK}:{self.port}/proxy"
+
+    @property
+    def url(self) -> str | None:
+        """Where a browser on this machine finds the view; None for a window."""
+        if self._web_port is None:
+            return None
+        return f"http://{_LOOPBACK}:{self._web_port}/?url={self._address.replace('+', '%2B')}"
+
+    def wait(self) -> None:
+        """Return when the viewer was closed."""
+        self._process.wait()
+
+    def close(self, *, end: bool) -> None:
+        """Hand over what is still on its way; safe to call twice.
+
+        Args:
+            end: end the viewer, too.
+        """
+        if self._process.poll() is None:
+            with suppress(RuntimeError):  # the window was closed: nobody is there to be told
+                self.stream.flush(timeout_sec=_FLUSH_S)
+        self.stream.disconnect()
+        if end and self._process.poll() is None:
+            self._process.terminate()
+            self._process.wait()
+
+
+def viewer_command(port: int, web_port: int | None) -> list[str]:
+    """Return the command that starts a viewer on loopback.
+
+    Raises:
+        MissingDependencyError: Rerun's program is not where its wheel puts it.
+    """
+    found = importlib.util.find_spec("rerun_cli")
+    homes = found.submodule_search_locations if found is not None else None
+    program = Path((homes or ["rerun_cli"])[0]) / "rerun"
+    if not program.is_file():
+        raise MissingDependencyError(
+            f"Rerun's viewer is not at {program}: pip install --force-reinstall rerun-sdk"
+        )
+    command = [str(program), "--bind", _LOOPBACK, "--port", str(port)]
+    if web_port is None:
+        return [*command, "--hide-welcome-screen", "--expect-data-soon"]
+    return [*command, "--serve-web", "--web-viewer-port", str(web_port)]
+
+
+def _free_port(port: int) -> int:
+    """Return a port that is free; 0 asks for any.
+
+    Raises:
+        InputError: it is taken.
+    """
+    with socket.socket() as probe:
+        try:
+            probe.bind((_LOOPBACK, port))
+        except OSError as error:
+            raise InputError(
+                f"port {port} cannot be used ({error.strerror}); name another"
+            ) from error
+        return int(probe.getsockname()[1])

@@ -1,0 +1,143 @@
+"""Ways to view a flight in Rerun, composed: live, into a file, or from a record.
+
+with viewing.saved_view(Path("flight.rrd"), title="tour") as view:
+    app.fly("explore_and_land_segmentation", listeners=view, tree_listeners=view.show_tree)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from behaviours.perceive_depth import BuildCorridor
+from perception.classes import CLASS_COLOURS, CLASS_NAMES
+from uav_bt.board import METRIC_DEPTH
+from uav_bt.errors import MissionError
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.runner import TickListener
+from uav_bt.protocols import Drone
+from uav_bt.tree import MissionTree, Status
+from uav_bt.types import CameraModel
+from uav_bt.view.map import LabMap
+from uav_bt.viewer import sinks
+from uav_bt.watching import corridor_marker, lab_map_of
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+    from uav_bt.viewer.setting import CorridorSize, ViewSetting
+
+__all__ = ["ViewListeners", "corridor_size", "live_view", "saved_view", "setting_of"]
+
+
+class ViewListeners:
+    """What `app.fly` takes as `listeners`, with a Rerun recording behind it.
+
+    Args:
+        stream: where to draw.
+        title: the recording's name.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, title: str) -> None:
+        self._stream = stream
+        self._title = title
+        self._drone: Drone | None = None
+
+    def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        """Take note of a connected drone; drawing begins with its tree."""
+        del context
+        self._drone = drone
+        return []
+
+    def show_tree(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
+        """What `app.fly` takes as `tree_listeners`: begin to draw.
+
+        Raises:
+            MissionError: the drone is not known yet.
+        """
+        from uav_bt.viewer.flight_view import FlightView  # noqa: PLC0415 - needs Rerun
+        from uav_bt.viewer.layout import layout  # noqa: PLC0415
+
+        if self._drone is None:
+            raise MissionError("a view needs the drone first: give it to `app.fly` as `listeners`")
+        setting = setting_of(
+            tree, self._drone.camera, lab_map=lab_map_of(self._drone), title=self._title
+        )
+        nodes = tuple(tree.nodes())
+
+        def statuses() -> Mapping[str, Status]:
+            return {node.path: node.status for node in nodes}
+
+        self._stream.send_blueprint(layout(setting))
+        return [FlightView(self._stream, setting, context.board, statuses)]
+
+
+def setting_of(
+    tree: MissionTree, camera: CameraModel, *, lab_map: LabMap | None, title: str = ""
+) -> ViewSetting:
+    """Return what a view shows of a mission that does not change while it is flown.
+
+    Args:
+        tree: the mission.
+        camera: intrinsics at the frames' size.
+        lab_map: what stands in the lab; None where nobody knows.
+        title: the recording's name.
+    """
+    from uav_bt.viewer.setting import ViewSetting, tree_nodes  # noqa: PLC0415 - needs Rerun
+
+    return ViewSetting(
+        camera=camera,
+        class_names=CLASS_NAMES,
+        class_colours=CLASS_COLOURS,
+        title=title,
+        lab_map=lab_map,
+        tree=tree_nodes(tree),
+        makes_depth=any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves()),
+        corridor=corridor_size(tree),
+        intruding=corridor_marker(tree, camera),
+    )
+
+
+def corridor_size(tree: MissionTree) -> CorridorSize | None:
+    """Return the corridor that a tree asks for; None where it does not build one, ours."""
+    from uav_bt.viewer.setting import CorridorSize  # noqa: PLC0415
+
+    leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
+    if len(leaves) != 1:
+        return None
+    told = leaves[0].port_value
+    return CorridorSize(side_m=told("side_m"), front_m=told("front_m"), up_down_m=told("up_down_m"))
+
+
+@contextmanager
+def saved_view(path: Path, *, title: str = "") -> Iterator[ViewListeners]:
+    """Write the view of the flight that is flown inside.
+
+    Args:
+        path: the rrd file; it appears, whole, at the end.
+        title: the recording's name.
+
+    Raises:
+        FileError: the file cannot be written.
+        MissingDependencyError: Rerun is not installed.
+    """
+    with sinks.saved(path) as stream:
+        yield ViewListeners(stream, title)
+
+
+@contextmanager
+def live_view(*, title: str = "") -> Iterator[ViewListeners]:
+    """Open Rerun's window and show the flight that is flown inside; the window stays.
+
+    Raises:
+        InputError: there is no display.
+        MissingDependencyError: Rerun is not installed.
+    """
+    sinks.need_display()
+    viewer = sinks.Viewer(web=False)
+    try:
+        yield ViewListeners(viewer.stream, title)
+    finally:
+        viewer.close(end=False)
