@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import platform
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -83,6 +84,9 @@ def campaign(
         answers = backend.run(fly, _with_records(plan, store.folder, left), plan.timeout_s)
         for task, answer in answers:
             flight = flown_line(task, answer)
+            if task.record is not None:
+                # Relative, so that the folder may move.
+                flight["record"] = f"{RECORDS_FOLDER}/{Path(task.record).name}"
             store.keep(flight)
             done[task.key] = flight
             on_flight(flight, True)
@@ -96,8 +100,9 @@ def _with_records(
     if plan.record and tasks:
         records.mkdir(exist_ok=True)
     for task in tasks:
-        name = f"{Path(task.tree).stem}-{task.scene}-{task.seed}.mcap"
-        yield replace(task, record=str(records / name)) if plan.record else task
+        # A scene may be called anything.
+        name = re.sub(r"[^\w.-]+", "_", f"{Path(task.tree).stem}-{task.scene}-{task.seed}")
+        yield replace(task, record=str(records / f"{name}.mcap")) if plan.record else task
 
 
 def _notes(store: CampaignStore, *, going_on: bool) -> list[str]:

@@ -35,6 +35,7 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
         policies=task.policies,
         image_size_px=task.image_size_px,
         exact_masks=task.exact_masks,
+        record=None if task.record is None else Path(task.record),
     )
     keeper = PathKeeper()
 

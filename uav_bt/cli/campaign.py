@@ -82,6 +82,7 @@ __all__ = ["campaign"]
     show_default=True,
     help="Wall time after which a flight counts as hung.",
 )
+@click.option("--record", is_flag=True, help="Keep a record of every flight in DIR/records.")
 @click.option(
     "--fail-under",
     metavar="PERCENT",
@@ -106,6 +107,7 @@ def campaign(
     backend: str,
     address: str | None,
     timeout_s: float,
+    record: bool,
     fail_under: float | None,
 ) -> None:
     """Fly missions many times and keep every flight.
@@ -143,6 +145,7 @@ def campaign(
             image_size_px=image_size,
             exact_masks=exact_masks,
             timeout_s=timeout_s,
+            record=record,
         )
         folder = out or Path("runs") / "-".join(Path(tree.name).stem for tree in plan.trees)
     result = _fly(ctx, plan, folder, _backend(workers, address))

@@ -25,6 +25,11 @@ class Provenance:
     plan: CampaignPlan | None  # None for a plain file of flights
     runs: tuple[dict[str, Any], ...]  # when, where and of which commit it was flown
 
+    @property
+    def folder(self) -> Path:
+        """The folder that it lies in, or is."""
+        return self.path if self.path.is_dir() else self.path.parent
+
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSet:

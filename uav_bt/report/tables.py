@@ -149,7 +149,7 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
             flight["outcome"].replace("_", " "),
             flight.get("reason"),
             flight.get("duration_s"),
-            _record(flight, page),
+            _record(one, flight, page),
             repeat_command(one, flight),
         )
         for one in sets
@@ -168,11 +168,13 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
     )
 
 
-def _record(flight: dict[str, Any], page: Path) -> Link | None:
-    record = flight.get("record")
-    if not record or not Path(record).is_file():
+def _record(one: FlightSet, flight: dict[str, Any], page: Path) -> Link | None:
+    if not flight.get("record"):
         return None
-    target = os.path.relpath(Path(record).resolve(), page.resolve().parent)
+    record = one.source.folder / flight["record"]
+    if not record.is_file():
+        return None
+    target = os.path.relpath(record.resolve(), page.resolve().parent)
     return Link(text="record", target=Path(target).as_posix())
 
 
