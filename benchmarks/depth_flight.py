@@ -1,0 +1,114 @@
+"""Measure metric depth as a flight has it: telemetry's errors, the memory of obstacles, and all.
+
+    python benchmarks/depth_flight.py TREE --scene val-a val-b
+    python benchmarks/depth_flight.py TREE --masks exact      # quicker, without a segmentation net
+
+TREE is any mission file with EstimateDepth. "Cut off" are boxes whose lower end is below the image.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.classes import BOXES, CARPET
+from uav_bt import app
+from uav_bt.board import CORRIDOR, FRAME, METRIC_DEPTH
+from uav_bt.mission.context import MissionContext
+from uav_bt.mission.runner import TickRecord
+from uav_bt.protocols import Drone
+
+NEAR_M = 5.0
+FLYING_M = 1.0  # lower than this it takes off or lands
+
+
+class Comparison:
+    """Compares every n-th frame's depth with the truth."""
+
+    def __init__(self, every: int) -> None:
+        self._every = every
+        self._last = -1
+        self._drone: Drone | None = None
+        self._mission: MissionContext | None = None
+        self.errors: dict[str, list[NDArray[Any]]] = defaultdict(list)
+        self.free_m: list[float] = []
+
+    def follow(self, drone: Drone, mission: MissionContext) -> Sequence[Comparison]:
+        """Become a listener of a flight."""
+        self._drone, self._mission, self._last = drone, mission, -1
+        return (self,)
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Compare the tick's depth, if it is a new one."""
+        del record
+        if self._drone is None or self._mission is None or self._drone.referee is None:
+            return
+        board, referee = self._mission.board, self._drone.referee
+        depth, frame = board.read(METRIC_DEPTH).value, board.read(FRAME).value
+        if depth is None or frame is None or depth.captured_s != frame.captured_s:
+            return
+        low = frame.height_above_carpet_m < FLYING_M
+        if low or frame.index == self._last or frame.index % self._every:
+            return
+        self._last = frame.index
+        height_px, width_px = depth.depth.shape
+        ids = referee.class_ids(frame, width_px, height_px)
+        true = referee.depth(frame, width_px, height_px)
+        cut = np.isin(ids, [box for box in BOXES if (ids[-1] == box).any()])
+        sides = np.isin(ids, BOXES) & (true < NEAR_M)
+        error = depth.depth - true
+        for name, where in (
+            ("sides, standing", sides & ~cut),
+            ("sides, cut off", sides & cut),
+            ("carpet", ids == CARPET),
+        ):
+            self.errors[name].append(error[where])
+        corridor = board.read(CORRIDOR).value
+        if corridor is not None and corridor.captured_s == depth.captured_s:
+            self.free_m.append(corridor.free_distance_m)
+
+    def show(self) -> None:
+        """Print what was found."""
+        for name, pieces in self.errors.items():
+            error = np.concatenate(pieces)
+            known = error[np.isfinite(error)]
+            if not known.size:
+                print(f"  {name:<16} nothing known of {error.size} px")
+                continue
+            print(
+                f"  {name:<16} median {np.median(np.abs(known)):.3f} m  "
+                f"mean {np.abs(known).mean():.3f} m  p95 {np.percentile(np.abs(known), 95):.3f} m  "
+                f"bias {known.mean():+.3f} m  known {known.size / error.size:6.1%}"
+            )
+        if self.free_m:
+            none = float(np.mean(np.array(self.free_m) == 0.0))
+            print(f"  corridor: nothing free for sure in {none:.1%} of {len(self.free_m)} frames")
+
+
+def main() -> None:
+    """Fly and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("tree")
+    parser.add_argument("--scene", nargs="+", default=["val-a", "val-b"])
+    parser.add_argument("--masks", choices=("exact", "unet"), default="unet")
+    parser.add_argument("--seed", type=int, default=3)
+    parser.add_argument("--every", type=int, default=5, help="compare each n-th frame")
+    arguments = parser.parse_args()
+    for scene in arguments.scene:
+        comparison = Comparison(arguments.every)
+        options = app.FlightOptions(
+            scene=scene, seed=arguments.seed, exact_masks=arguments.masks == "exact"
+        )
+        report = app.fly(arguments.tree, options, listeners=comparison.follow)
+        print(f"{scene}, {arguments.masks} masks, seed {arguments.seed}: {report.outcome}")
+        comparison.show()
+        print(f"  ms: { ({name: p and p.p50 for name, p in report.perception_ms.items()}) }")
+
+
+if __name__ == "__main__":
+    main()
