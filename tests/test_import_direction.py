@@ -20,9 +20,9 @@ FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "cloc
 FLOOR_FOUR = {
     f"uav_bt.{name}"
     for name in (
-        *("app", "calibrated_drone", "campaigning", "cli", "watching"),
+        *("app", "calibrated_drone", "campaigning", "cli", "viewing", "watching"),
         *("depth_evaluation", "depth_training", "footage", "perceiving", "training"),
-        *("recording", "replaying"),
+        *("dataset", "recording", "replaying"),
     )
 }
 # Networks are made and trained there; what flies them needs no torch.
