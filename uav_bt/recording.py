@@ -25,6 +25,7 @@ import yaml
 
 import uav_bt
 from sim_bridge.twin.scene import Scene
+from uav_bt.errors import FileError
 from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Drone
 from uav_bt.record.config import Quality, RecordConfig
@@ -133,15 +134,20 @@ class FlightRecord:
         config = RecordConfig(
             quality=self._quality, wait=self._stands_still and drone.referee is not None
         )
-        self._recorder = FlightRecorder(
-            RecordFile(self._path),
-            tree,
-            context,
-            drone.camera,
-            facts,
-            start_ns=self._wall_clock_ns(),
-            config=config,
-        )
+        file = RecordFile(self._path)
+        try:
+            self._recorder = FlightRecorder(
+                file,
+                tree,
+                context,
+                drone.camera,
+                facts,
+                start_ns=self._wall_clock_ns(),
+                config=config,
+            )
+        except OSError as error:
+            file.abandon()
+            raise FileError(self._path, f"cannot be written: {error.strerror}") from error
         return self._recorder
 
     def conclude(self, report: FlightReport) -> None:

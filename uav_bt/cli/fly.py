@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from itertools import combinations
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import click
 
@@ -49,6 +49,14 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     help="A camera file of `uav-bt calibrate`: frames are undistorted with it.",
 )
 @output_option("--report", "Write the flight's report there, as JSON.")
+@output_option("--record", "Keep the flight's record: an MCAP file, for viewers and for replay.")
+@click.option(
+    "--quality",
+    type=click.Choice(["lossless", "high"]),
+    default="lossless",
+    show_default=True,
+    help="Of the record's pictures: exact, or small.",
+)
 @output_option("--video", "Film the flight: an mp4 file.")
 @output_option("--btlog", "Log what each node does: a .btlog file, which Groot2 replays.")
 @click.option(
@@ -89,6 +97,8 @@ def fly(
     policies: dict[str, str],
     camera: Path | None,
     report: Path | None,
+    record: Path | None,
+    quality: Literal["lossless", "high"],
     video: Path | None,
     btlog: Path | None,
     groot: int | None,
@@ -106,6 +116,7 @@ def fly(
     """
     written = {
         "report": report,
+        "record": record,
         "video": video,
         "btlog": btlog,
         "footage": footage,
@@ -136,6 +147,8 @@ def fly(
         camera=camera,
         realtime=realtime,
         inference_threads=threads,
+        record=record,
+        record_quality=quality,
     )
     with ExitStack() as stack:
         watchers: list[watching.Listeners] = [stack.enter_context(watching.live_status())]

@@ -157,17 +157,24 @@ class RecordReader:
             if message.time_ns >= start_ns and (end_ns is None or message.time_ns < end_ns):
                 yield message
 
-    def _found_by_scan(self) -> Iterator[StoredMessage]:
-        from mcap.records import Channel, Message  # noqa: PLC0415 - an extra
+    def raw_messages(self) -> Iterator[tuple[Any, Any, Any]]:
+        """Yield schema, channel and message, as the `mcap` package has them, in file order."""
+        from mcap.records import Channel, Message, Schema  # noqa: PLC0415 - an extra
 
-        topics: dict[int, str] = {}
+        schemas: dict[int, Any] = {}
+        found: dict[int, Any] = {}
         for record in self._scan:
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                found[record.id] = record
             elif isinstance(record, Message):
-                yield StoredMessage(
-                    topic=topics[record.channel_id], time_ns=record.log_time, data=record.data
-                )
+                channel = found[record.channel_id]
+                yield schemas[channel.schema_id], channel, record
+
+    def _found_by_scan(self) -> Iterator[StoredMessage]:
+        for _, channel, message in self.raw_messages():
+            yield StoredMessage(topic=channel.topic, time_ns=message.log_time, data=message.data)
 
     def _found_by_index(
         self, topics: Collection[str] | None, start_ns: int, end_ns: int | None

@@ -22,7 +22,7 @@ from uav_bt.record.timeline import Timeline
 from uav_bt.record.values import dump, encode
 from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel, Land, TakeOff
+from uav_bt.types import CameraModel, CutMotors, Land, Movement, Release, TakeOff
 
 __all__ = ["FlightFacts", "FlightRecorder", "RecordLosses"]
 
@@ -87,6 +87,7 @@ class FlightRecorder:
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
         self._phase = ""
         self._override: str | None = None
+        self._movement: type[Movement] | None = None
         self._ended = False
         self.losses = RecordLosses()
         self._lines: list[LogLine] = []
@@ -156,10 +157,11 @@ class FlightRecorder:
         if override != self._override:
             self._override = override
             self._say("Warning", f"override: {override}" if override else "override over")
-        movement = record.command.movement
-        if isinstance(movement, TakeOff | Land):
-            name = "take-off" if isinstance(movement, TakeOff) else "land"
-            self._say("Info", f"sent: {name}")
+        kind = type(record.command.movement)
+        if kind is not self._movement:
+            self._movement = kind
+            if kind in {TakeOff, Land, Release, CutMotors}:
+                self._say("Info", f"sent: {kind.__name__}")
 
     def _say(self, level: str, message: str) -> None:
         self._lines.append(LogLine(level=level, message=message, name=_RUNNER))

@@ -1,0 +1,95 @@
+"""What is in a record."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from uav_bt.record import channels
+from uav_bt.record.channels import CHANNELS
+from uav_bt.record.reader import RecordReader
+
+__all__ = ["ChannelInfo", "RecordInfo", "record_info"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelInfo:
+    """One channel of a record."""
+
+    topic: str
+    content: str  # the schema's name
+    messages: int
+    rate_hz: float  # over the whole record
+    bytes: int  # of the messages, before they were compressed
+    dropped: int  # messages that were left out
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordInfo:
+    """A whole record."""
+
+    path: str
+    bytes: int
+    finished: bool  # False: the flight was killed, or the disk was full
+    start_s: float  # mission time of the first message
+    duration_s: float
+    ticks: int
+    channels: tuple[ChannelInfo, ...]
+    metadata: dict[str, str]
+    end: dict[str, str] | None  # None when it is not finished
+    attachments: dict[str, int]  # bytes by name
+    lost_ticks: int
+    damages: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as plain JSON values."""
+        return asdict(self)
+
+
+def record_info(path: Path) -> RecordInfo:
+    """Return what is in a record; reads all of it, so that no damage is missed.
+
+    Raises:
+        FileError: it cannot be read, is no flight record, or is of a newer version.
+    """
+    reader = RecordReader(path)
+    counts: Counter[str] = Counter()
+    sizes: Counter[str] = Counter()
+    first_ns, last_ns = None, 0
+    for message in reader.messages():
+        counts[message.topic] += 1
+        sizes[message.topic] += len(message.data)
+        first_ns = message.time_ns if first_ns is None else min(first_ns, message.time_ns)
+        last_ns = max(last_ns, message.time_ns)
+    damages = reader.damages
+    end = reader.end
+    dropped: dict[str, int] = json.loads((end or {}).get("dropped", "{}"))
+    start_ns = reader.timeline.start_ns if first_ns is None else first_ns
+    duration_s = max(0.0, (last_ns - start_ns) / 1e9)
+    return RecordInfo(
+        path=str(path),
+        bytes=path.stat().st_size,
+        finished=reader.finished,
+        start_s=reader.timeline.start_s + reader.timeline.since_start(start_ns),
+        duration_s=duration_s,
+        ticks=counts[channels.TICK.topic],
+        channels=tuple(
+            ChannelInfo(
+                topic=topic,
+                content=CHANNELS[topic].schema_name if topic in CHANNELS else "",
+                messages=counts[topic],
+                rate_hz=round(counts[topic] / duration_s, 2) if duration_s > 0.0 else 0.0,
+                bytes=sizes[topic],
+                dropped=dropped.get(topic, 0),
+            )
+            for topic in sorted({*counts, *dropped})
+        ),
+        metadata=reader.metadata,
+        end=None if end is None else dict(end),
+        attachments={name: len(item.data) for name, item in reader.attachments.items()},
+        lost_ticks=int((end or {}).get("lost_ticks", "0")),
+        damages=damages,
+    )
