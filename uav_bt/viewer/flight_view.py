@@ -30,6 +30,7 @@ class FlightView:
         setting: what does not change while the flight lasts.
         board: of the mission, as it is after each tick.
         statuses: returns the nodes' statuses by path, as they are after each tick.
+        start_s: where the timeline has its zero, of the mission clock; None: at the first tick.
     """
 
     def __init__(
@@ -38,6 +39,8 @@ class FlightView:
         setting: ViewSetting,
         board: Blackboard,
         statuses: Callable[[], Mapping[str, Status]],
+        *,
+        start_s: float | None = None,
     ) -> None:
         # The mission's time alone: a record must look the same whenever it is drawn.
         stream.set_log_time_enabled(False)
@@ -46,7 +49,7 @@ class FlightView:
         self._board = board
         self._statuses = statuses
         self._flown = FlownPath()
-        self._first_s: float | None = None
+        self._start_s = start_s
         self._words = ""
         if setting.title:
             stream.send_recording_name(setting.title)
@@ -57,9 +60,9 @@ class FlightView:
 
     def on_tick(self, record: TickRecord) -> None:
         """Draw a tick."""
-        if self._first_s is None:
-            self._first_s = record.time_s
-        self._stream.set_time(TIMELINE, duration=record.time_s - self._first_s)
+        if self._start_s is None:
+            self._start_s = record.time_s
+        self._stream.set_time(TIMELINE, duration=record.time_s - self._start_s)
         self._flown.add(record)
         frame, board = record.observation.frame, self._board
         class_map, depth = board.read(CLASS_MAP).value, board.read(METRIC_DEPTH).value

@@ -136,6 +136,7 @@ class Viewer:
                 viewer_command(self.port, self._web_port),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C lands the drone; it must not close the window
             )
         except OSError as error:
             raise UavBtError(f"Rerun's viewer cannot be started: {error}") from error
@@ -152,6 +153,11 @@ class Viewer:
         if self._web_port is None:
             return None
         return f"http://{_LOOPBACK}:{self._web_port}/?url={self._address.replace('+', '%2B')}"
+
+    @property
+    def closed(self) -> bool:
+        """Whether somebody closed it."""
+        return self._process.poll() is not None
 
     def wait(self) -> None:
         """Return when the viewer was closed."""

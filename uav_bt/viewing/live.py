@@ -1,12 +1,12 @@
-"""Ways to view a flight in Rerun, composed: live, into a file, or from a record.
+"""A flight viewed while it is flown: what `app.fly` calls, with Rerun behind it.
 
-with viewing.saved_view(Path("flight.rrd"), title="tour") as view:
+with saved_view(Path("flight.rrd"), title="tour") as view:
     app.fly("explore_and_land_segmentation", listeners=view, tree_listeners=view.show_tree)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,11 +38,15 @@ class ViewListeners:
     Args:
         stream: where to draw.
         title: the recording's name.
+        viewer: the process that shows it; None for a file.
     """
 
-    def __init__(self, stream: rr.RecordingStream, title: str) -> None:
+    def __init__(
+        self, stream: rr.RecordingStream, title: str, viewer: sinks.Viewer | None = None
+    ) -> None:
         self._stream = stream
         self._title = title
+        self._viewer = viewer
         self._drone: Drone | None = None
 
     def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
@@ -72,6 +76,11 @@ class ViewListeners:
 
         self._stream.send_blueprint(layout(setting))
         return [FlightView(self._stream, setting, context.board, statuses)]
+
+    def wait(self) -> None:
+        """Return when the viewer has been closed; at once for a file."""
+        if self._viewer is not None:
+            self._viewer.wait()
 
 
 def setting_of(
@@ -128,16 +137,28 @@ def saved_view(path: Path, *, title: str = "") -> Iterator[ViewListeners]:
 
 
 @contextmanager
-def live_view(*, title: str = "") -> Iterator[ViewListeners]:
-    """Open Rerun's window and show the flight that is flown inside; the window stays.
+def live_view(
+    *, web: bool = False, title: str = "", told: Callable[[str], None] = lambda _url: None
+) -> Iterator[ViewListeners]:
+    """Show the flight that is flown inside.
+
+    A window stays open when all is over; a browser's view ends here, so `wait` for it before.
+
+    Args:
+        web: for a browser on this machine instead of a window.
+        title: the recording's name.
+        told: is told the address of a browser's view, before anything flies.
 
     Raises:
         InputError: there is no display.
         MissingDependencyError: Rerun is not installed.
     """
-    sinks.need_display()
-    viewer = sinks.Viewer(web=False)
+    if not web:
+        sinks.need_display()
+    viewer = sinks.Viewer(web=web)
     try:
-        yield ViewListeners(viewer.stream, title)
+        if viewer.url is not None:
+            told(viewer.url)
+        yield ViewListeners(viewer.stream, title, viewer)
     finally:
-        viewer.close(end=False)
+        viewer.close(end=web)
