@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.depth.clip import Clip, mirrored, recoloured, turned
 from perception.depth.footage import Footage
 from perception.depth.motion import CameraTrack, camera_track, measured_motion
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = [
-    "Clip",
-    "ClipConfig",
-    "ClipSource",
-    "DepthLabels",
-    "Flight",
-    "mirrored",
-    "turned",
-]
-
-Floats = NDArray[np.float32]
+__all__ = ["ClipConfig", "ClipSource", "DepthLabels", "Flight"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,17 +76,6 @@ class Flight:
                 expected=f"{len(self.footage)}xHxW, one a frame",
                 actual=self.labels.depth_m.shape,
             )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Clip:
-    """A target frame and two references, target first."""
-
-    images: Floats  # (3, 3, H, W), RGB, 0 to 1
-    motions: Floats  # (2, 3, 4), from the target's camera to each reference's, metres
-    intrinsics: Floats  # (4,): fx, fy, cx, cy in pixels of the images
-    labels: Floats | None  # (3, h, w); NaN where nobody knows
-    at_most: Floats | None  # (3, h, w); inf without a bound
 
 
 class ClipSource:
@@ -245,100 +223,6 @@ class ClipSource:
             clip = turned(clip, pitch_rad, rng.uniform(-config.roll_rad, config.roll_rad))
         if rng.random() < config.flip:
             clip = mirrored(clip)
-        return self._recoloured(clip, rng)
-
-    def _recoloured(self, clip: Clip, rng: np.random.Generator) -> Clip:
-        config = self._config
         gain = 1.0 + rng.uniform(-config.brightness, config.brightness)
-        tint = 1.0 + rng.uniform(-config.tint, config.tint, size=(3, 1, 1))
-        images = np.clip(clip.images * (gain * tint).astype(np.float32), 0.0, 1.0)
-        return replace(clip, images=images)
-
-
-def turned(clip: Clip, pitch_rad: float, roll_rad: float = 0.0) -> Clip:
-    """Return what the camera would have seen, turned about its lens.
-
-    Args:
-        clip: what it saw.
-        pitch_rad: its optical axis upwards.
-        roll_rad: its right side down.
-
-    Returns:
-        The same frames, movements and labels for that camera; at the borders, where it would have
-        seen more, pictures are mirrored and labels unknown.
-    """
-    c, s = math.cos(pitch_rad), math.sin(pitch_rad)
-    up = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
-    c, s = math.cos(roll_rad), math.sin(roll_rad)
-    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ up
-    fx, fy, cx, cy = (float(value) for value in clip.intrinsics)
-    height, width = clip.images.shape[2:]
-    matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    homography = matrix @ turn @ np.linalg.inv(matrix)
-    images = [
-        cv2.warpPerspective(
-            np.ascontiguousarray(image.transpose(1, 2, 0)),
-            homography,
-            (width, height),
-            flags=cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REFLECT,
-        ).transpose(2, 0, 1)
-        for image in clip.images
-    ]
-    rotations = turn @ clip.motions[:, :, :3] @ turn.T
-    translations = turn @ clip.motions[:, :, 3:]
-    return replace(
-        clip,
-        images=np.ascontiguousarray(np.stack(images), dtype=np.float32),
-        motions=np.concatenate([rotations, translations], axis=2).astype(np.float32),
-        labels=_turned_maps(clip.labels, clip, turn, np.nan),
-        at_most=_turned_maps(clip.at_most, clip, turn, np.inf),
-    )
-
-
-def _turned_maps(
-    maps: Floats | None, clip: Clip, turn: NDArray[np.float64], beyond: float
-) -> Floats | None:
-    """Turn maps of depth: other pixels, and other depths along another optical axis."""
-    if maps is None:
-        return None
-    height, width = maps.shape[1:]
-    x_scale, y_scale = width / clip.images.shape[3], height / clip.images.shape[2]
-    fx, fy, cx, cy = (float(value) for value in clip.intrinsics)
-    fx, fy = fx * x_scale, fy * y_scale
-    cx, cy = (cx + 0.5) * x_scale - 0.5, (cy + 0.5) * y_scale - 0.5
-    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
-    rays = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones(columns.shape)])
-    before = np.tensordot(turn.T, rays, axes=1)
-    nearer = np.maximum(before[2], 1e-3)  # depth along the old axis for one along the new
-    columns = np.asarray(fx * before[0] / nearer + cx, dtype=np.float32)
-    rows = np.asarray(fy * before[1] / nearer + cy, dtype=np.float32)
-    result = [
-        cv2.remap(
-            *(each, columns, rows, cv2.INTER_NEAREST),
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=(beyond,),
-        )
-        / nearer
-        for each in maps
-    ]
-    return np.asarray(np.stack(result), dtype=np.float32)
-
-
-def mirrored(clip: Clip) -> Clip:
-    """Return what a camera in a mirrored world would have seen."""
-    fx, fy, cx, cy = clip.intrinsics
-    sign = np.array([-1.0, 1.0, 1.0], dtype=np.float32)
-    rotations = sign[:, None] * clip.motions[:, :, :3] * sign
-    translations = sign[:, None] * clip.motions[:, :, 3:]
-
-    def flipped(array: Floats) -> Floats:
-        return np.ascontiguousarray(array[..., ::-1])
-
-    return Clip(
-        images=flipped(clip.images),
-        motions=np.concatenate([rotations, translations], axis=2),
-        intrinsics=np.array([fx, fy, clip.images.shape[-1] - 1 - cx, cy], dtype=np.float32),
-        labels=None if clip.labels is None else flipped(clip.labels),
-        at_most=None if clip.at_most is None else flipped(clip.at_most),
-    )
+        tint = 1.0 + rng.uniform(-config.tint, config.tint, size=3)
+        return recoloured(clip, gain * tint)

@@ -8,6 +8,9 @@ import torch
 from depth_flight import KnownFlight, known_flight
 
 from perception.depth import clips
+from perception.depth.clip import Clip
+from perception.depth.clip import mirrored as mirrored_clip
+from perception.depth.clip import turned as turned_clip
 from perception.depth.footage import FootageTruth
 from perception.depth.labelling import exact_labels
 from perception.depth.losses import photometric_error
@@ -30,11 +33,11 @@ def flight(known: KnownFlight) -> clips.Flight:
     return clips.Flight(footage=known.footage, labels=exact_labels(known.footage, truth))
 
 
-def _draw(flight: clips.Flight, config: clips.ClipConfig = PLAIN, seed: int = 0) -> clips.Clip:
+def _draw(flight: clips.Flight, config: clips.ClipConfig = PLAIN, seed: int = 0) -> Clip:
     return clips.ClipSource([flight], config).draw(np.random.default_rng(seed))
 
 
-def _warping_error(clip: clips.Clip) -> float:
+def _warping_error(clip: Clip) -> float:
     """How unlike the target is to the first reference, warped with the target's labels."""
     assert clip.labels is not None
     pictures = torch.nn.functional.avg_pool2d(torch.from_numpy(clip.images), 2)
@@ -66,10 +69,10 @@ def test_labels_movements_and_pictures_belong_together(flight: clips.Flight) -> 
 
 def test_a_mirrored_clip_is_as_consistent(flight: clips.Flight) -> None:
     clip = _draw(flight)
-    mirrored = clips.mirrored(clip)
+    mirrored = mirrored_clip(clip)
     assert _warping_error(mirrored) == pytest.approx(_warping_error(clip), abs=0.01)
     np.testing.assert_array_equal(mirrored.images[..., ::-1], clip.images)
-    twice = clips.mirrored(mirrored)
+    twice = mirrored_clip(mirrored)
     np.testing.assert_allclose(twice.motions, clip.motions, atol=1e-7)
     np.testing.assert_allclose(twice.intrinsics, clip.intrinsics)
 
@@ -79,14 +82,14 @@ def test_a_turned_clip_is_as_consistent(
     flight: clips.Flight, pitch_rad: float, roll_rad: float
 ) -> None:
     clip = _draw(flight)
-    turned = clips.turned(clip, pitch_rad, roll_rad)
+    turned = turned_clip(clip, pitch_rad, roll_rad)
     assert _warping_error(turned) == pytest.approx(_warping_error(clip), abs=0.02)
     assert abs(turned.images - clip.images).mean() > 0.02
 
 
 def test_turning_by_nothing_changes_nothing(flight: clips.Flight) -> None:
     clip = _draw(flight)
-    turned = clips.turned(clip, 0.0)
+    turned = turned_clip(clip, 0.0)
     np.testing.assert_allclose(turned.images, clip.images, atol=2e-3)
     np.testing.assert_allclose(turned.motions, clip.motions, atol=1e-6)
     assert turned.labels is not None
@@ -98,7 +101,7 @@ def test_looking_further_up_lowers_what_was_seen(flight: clips.Flight) -> None:
     clip = _draw(flight)
     labels = np.full((3, 128, 160), np.nan, np.float32)
     labels[:, 60:64] = 2.0
-    turned = clips.turned(replace(clip, labels=labels), 0.1)
+    turned = turned_clip(replace(clip, labels=labels), 0.1)
     assert turned.labels is not None
     rows = np.flatnonzero(np.isfinite(turned.labels[0, :, 80]))
     expected = 62 + 0.1 * clip.intrinsics[1] / 2

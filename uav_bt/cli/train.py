@@ -230,7 +230,7 @@ def depth(
         raise click.UsageError(f"--out must end in .safetensors, got '{weights}'")
     if not photometric and labels == "none":
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
-    from perception.depth.training import DepthTrainingConfig  # noqa: PLC0415 - late, for --help
+    from perception.depth.training_config import DepthTrainingConfig  # noqa: PLC0415 - late, for --help
     from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
     from uav_bt import depth_training as training  # noqa: PLC0415
 

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from perception.depth.footage import Footage, write_footage
 from perception.depth.runtime import load_depth_estimator
-from perception.depth.training import DepthTrainingConfig
+from perception.depth.training_config import DepthTrainingConfig
 from sim_bridge.twin.camera import anafi_camera
 from uav_bt import depth_training
 from uav_bt.cli.root import uav_bt
