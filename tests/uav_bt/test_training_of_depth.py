@@ -78,7 +78,7 @@ def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
     assert first.labels is not None
     assert again.labels is not None
     np.testing.assert_array_equal(first.labels.depth_m, again.labels.depth_m)
-    assert np.isfinite(first.labels.depth_m[:, 100]).all()
+    assert np.isfinite(first.labels.depth_m[::3, 100]).all()
 
 
 def test_without_a_segmenter_there_are_no_labels(film: Path, tmp_path: Path) -> None:
