@@ -1,0 +1,64 @@
+"""What the tests of records share: a drone that sees noise, and short flights of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uav_bt import app
+from uav_bt.protocols import Drone
+from uav_bt.report.flight_report import FlightReport
+from uav_bt.testing import ScriptedDrone
+from uav_bt.types import Observation
+
+FLIGHT = """
+<Sequence>
+  <TakeOff height_m="1.5"/>
+  <Turn name="away" degrees="90"/>
+  <HoverFor seconds="0.5"/>
+  <Turn name="back" degrees="-90"/>
+  <Land/>
+</Sequence>
+"""
+
+
+class NoisyDrone(ScriptedDrone):
+    """Its frames are noise of their own, so that none passes for another."""
+
+    def observe(self) -> Observation:
+        """Return the scripted observation with a noisy picture."""
+        seen = super().observe()
+        if seen.frame is None:
+            return seen
+        image = np.random.default_rng(seen.frame.index).integers(
+            0, 256, seen.frame.image.shape, dtype=np.uint8
+        )
+        return replace(seen, frame=replace(seen.frame, image=image))
+
+
+def tree_file(folder: Path, body: str = FLIGHT, name: str = "mission.xml") -> Path:
+    path = folder / name
+    path.write_text(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    return path
+
+
+def fly_noisy(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    body: str = FLIGHT,
+    drone: Drone | None = None,
+    options: app.FlightOptions | None = None,
+) -> tuple[Path, FlightReport]:
+    """Fly a mission with a scripted drone and return its record."""
+    flown = drone or NoisyDrone()
+    monkeypatch.setattr(app, "make_drone", lambda _: flown)
+    record = folder / "flight.mcap"
+    options = replace(options or app.FlightOptions(seed=5), record=record)
+    return record, app.fly(tree_file(folder, body), options)

@@ -1,0 +1,94 @@
+"""Pictures in records: exact where they must be, refused where they are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_bt.errors import InputError
+from uav_bt.record import messages
+from uav_bt.record.pictures import (
+    RawPicture,
+    decode_image,
+    encode_image,
+    image_bytes,
+    millimetres,
+    raw_picture,
+)
+from uav_bt.record.wire import fields
+
+
+def noise(height: int, width: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+@given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 1000))
+def test_a_lossless_picture_comes_back_bit_for_bit(height: int, width: int, seed: int) -> None:
+    image = noise(height, width, seed)
+    data, name = encode_image(image, "lossless")
+    assert name == "png"
+    assert np.array_equal(decode_image(data), image)
+
+
+def test_a_small_picture_is_much_smaller_and_nearly_the_same() -> None:
+    rows, columns = np.mgrid[0:90, 0:160]
+    image = np.stack([rows * 2, columns, rows + columns], axis=-1).astype(np.uint8)
+    data, name = encode_image(image, "high")
+    assert name == "jpeg"
+    assert len(data) < image.nbytes / 10
+    assert np.abs(decode_image(data).astype(int) - image).mean() < 2.0
+
+
+def test_red_stays_red() -> None:
+    red = np.zeros((4, 4, 3), dtype=np.uint8)
+    red[..., 0] = 255
+    assert decode_image(encode_image(red, "lossless")[0])[0, 0].tolist() == [255, 0, 0]
+
+
+@pytest.mark.parametrize("data", [b"", b"no picture at all", encode_image(noise(9, 9), "high")[0][:20]])
+def test_what_is_no_picture_is_refused(data: bytes) -> None:
+    with pytest.raises(InputError, match="expected a PNG or JPEG picture"):
+        decode_image(data)
+
+
+def test_the_picture_stands_in_the_message_as_it_was_encoded() -> None:
+    image = noise(20, 30)
+    message = messages.camera_image(image, 1_234_567_890_123, "lossless")
+    assert np.array_equal(decode_image(image_bytes(message)), image)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_raw_pixels_come_back_exactly(dtype: type) -> None:
+    array = (np.random.default_rng(3).random((7, 5)) * 200).astype(dtype)
+    back = raw_picture(messages.raw(array, 5))
+    assert back.dtype == dtype
+    assert np.array_equal(back, array)
+
+
+def test_other_pixels_are_refused() -> None:
+    with pytest.raises(InputError, match="uint8, uint16 or float32"):
+        RawPicture.of(np.zeros((2, 2), dtype=np.int64))
+    with pytest.raises(InputError, match="uint8, uint16 or float32"):
+        RawPicture.of(np.zeros((2, 2, 3), dtype=np.uint8))
+
+
+def test_unknown_depth_is_zero_millimetres_and_far_is_the_most_there_is() -> None:
+    depth = np.array([[0.5, np.nan], [np.inf, 100.0]], dtype=np.float32)
+    assert millimetres(depth).tolist() == [[500, 0], [0, 65_535]]
+
+
+@given(st.binary(max_size=60))
+def test_bytes_of_any_kind_are_read_or_refused(data: bytes) -> None:
+    try:
+        fields(data)
+    except InputError as error:
+        assert "protobuf" in str(error)
+
+
+def test_an_image_without_data_is_refused() -> None:
+    with pytest.raises(InputError, match="CompressedImage with data"):
+        image_bytes(b"")
+    with pytest.raises(InputError, match="RawImage"):
+        raw_picture(b"")

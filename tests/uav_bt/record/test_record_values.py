@@ -1,0 +1,159 @@
+"""Values of ours as JSON and back: not a bit is lost, and what is none of ours is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uav_bt.errors import InputError
+from uav_bt.record.channels import CHANNELS, schema_of
+from uav_bt.record.notes import CommandNote, FrameNote, TickNote
+from uav_bt.record.values import decode, dump, encode, finite, json_schema
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    Command,
+    Corridor,
+    DroneState,
+    FlyingState,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+    ObstaclePoints,
+    TakeOff,
+    Velocity,
+)
+
+ANY = st.floats(allow_nan=False)
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+
+attitudes = st.builds(Attitude, roll_rad=ANY, pitch_rad=ANY, yaw_rad=ANY)
+states = st.builds(
+    DroneState,
+    captured_s=ANY,
+    flying=st.sampled_from(FlyingState),
+    attitude=attitudes,
+    velocity=st.builds(BodyVelocity, forward_mps=ANY, right_mps=ANY, down_mps=ANY),
+    altitude_m=ANY,
+    height_m=ANY,
+    height_above_carpet_m=ANY,
+    gimbal_pitch_rad=ANY,
+    battery=ANY,
+    movement=st.none()
+    | st.builds(MovementStatus, id=st.integers(), state=st.sampled_from(MovementState)),
+    pilot_has_control=st.booleans(),
+)
+movements = st.one_of(
+    st.builds(TakeOff),
+    st.builds(Hover),
+    st.builds(Land),
+    st.builds(MoveBy, id=st.integers(), forward_m=FINITE, yaw_rad=FINITE),
+    st.builds(Velocity, forward_mps=FINITE, yaw_rate_radps=FINITE),
+)
+commands = st.builds(
+    Command,
+    movement=movements,
+    gimbal=st.none() | st.builds(GimbalTo, pitch_rad=st.floats(-1.5, 1.5)),
+)
+frames = st.builds(
+    FrameNote, index=st.integers(), captured_s=ANY, gimbal_pitch_rad=ANY, attitude=attitudes
+)
+
+
+def there_and_back(value: Any) -> Any:
+    return decode(type(value), json.loads(dump(encode(value))))
+
+
+@given(states)
+def test_a_state_comes_back_to_the_last_bit(state: DroneState) -> None:
+    assert there_and_back(state) == state
+
+
+@given(frames)
+def test_a_frames_telemetry_comes_back_to_the_last_bit(note: FrameNote) -> None:
+    assert there_and_back(note) == note
+
+
+@given(commands, commands, movements | st.none())
+def test_commands_come_back_as_what_they_were(decided: Command, sent: Command, proposed) -> None:  # type: ignore[no-untyped-def]
+    note = CommandNote(decided=decided, sent=sent, proposed=proposed, proposed_by="Main/Land")
+    assert there_and_back(note) == note
+
+
+def test_what_json_has_no_number_for_comes_back() -> None:
+    corridor = Corridor(
+        captured_s=1.0,
+        free_distance_m=math.inf,
+        nearest_m=-math.inf,
+        nearest_side=None,
+        time_to_impact_s=math.nan,
+    )
+    back = there_and_back(corridor)
+    assert (back.free_distance_m, back.nearest_m) == (math.inf, -math.inf)
+    assert math.isnan(back.time_to_impact_s)
+    assert json.loads(dump(finite({"a": [math.inf, 1.5]}))) == {"a": ["Infinity", 1.5]}
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_points_keep_their_shape_even_when_there_are_none(count: int) -> None:
+    points = np.random.default_rng(1).normal(size=(count, 2))
+    back = there_and_back(ObstaclePoints(points_m=points, captured_s=2.5))
+    assert back.points_m.shape == (count, 2)
+    assert np.array_equal(back.points_m, points)
+    assert back.assumed_m.shape == (0, 2)
+
+
+def test_a_field_that_an_older_record_lacks_keeps_its_default() -> None:
+    plain = encode(TickNote(index=1, time_s=0.5, tree_status="RUNNING", word="look"))
+    del plain["word"]
+    assert decode(TickNote, plain) == TickNote(index=1, time_s=0.5, tree_status="RUNNING")
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        {},
+        [],
+        None,
+        {"captured_s": "soon", "flying": "landed"},
+        {"captured_s": 1.0, "flying": "swimming"},
+        {"captured_s": 1.0, "flying": "landed", "pilot_has_control": "yes"},
+    ],
+)
+def test_what_is_no_state_is_refused_with_what_was_expected(damaged: object) -> None:
+    with pytest.raises(InputError, match="expected the fields of DroneState"):
+        decode(DroneState, damaged)
+
+
+def test_a_movement_that_nobody_knows_is_refused() -> None:
+    plain = encode(Command(movement=Hover()))
+    plain["movement"]["type"] = "Somersault"
+    with pytest.raises(InputError, match="Somersault"):
+        decode(Command, plain)
+
+
+@pytest.mark.parametrize("channel", CHANNELS.values(), ids=lambda channel: channel.topic)
+def test_every_channel_has_a_schema_that_viewers_can_read(channel) -> None:  # type: ignore[no-untyped-def]
+    encoding, data = schema_of(channel)
+    if channel.encoding == "protobuf":
+        assert encoding == "protobuf"
+        assert channel.content.encode() in data
+    else:
+        assert encoding == "jsonschema"
+        assert json.loads(data)["type"] == "object"
+
+
+def test_a_schema_names_fields_and_their_types() -> None:
+    schema = json.loads(json_schema(CommandNote))
+    movement = schema["properties"]["sent"]["properties"]["movement"]
+    assert "MoveBy" in movement["properties"]["type"]["enum"]
+    assert "forward_m" in movement["properties"]

@@ -1,0 +1,154 @@
+"""The writing thread: order kept, nothing waits for a slow disk, all that is left out is counted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+
+import pytest
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.record import channels
+from uav_bt.record.channels import Channel
+from uav_bt.record.config import RecordConfig
+from uav_bt.record.worker import Encoded, RecordWorker
+
+PATIENCE_S = 30.0
+
+
+class Disk:
+    """A sink that can be held up and can be full."""
+
+    def __init__(self, full_after: int | None = None) -> None:
+        self.free = threading.Event()
+        self.free.set()
+        self.busy = threading.Event()
+        self.written: list[tuple[str, int]] = []
+        self.flushes = 0
+        self.full_after = full_after
+
+    def write(self, channel: Channel, time_ns: int, data: bytes) -> None:
+        del data
+        self.busy.set()
+        assert self.free.wait(PATIENCE_S)
+        if self.full_after is not None and len(self.written) >= self.full_after:
+            raise OSError(28, "No space left on device")
+        self.written.append((channel.topic, time_ns))
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        del name, values
+
+    def flush(self) -> None:
+        self.flushes += 1
+
+    def finish(self) -> None:
+        """Nothing to do."""
+
+    def abandon(self) -> None:
+        """Nothing to do."""
+
+
+def encode(item: int, pictures: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as the worker calls it
+    yield Encoded(channel=channels.TICK, time_ns=item, data=b"{}")
+    yield Encoded(channel=channels.CAMERA_IMAGE, time_ns=item, data=b"picture" if pictures else None)
+
+
+def config(**values: object) -> RecordConfig:
+    return RecordConfig(**{"queued_pictures": 2, "queued_ticks": 4, "flush_s": 0.5} | values)  # type: ignore[arg-type]
+
+
+def test_everything_is_written_in_order_when_the_disk_keeps_up() -> None:
+    disk = Disk()
+    worker = RecordWorker(disk, encode, config(wait=True))
+    for index in range(50):
+        worker.put(index, 0.1 * index)
+    worker.close()
+    assert disk.written == [
+        (topic, index) for index in range(50) for topic in ("/mission/tick", "/camera/image")
+    ]
+    assert (worker.dropped, worker.lost_ticks, worker.failure) == ({}, 0, None)
+
+
+def test_a_slow_disk_costs_pictures_first_and_then_ticks_and_every_loss_is_counted() -> None:
+    disk = Disk()
+    disk.free.clear()
+    worker = RecordWorker(disk, encode, config())
+    worker.put(0, 0.0)
+    assert disk.busy.wait(PATIENCE_S)  # item 0 is in the thread's hands, the queue is empty
+    for index in range(1, 8):
+        worker.put(index, 0.1 * index)
+    disk.free.set()
+    worker.close()
+    # 0 and 1 have pictures, 2 to 4 came when two were waiting, 5 to 7 found the queue full.
+    assert disk.written == [
+        ("/mission/tick", 0),
+        ("/camera/image", 0),
+        ("/mission/tick", 1),
+        ("/camera/image", 1),
+        ("/mission/tick", 2),
+        ("/mission/tick", 3),
+        ("/mission/tick", 4),
+    ]
+    assert worker.dropped == {"/camera/image": 3}
+    assert worker.lost_ticks == 3
+
+
+def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing() -> None:
+    disk = Disk()
+    disk.free.clear()
+    worker = RecordWorker(disk, encode, config(wait=True))
+    handed_over = threading.Event()
+
+    def fly() -> None:
+        for index in range(8):
+            worker.put(index, 0.1 * index)
+        handed_over.set()
+
+    flight = threading.Thread(target=fly)
+    flight.start()
+    assert disk.busy.wait(PATIENCE_S)
+    assert not handed_over.is_set()
+    disk.free.set()
+    flight.join(PATIENCE_S)
+    worker.close()
+    assert len(disk.written) == 16
+    assert (worker.dropped, worker.lost_ticks) == ({}, 0)
+
+
+def test_a_full_disk_ends_the_writing_and_not_the_flight() -> None:
+    disk = Disk(full_after=3)
+    worker = RecordWorker(disk, encode, config(wait=True))
+    for index in range(10):
+        worker.put(index, 0.1 * index)
+    worker.close()
+    assert len(disk.written) == 3
+    assert isinstance(worker.failure, OSError)
+    assert worker.lost_ticks == 9  # the second tick's picture did not fit, nor anything after it
+
+
+def test_the_file_is_flushed_every_half_second_of_the_mission() -> None:
+    disk = Disk()
+    worker = RecordWorker(disk, encode, config(wait=True, flush_s=0.5))
+    for index in range(21):
+        worker.put(index, index / 10)
+    worker.close()
+    assert disk.flushes >= 5  # at 0, 0.5, 1.0, 1.5 and 2.0 s, and when there was nothing to do
+
+
+def test_closing_twice_is_fine() -> None:
+    worker = RecordWorker(Disk(), encode, config())
+    worker.close()
+    worker.close()
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"queued_pictures": 0}, "queued_pictures"),
+        ({"queued_pictures": 9, "queued_ticks": 8}, "queued_ticks"),
+        ({"flush_s": 2.0}, "every second"),
+    ],
+)
+def test_a_config_that_cannot_work_is_refused(values: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueRangeError, match=words):
+        config(**values)
