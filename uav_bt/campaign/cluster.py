@@ -6,11 +6,13 @@ with its worker and waits for it for ever. Dask itself tells of them.
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from distributed import CancelledError, Client, as_completed
+from distributed.comm.core import connect
 
 import uav_bt
 from uav_bt.campaign.pilot import FAILED
@@ -44,6 +46,12 @@ def _let_go(function: str) -> None:
 
 def _version() -> str:
     return uav_bt.__version__
+
+
+async def _greet(address: str, connect_s: float) -> None:
+    """Shake hands with a scheduler; a `Client` waits for ever for one that does not say a word."""
+    comm = await connect(address, timeout=connect_s)  # type: ignore[no-untyped-call]
+    await comm.close()
 
 
 class DaskBackend:
@@ -80,6 +88,7 @@ class DaskBackend:
 
     def _connected(self) -> Client:
         try:
+            asyncio.run(asyncio.wait_for(_greet(self._address, self._connect_s), self._connect_s))
             return Client(  # type: ignore[no-untyped-call]
                 self._address, timeout=self._connect_s, set_as_default=False
             )
@@ -118,7 +127,7 @@ class DaskBackend:
             client.submit(_fly, function, task.to_json(), timeout_s, pure=False): task
             for task in tasks
         }
-        for future in as_completed(flights):  # type: ignore[no-untyped-call]
+        for future in as_completed(flights, loop=client.loop):  # type: ignore[no-untyped-call]
             task = flights.pop(future)
             error = future.exception()
             if error is None:

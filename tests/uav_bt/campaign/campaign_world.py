@@ -46,7 +46,7 @@ def line(seed: int = 0, **fields: Any) -> dict[str, Any]:
 
 
 def fly(task: dict[str, Any]) -> dict[str, Any]:
-    """End as the plan's policies have it for this seed."""
+    """End as the plan's policies have it for this seed; the number of the process is `wall_s`."""
     fate = task["policies"].get(str(task["seed"]), "lands")
     if fate == "crashes":
         sys.stderr.write("a library's last words\n")
@@ -65,4 +65,4 @@ def fly(task: dict[str, Any]) -> dict[str, Any]:
     if fate.startswith("counts in "):
         with Path(fate.removeprefix("counts in ")).open("a") as counted:
             counted.write(f"{task['seed']}\n")
-    return line(task["seed"], tree=task["tree"], scene=task["scene"], pid=os.getpid())
+    return line(task["seed"], tree=task["tree"], scene=task["scene"], wall_s=os.getpid())

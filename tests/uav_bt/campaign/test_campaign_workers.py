@@ -27,7 +27,7 @@ def pilot() -> Iterator[Pilot]:
 def test_a_pilot_flies_one_task_after_the_other_in_one_process(pilot: Pilot) -> None:
     first, second = (pilot.fly(task("lands", seed), 60.0)[FLOWN] for seed in (0, 1))
     assert (first["seed"], second["seed"]) == (0, 1)
-    assert first["pid"] == second["pid"]
+    assert first["wall_s"] == second["wall_s"]
 
 
 def test_what_libraries_print_does_not_land_among_the_answers(pilot: Pilot) -> None:
@@ -61,11 +61,11 @@ def test_a_flight_that_hangs_is_stopped(pilot: Pilot) -> None:
 
 
 def test_after_a_lost_process_the_next_task_flies_in_a_new_one(pilot: Pilot) -> None:
-    before = pilot.fly(task("lands"), 60.0)[FLOWN]["pid"]
+    before = pilot.fly(task("lands"), 60.0)[FLOWN]["wall_s"]
     lost = pilot.fly(task("exits"), 60.0)
     answer = pilot.fly(task("lands"), 60.0)
     assert FAILED in lost
-    assert answer[FLOWN]["pid"] != before
+    assert answer[FLOWN]["wall_s"] != before
 
 
 def test_closing_stops_what_still_flies() -> None:

@@ -1,0 +1,82 @@
+"""Dask: the same flights as on this machine, and clear words when there is no cluster."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from campaign_world import FLY, plan
+from distributed import LocalCluster
+
+import uav_bt
+from uav_bt.campaign import cluster as module
+from uav_bt.campaign.cluster import DaskBackend
+from uav_bt.campaign.flight_lines import comparable
+from uav_bt.campaign.runner import LocalBackend
+from uav_bt.campaigning import campaign
+from uav_bt.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[LocalCluster]:
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+    ) as one:
+        yield one
+
+
+@pytest.fixture
+def unanswered() -> Iterator[str]:
+    """An address where somebody listens and never says a word."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+
+
+def test_a_cluster_flies_the_same_flights(cluster: LocalCluster, tmp_path: Path) -> None:
+    wanted = plan(flights=3, policies={"1": "exits"})
+    there = campaign(
+        wanted, tmp_path / "there", backend=DaskBackend(cluster.scheduler_address), fly=FLY
+    )
+    here = campaign(wanted, tmp_path / "here", backend=LocalBackend(2), fly=FLY)
+    assert [comparable(one) for one in there.flights] == [comparable(one) for one in here.flights]
+    assert [one["outcome"] for one in there.flights] == ["success", "error", "success"]
+
+
+def test_workers_with_another_version_are_refused(
+    cluster: LocalCluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uav_bt, "__version__", "99.0")
+    backend = DaskBackend(cluster.scheduler_address)
+    with pytest.raises(InputError, match=r"all workers need uav-bt 99\.0, as here"):
+        next(backend.run(FLY, plan().tasks(), 60.0))
+
+
+def test_a_cluster_without_workers_is_refused() -> None:
+    with (
+        LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0") as empty,
+        pytest.raises(InputError, match="has no workers; start some with `dask worker"),
+    ):
+        next(DaskBackend(empty.scheduler_address, connect_s=0.2).run(FLY, plan().tasks(), 60.0))
+
+
+def test_an_address_that_does_not_answer_is_refused_in_time(unanswered: str) -> None:
+    with pytest.raises(InputError, match=f"no Dask scheduler answers at {unanswered} within 0.2 s"):
+        next(DaskBackend(unanswered, connect_s=0.2).run(FLY, plan().tasks(), 60.0))
+
+
+@pytest.mark.parametrize("address", ["nowhere", "127.0.0.1:1", "no such scheme://x"])
+def test_what_is_no_address_is_refused(address: str) -> None:
+    with pytest.raises(InputError, match="no Dask scheduler answers at"):
+        next(DaskBackend(address, connect_s=0.5).run(FLY, plan().tasks(), 60.0))
+
+
+def test_a_worker_lets_go_of_its_pilots() -> None:
+    task = next(plan().tasks()).to_json()
+    first = module._fly(FLY, task, 60.0)["flown"]["wall_s"]
+    assert module._fly(FLY, task, 60.0)["flown"]["wall_s"] == first
+    module._let_go(FLY)
+    second = module._fly(FLY, task, 60.0)["flown"]["wall_s"]
+    module._let_go(FLY)
+    assert second != first
