@@ -1,5 +1,6 @@
 """The networks: shapes, size, what they say untrained, and the files made from them."""
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import pytest
 import torch
 
 from perception.depth import export, network, pose_network, training
-from perception.depth.runtime import OnnxDepthEstimator
+from perception.depth.runtime import OnnxDepthEstimator, shipped_depth
 from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.errors import ValueRangeError, WeightsError
 
@@ -157,3 +158,26 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
 def test_weights_of_something_else_are_refused() -> None:
     with pytest.raises(WeightsError, match="expected weights of kind 'depth-network'"):
         export.load_depth_tensors(SHIPPED_WEIGHTS / "unet.safetensors")
+
+
+# --- what ships -----------------------------------------------------------------------------------
+
+
+def test_the_shipped_onnx_file_was_made_from_the_shipped_weights() -> None:
+    weights = SHIPPED_WEIGHTS / "depth.safetensors"
+    properties = {p.key: p.value for p in onnx.load(SHIPPED_WEIGHTS / "depth.onnx").metadata_props}
+    assert properties["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
+    assert weights.stat().st_size < 6e6
+
+
+def test_the_shipped_network_says_in_flight_what_it_said_in_training() -> None:
+    tensors, details = export.load_depth_tensors(SHIPPED_WEIGHTS / "depth.safetensors")
+    channels = tuple(details["config"].pop("channels"))
+    net = network.DepthNet(network.DepthNetConfig(channels=channels, **details["config"]))
+    known = {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
+    missing, unexpected = net.load_state_dict(known, strict=False)
+    assert all(name.endswith("num_batches_tracked") for name in missing)
+    assert not unexpected
+    picture = np.random.default_rng(0).integers(0, 255, (256, 320, 3), dtype=np.uint8)
+    trained = training.predict_depth(net.eval(), picture[None])[0]
+    np.testing.assert_allclose(shipped_depth().depth(picture), trained, rtol=1e-3)
