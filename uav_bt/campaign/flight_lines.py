@@ -37,7 +37,7 @@ METRICS: Final = (
 )
 """Fields of a flight's report that are a number, or null when it was not reached."""
 
-_OUTCOMES: Final = frozenset(outcome.value for outcome in Outcome)
+_OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 # How long computing took and what the machine was doing meanwhile: no two runs agree on these.
 _OF_THE_CLOCK_ON_THE_WALL: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
 _WORDS: Final = ("reason", "drone", "record", "details", "profile")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -17,7 +17,8 @@ from uav_bt.mission.judge import Outcome
 
 __all__ = ["Answers", "Backend", "LocalBackend", "flown_line"]
 
-Answers = Iterator[tuple[FlightTask, dict[str, Any]]]
+Answers = Generator[tuple[FlightTask, dict[str, Any]], None, None]
+"""To be closed by whoever takes them, which stops all that still flies."""
 
 
 class Backend(Protocol):

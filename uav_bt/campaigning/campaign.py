@@ -6,6 +6,7 @@ import datetime as dt
 import platform
 import re
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -81,15 +82,16 @@ def campaign(
             on_note(note)
         for flight in done.values():
             on_flight(flight, False)
-        answers = backend.run(fly, _with_records(plan, store.folder, left), plan.timeout_s)
-        for task, answer in answers:
-            flight = flown_line(task, answer)
-            if task.record is not None:
-                # Relative, so that the folder may move.
-                flight["record"] = f"{RECORDS_FOLDER}/{Path(task.record).name}"
-            store.keep(flight)
-            done[task.key] = flight
-            on_flight(flight, True)
+        tasks = _with_records(plan, store.folder, left)
+        with closing(backend.run(fly, tasks, plan.timeout_s)) as answers:
+            for task, answer in answers:
+                flight = flown_line(task, answer)
+                if task.record is not None:
+                    # Relative, so that the folder may move.
+                    flight["record"] = f"{RECORDS_FOLDER}/{Path(task.record).name}"
+                store.keep(flight)
+                done[task.key] = flight
+                on_flight(flight, True)
     return CampaignResult(flights=tuple(done[key] for key in wanted), flown_now=len(left))
 
 

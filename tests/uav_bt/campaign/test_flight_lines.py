@@ -1,0 +1,89 @@
+"""Lines of flights: what is one, what is not, and which part of it can be compared."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from campaign_world import line
+
+from uav_bt.campaign.flight_lines import comparable, key_of, parse_flight, read_flights
+from uav_bt.errors import FileError, InputError
+
+KEPT = Path(__file__).parents[3] / "docs" / "data" / "segmentation_rule_testing_scenes.jsonl"
+
+
+def test_flights_of_the_forerunner_without_a_path_are_read() -> None:
+    read = read_flights(KEPT)
+    assert read.damaged == ()
+    assert len(read.flights) > 50
+    assert not any("path" in flight for flight in read.flights)
+
+
+def test_a_flight_is_told_by_tree_scene_and_seed() -> None:
+    assert key_of(line(7, scene=None)) == ("one.xml", None, 7)
+
+
+def test_what_depends_on_the_machine_is_not_compared() -> None:
+    times = {"p50": 1.0, "p99": 2.0, "max": 3.0}
+    one = line(wall_s=3.0, tick_ms=times, perception_ms={"a": times}, slow_leaves={"x": 1.0})
+    assert comparable(one) == line()
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "no JSON"),
+        ('{"tree": "a', "no JSON: Unterminated string"),
+        ("[1]", "expected a flight's JSON object, got list"),
+        ("[" * 100_000, "nested too deeply"),
+        (json.dumps(line(duration_s=float("nan"))), "NaN is no JSON"),
+        ("{}", "needs 'tree' and 'scene'"),
+        (json.dumps(line(scene=3)), "needs 'tree' and 'scene'"),
+        (json.dumps(line() | {"seed": True}), "'seed' is a whole number from 0, got True"),
+        (json.dumps(line() | {"seed": -1}), "'seed' is a whole number from 0, got -1"),
+        (json.dumps(line(outcome="fine")), "unknown outcome 'fine'"),
+        (json.dumps(line(outcome=["success"])), "unknown outcome"),
+        (json.dumps(line(duration_s="long")), "'duration_s' must be a number or null, got 'long'"),
+        (json.dumps(line(duration_s=True)), "'duration_s' must be a number"),
+        ('{"tree": "a", "scene": "b", "seed": 0, "outcome": "success", "wall_s": 1e999}', "wall_s"),
+        (json.dumps(line(reason=1)), "'reason' must be a text"),
+        (json.dumps(line(tick_ms=3)), "'tick_ms' must hold"),
+        (json.dumps(line(tick_ms={"p50": 1.0})), "'tick_ms' must hold"),
+        (json.dumps(line(perception_ms=[1])), "'perception_ms' must hold"),
+        (json.dumps(line(perception_ms={"a": {"p50": "1"}})), "'perception_ms' must hold"),
+        (json.dumps(line(path=[[0.0, 1.0, 2.0]])), "'path' must be a list of"),
+        (json.dumps(line(path=[[0.0, 1.0, None, 2.0]])), "'path' must be a list of"),
+        (json.dumps(line(path="home")), "'path' must be a list of"),
+    ],
+)
+def test_what_is_no_flight_is_refused_with_the_reason(text: str, why: str) -> None:
+    with pytest.raises(InputError) as refused:
+        parse_flight(text)
+    assert why in str(refused.value)
+
+
+def test_damaged_lines_are_left_out_and_named(tmp_path: Path) -> None:
+    path = tmp_path / "flights.jsonl"
+    path.write_bytes(
+        b"%s\n\n{half\n\xff\xfe\n%s\n"
+        % (json.dumps(line(0)).encode(), json.dumps(line(1)).encode())
+    )
+    read = read_flights(path)
+    assert [flight["seed"] for flight in read.flights] == [0, 1]
+    first, second = read.damaged
+    assert first.startswith(f"{path}:3: no JSON")
+    assert second.startswith(f"{path}:4: ")
+
+
+def test_of_a_flight_that_stands_there_twice_the_later_counts(tmp_path: Path) -> None:
+    path = tmp_path / "flights.jsonl"
+    again = [line(0, reason="first"), line(1), line(0, reason="second")]
+    path.write_text("".join(json.dumps(one) + "\n" for one in again))
+    assert [flight["reason"] for flight in read_flights(path).flights] == ["landed", "second"]
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be read: No such file"):
+        read_flights(tmp_path / "none.jsonl")
