@@ -44,9 +44,9 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
         above.append(rrb.GraphView(origin=TREE, name="Tree"))
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(*above, column_shares=[4, 4, 3][: len(above)]),
+            rrb.Horizontal(*above, column_shares=[4, 5, 3][: len(above)]),
             rrb.Horizontal(*_plots()),
-            row_shares=[3, 1],
+            row_shares=[5, 2],
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

@@ -25,13 +25,13 @@ class _Series:
 
 
 _SERIES: Final = {
-    f"{HEADING}/turn": _Series(name="left of the turn", colour=ACCENT),
+    f"{HEADING}/turn": _Series(name="of the turn", colour=ACCENT),
     f"{HEADING}/helipad": _Series(name="to the helipad", colour=_BLUE),
-    f"{HEIGHT}/told": _Series(name="told, above the carpet", colour=ACCENT),
+    f"{HEIGHT}/told": _Series(name="told", colour=ACCENT),
     f"{HEIGHT}/true": _Series(name="true", colour=_BLUE),
-    f"{FREE_DISTANCE}/ahead": _Series(name="free ahead", colour=ACCENT),
-    f"{FREE_DISTANCE}/intrusion": _Series(name="nearest intrusion", colour=ALARM),
-    f"{FREE_DISTANCE}/remembered": _Series(name="nearest remembered", colour=_BLUE),
+    f"{FREE_DISTANCE}/ahead": _Series(name="ahead", colour=ACCENT),
+    f"{FREE_DISTANCE}/intrusion": _Series(name="intrusion", colour=ALARM),
+    f"{FREE_DISTANCE}/remembered": _Series(name="remembered", colour=_BLUE),
     f"{FREE_DISTANCE}/clearance": _Series(name="true clearance", colour=INK),
     f"{TICK_TIME}/compute": _Series(name="tree and networks", colour=ACCENT),
 }

@@ -1,4 +1,4 @@
-"""The tree as a graph: a row for each leaf, parents left of their children, coloured by status."""
+"""The tree as a graph: a row for each node, children indented, coloured by status."""
 
 from __future__ import annotations
 
@@ -20,47 +20,27 @@ STATUS_COLOURS: Final[Mapping[Status, Colour]] = {
     FAILURE: (255, 92, 92),
     IDLE: (139, 146, 158),
 }
-_ROW_PX: Final = 34.0
-_GAP_PX: Final = 46.0  # between a parent's label and its children's
+_ROW_PX: Final = 30.0
+_INDENT_PX: Final = 30.0
 _LETTER_PX: Final = 7.0  # of Rerun's type, roughly
 
 
 def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
-    """Return where the nodes' middles lie, px: levels from left to right, leaves from the top down.
+    """Return where the nodes' middles lie, px: a row each, indented by level, as in the tree file.
+
+    A tree drawn level by level is several times wider than a pane, and its labels too small to read.
 
     Args:
         nodes: in the order of the file, parents first.
     """
-    children: dict[str, list[int]] = {node.path: [] for node in nodes}
-    levels: list[int] = []
-    index = {node.path: place for place, node in enumerate(nodes)}
-    for place, node in enumerate(nodes):
-        levels.append(0 if node.parent is None else levels[index[node.parent]] + 1)
-        if node.parent is not None:
-            children[node.parent].append(place)
-    rows = [0.0] * len(nodes)
-    next_row = sum(1 for node in nodes if not children[node.path])
-    for place in reversed(range(len(nodes))):  # children first
-        below = children[nodes[place].path]
-        if below:
-            rows[place] = (rows[below[0]] + rows[below[-1]]) / 2.0
-        else:
-            next_row -= 1
-            rows[place] = float(next_row)
-    columns = _columns(nodes, levels)
-    return [(columns[level], _ROW_PX * row) for level, row in zip(levels, rows, strict=True)]
-
-
-def _columns(nodes: Sequence[TreeNode], levels: Sequence[int]) -> list[float]:
-    """Return where each level's middle lies, wide enough for its longest label."""
-    widths = [0.0] * (max(levels, default=-1) + 1)
-    for node, level in zip(nodes, levels, strict=True):
-        widths[level] = max(widths[level], _LETTER_PX * len(node.label))
-    columns, left = [], 0.0
-    for width in widths:
-        columns.append(left + width / 2.0)
-        left += width + _GAP_PX
-    return columns
+    levels: dict[str, int] = {}
+    found: list[tuple[float, float]] = []
+    for row, node in enumerate(nodes):
+        level = 0 if node.parent is None else levels[node.parent] + 1
+        levels[node.path] = level
+        left_px = _INDENT_PX * level
+        found.append((left_px + _LETTER_PX * len(node.label) / 2.0, _ROW_PX * row))
+    return found
 
 
 class TreeGraph:
