@@ -219,9 +219,7 @@ def _record(file: Path, options: FlightOptions) -> FlightRecord:
 
     told = asdict(options)
     del told["record"]
-    return FlightRecord(
-        file, told, quality=options.record_quality, stands_still=not options.realtime
-    )
+    return FlightRecord(file, told, quality=options.record_quality, realtime=options.realtime)
 
 
 def _fly_connected(

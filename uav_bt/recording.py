@@ -94,8 +94,8 @@ class FlightRecord:
         path: the MCAP file.
         options: the flight's, as metadata; what is no text becomes JSON.
         quality: of camera pictures.
-        stands_still: whether a simulated drone's clock stands still while the flight waits for the
-            disk; nothing is left out then.
+        realtime: the flight must keep pace with the clock on the wall. One whose clock stands still
+            meanwhile waits for the disk, and nothing is left out.
         wall_clock_ns: tells when the flight begins, nanoseconds since 1970.
     """
 
@@ -105,13 +105,13 @@ class FlightRecord:
         options: Mapping[str, object],
         *,
         quality: Quality = "lossless",
-        stands_still: bool = False,
+        realtime: bool = False,
         wall_clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._path = path
         self._options = options
         self._quality = quality
-        self._stands_still = stands_still
+        self._realtime = realtime
         self._wall_clock_ns = wall_clock_ns
         self._recorder: FlightRecorder | None = None
 
@@ -130,10 +130,10 @@ class FlightRecord:
             FileError: the file cannot be written.
             MissingDependencyError: the extra `record` is not installed.
         """
+        before_s = drone.clock.now()
         facts = flight_facts(tree, path, drone, self._options)
-        config = RecordConfig(
-            quality=self._quality, wait=self._stands_still and drone.referee is not None
-        )
+        stands_still = drone.clock.now() == before_s  # nobody has slept, and yet time has passed
+        config = RecordConfig(quality=self._quality, wait=stands_still and not self._realtime)
         file = RecordFile(self._path)
         try:
             self._recorder = FlightRecorder(

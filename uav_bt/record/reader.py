@@ -17,7 +17,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.record import channels
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, need_extra
 from uav_bt.record.moment import Moment, moment_of
-from uav_bt.record.notes import TreeNote
+from uav_bt.record.notes import StatusNote, TreeNote
 from uav_bt.record.record_file import Attachment
 from uav_bt.record.timeline import Timeline
 from uav_bt.record.values import decode
@@ -184,7 +184,7 @@ class RecordReader:
         with self.path.open("rb") as stream:
             try:
                 for _, channel, message in self._indexed(stream).iter_messages(
-                    topics, start_time=start_ns, end_time=end_ns
+                    topics, starting_at=start_ns, ending_before=end_ns
                 ):
                     yield StoredMessage(
                         topic=channel.topic, time_ns=message.log_time, data=message.data
@@ -213,7 +213,7 @@ class RecordReader:
             FileError: a message is damaged in a way that checksums do not show.
         """
         found: dict[str, bytes] = {}
-        statuses = ("IDLE",) * len(self.tree.nodes)
+        statuses = self._statuses_before(from_s)
         for message in self.messages(from_s=from_s, to_s=to_s):
             if message.topic == channels.TICK.topic and found:
                 moment = self._moment(found, statuses)
@@ -222,11 +222,27 @@ class RecordReader:
                 found = {}
             if found or message.topic == channels.TICK.topic:
                 found[message.topic] = message.data
+            elif message.topic == channels.TREE_STATUS.topic:
+                statuses = _statuses(message)  # how it stood when a cut begins
         if channels.STATE.topic in found and channels.COMMANDS.topic in found:
             yield self._moment(found, statuses)
+
+    def _statuses_before(self, from_s: float | None) -> tuple[str, ...]:
+        """Return how the nodes stood; statuses are recorded when they change."""
+        last = None
+        if from_s is not None and from_s > 0.0:
+            for last in self.messages([channels.TREE_STATUS.topic], to_s=from_s):  # noqa: B007
+                pass
+        if last is None:
+            return ("IDLE",) * len(self.tree.nodes)
+        return _statuses(last)
 
     def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         try:
             return moment_of(found, statuses, json.loads)
         except (InputError, KeyError, ValueError) as error:
             raise FileError(self.path, f"a tick of the record is damaged: {error}") from error
+
+
+def _statuses(message: StoredMessage) -> tuple[str, ...]:
+    return decode(StatusNote, json.loads(message.data)).statuses

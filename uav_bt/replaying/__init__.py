@@ -7,6 +7,6 @@ now. So the first difference is one of cause, and later ones may follow from it.
 from __future__ import annotations
 
 from uav_bt.replaying.differences import Difference, ReplayReport
-from uav_bt.replaying.replay import ReplayOptions, replay
+from uav_bt.replaying.replayer import ReplayOptions, replay
 
 __all__ = ["Difference", "ReplayOptions", "ReplayReport", "replay"]
