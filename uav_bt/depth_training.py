@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,10 +15,17 @@ from numpy.typing import NDArray
 
 from perception.depth.clips import ClipSource, DepthLabels, Flight
 from perception.depth.evaluation import DepthSample, DepthScore, score_depth
-from perception.depth.footage import Footage, read_footage, shrink
+from perception.depth.footage import Footage, shrink
 from perception.depth.ground import CameraView, ground_depth
-from perception.depth.labelling import LABEL_SIZE_PX, add_parallax, footing_labels
+from perception.depth.labelling import (
+    LABEL_SIZE_PX,
+    add_parallax,
+    footing_labels,
+    read_labels,
+    write_labels,
+)
 from perception.weights_io import SHIPPED_WEIGHTS
+from uav_bt.dataset.footage import footage_of
 from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
 from uav_bt.training import VALIDATION_SCENES, Advance
@@ -58,33 +65,38 @@ def read_flights(
     """Read footage and, where there is a segmenter, label it; labels already made are kept.
 
     Args:
-        paths: footage files.
+        paths: footage files or records.
         segmenter: gives the masks that labels are made from; None for no labels.
         folder: where labels are kept, so that a broken-off run goes on.
-        advance: told when a flight is done.
+        advance: told of every frame that is labelled, and when a flight is done.
     """
     flights = []
     for done, path in enumerate(paths, start=1):
-        footage = read_footage(path)
-        labels = _kept_labels(path, footage, segmenter, folder) if segmenter is not None else None
+        footage = footage_of(path)
+        labels = None
+        if segmenter is not None:
+            labels = _kept_labels(path, footage, segmenter, folder, advance)
         flights.append(Flight(footage=footage, labels=labels))
         advance("flights", done, len(paths))
     return flights
 
 
-def _kept_labels(path: Path, footage: Footage, segmenter: Segmenter, folder: Path) -> DepthLabels:
+def _kept_labels(
+    path: Path, footage: Footage, segmenter: Segmenter, folder: Path, advance: Advance
+) -> DepthLabels:
     about = zlib.crc32(footage.captured_s.tobytes() + footage.frames[-1].tobytes())
     file = folder / f"labels-{path.stem}-{about:08x}.npz"
-    if not file.is_file():
-        made = add_parallax(footage, footing_labels(footage, segmenter))
-        folder.mkdir(parents=True, exist_ok=True)
-        partial = file.with_suffix(".part.npz")
-        bound = made.at_most_m if made.at_most_m is not None else np.empty(0)
-        np.savez_compressed(partial, depth_m=made.depth_m, at_most_m=bound)
-        partial.replace(file)
-        return made
-    with np.load(file, allow_pickle=False) as kept:
-        return DepthLabels(depth_m=kept["depth_m"], at_most_m=kept["at_most_m"])
+    if file.is_file():
+        return read_labels(file)
+
+    def tell(stage: str) -> Callable[[int, int], None]:
+        return lambda done, total: advance(f"{stage}, {path.stem}", done, total)
+
+    standing = footing_labels(footage, segmenter, advance=tell("footing"))
+    made = add_parallax(footage, standing, advance=tell("parallax"))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_labels(file, made)
+    return made
 
 
 # --- validation -----------------------------------------------------------------------------------

@@ -24,9 +24,11 @@ __all__ = [
     "FOOTAGE_SIZE_PX",
     "Footage",
     "FootageTruth",
+    "read_arrays",
     "read_footage",
     "read_truth",
     "shrink",
+    "write_arrays",
     "write_footage",
     "write_truth",
 ]
@@ -34,6 +36,7 @@ __all__ = [
 FOOTAGE_SIZE_PX: Final = (320, 256)  # width, height: SC-Depth's size for indoor video
 _KIND: Final = "uav-bt-footage-1"
 _TRUTH_KIND: Final = "uav-bt-footage-truth-1"
+_FLY: Final = "`uav-bt fly ... --footage FILE` makes one"
 
 Floats = NDArray[np.float64]
 
@@ -129,7 +132,7 @@ def write_footage(path: Path, footage: Footage) -> None:
         item.name: getattr(footage, item.name) for item in fields(Footage) if item.name != "camera"
     }
     camera = footage.camera
-    _write(
+    write_arrays(
         path,
         _KIND,
         {
@@ -149,7 +152,7 @@ def read_footage(path: Path) -> Footage:
     Raises:
         FileError: the file is absent, damaged or something else.
     """
-    arrays = _read(path, _KIND)
+    arrays = read_arrays(path, _KIND)
     try:
         fx, fy, cx, cy = (float(value) for value in arrays["camera_fx_fy_cx_cy_px"])
         frames = arrays["frames"]
@@ -174,7 +177,7 @@ def read_footage(path: Path) -> Footage:
 def write_truth(path: Path, truth: FootageTruth) -> None:
     """Write what a simulator knows about one flight's frames, compressed."""
     arrays = {item.name: getattr(truth, item.name) for item in fields(FootageTruth)}
-    _write(path, _TRUTH_KIND, arrays, compressed=True)
+    write_arrays(path, _TRUTH_KIND, arrays, compressed=True)
 
 
 def read_truth(path: Path) -> FootageTruth:
@@ -183,16 +186,21 @@ def read_truth(path: Path) -> FootageTruth:
     Raises:
         FileError: the file is absent, damaged or something else.
     """
-    arrays = _read(path, _TRUTH_KIND)
+    arrays = read_arrays(path, _TRUTH_KIND)
     try:
         return FootageTruth(**{item.name: arrays[item.name] for item in fields(FootageTruth)})
     except (KeyError, ShapeError) as error:
         raise FileError(path, f"is no whole truth file ({error}); fly it again") from error
 
 
-def _write(
+def write_arrays(
     path: Path, kind: str, arrays: Mapping[str, NDArray[Any]], *, compressed: bool = False
 ) -> None:
+    """Write an npz file of a kind; it appears whole or not at all.
+
+    Raises:
+        FileError: it cannot be written.
+    """
     partial = path.with_name(path.name + ".part")
     save = np.savez_compressed if compressed else np.savez
     try:
@@ -204,9 +212,19 @@ def _write(
         raise FileError(path, f"cannot be written ({error.strerror})") from error
 
 
-def _read(path: Path, kind: str) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path, kind: str, *, cure: str = _FLY) -> dict[str, NDArray[Any]]:
+    """Read an npz file of a kind, without pickle.
+
+    Args:
+        path: the file.
+        kind: what it must be.
+        cure: what to do when it is not there.
+
+    Raises:
+        FileError: it is absent, damaged or something else.
+    """
     if not path.is_file():
-        raise FileError(path, "there is no such file; `uav-bt fly ... --footage FILE` makes one")
+        raise FileError(path, f"there is no such file; {cure}")
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
             # Opened by ourselves: numpy leaves a damaged file open.

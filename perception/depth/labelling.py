@@ -9,13 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.clips import DepthLabels
-from perception.depth.footage import FOOTAGE_SIZE_PX, Footage, FootageTruth
+from perception.depth.footage import (
+    FOOTAGE_SIZE_PX,
+    Footage,
+    FootageTruth,
+    read_arrays,
+    write_arrays,
+)
 from perception.depth.footing import footing_depth
 from perception.depth.ground import view_of
 from perception.depth.metric import remembered_bases
@@ -23,7 +31,7 @@ from perception.depth.motion import CameraTrack, camera_track, measured_motion
 from perception.depth.panorama import Unroller
 from perception.depth.parallax import Parallax, ParallaxConfig
 from perception.obstacle_memory import ObstacleMemory
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
 
@@ -34,9 +42,13 @@ __all__ = [
     "exact_labels",
     "footing_labels",
     "frames_of",
+    "read_labels",
+    "write_labels",
 ]
 
-LABEL_SIZE_PX = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
+LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
+
+_KIND: Final = "uav-bt-depth-labels-1"
 
 Image = NDArray[np.uint8]
 Advance = Callable[[int, int], None]
@@ -185,6 +197,26 @@ def exact_labels(footage: Footage, truth: FootageTruth) -> DepthLabels:
         raise ValueRangeError("the truth is about other frames than the footage; fly both anew")
     depth = [_small(exact.astype(np.float32)) for exact in truth.depth_m]
     return DepthLabels(depth_m=np.stack(depth).astype(np.float16))
+
+
+def write_labels(path: Path, labels: DepthLabels) -> None:
+    """Write a flight's labels, compressed."""
+    bound = {} if labels.at_most_m is None else {"at_most_m": labels.at_most_m}
+    write_arrays(path, _KIND, {"depth_m": labels.depth_m, **bound}, compressed=True)
+
+
+def read_labels(path: Path) -> DepthLabels:
+    """Read a flight's labels.
+
+    Raises:
+        FileError: the file is absent, damaged or something else.
+    """
+    cure = "delete the file to have it made anew"
+    arrays = read_arrays(path, _KIND, cure=cure)
+    try:
+        return DepthLabels(depth_m=arrays["depth_m"], at_most_m=arrays.get("at_most_m"))
+    except (KeyError, ShapeError) as error:
+        raise FileError(path, f"holds no whole labels ({error}); {cure}") from error
 
 
 def _parallax_of(

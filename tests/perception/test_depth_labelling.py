@@ -1,6 +1,7 @@
 """Labels without truth: dense flow triangulated, footings, and the exact ones to compare with."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,9 +10,9 @@ from depth_flight import KnownFlight, known_flight
 
 from perception.depth import labelling
 from perception.depth.clips import DepthLabels
-from perception.depth.footage import FootageTruth
+from perception.depth.footage import FootageTruth, write_arrays
 from perception.depth.parallax import ParallaxConfig, parallax_depth
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.types import ClassMap, Frame
 
 
@@ -144,3 +145,25 @@ def test_no_frames_at_all_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="every and others"):
         replace(labelling.LabelConfig(), others=0)
     assert ParallaxConfig().least_views == 2
+
+
+@pytest.mark.parametrize("bounded", [True, False])
+def test_labels_come_back_as_they_were_written(tmp_path: Path, bounded: bool) -> None:  # noqa: FBT001 (a parameter of pytest)
+    depth = np.full((2, 4, 5), np.nan, np.float16)
+    depth[0] = 1.5
+    bound = np.full_like(depth, np.inf) if bounded else None
+    labelling.write_labels(tmp_path / "l.npz", DepthLabels(depth_m=depth, at_most_m=bound))
+    read = labelling.read_labels(tmp_path / "l.npz")
+    np.testing.assert_array_equal(read.depth_m, depth)
+    assert (read.at_most_m is not None) == bounded
+
+
+def test_damaged_labels_say_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "l.npz"
+    labelling.write_labels(path, DepthLabels(depth_m=np.zeros((2, 4, 5), np.float16)))
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(FileError, match="damaged"):
+        labelling.read_labels(path)
+    write_arrays(path, "uav-bt-depth-labels-1", {"depth": np.zeros(3)})
+    with pytest.raises(FileError, match="delete the file to have it made anew"):
+        labelling.read_labels(path)
