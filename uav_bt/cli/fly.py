@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
 from itertools import combinations
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import click
 
 from uav_bt.cli.options import groot_port, node_policies, output_option, picture_size, seed_option
 from uav_bt.errors import MissionError
+
+if TYPE_CHECKING:
+    from uav_bt.viewing.live import ViewListeners
 
 __all__ = ["fly"]
 
@@ -58,6 +62,14 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     help="Of the record's pictures: exact, or small.",
 )
 @output_option("--video", "Film the flight: an mp4 file.")
+@click.option(
+    "--view",
+    metavar="[WHERE]",
+    type=click.Choice(["window", "web"]),
+    is_flag=False,
+    flag_value="window",
+    help="Show the flight in Rerun: in a window, or with `web` in a browser on this machine.",
+)
 @output_option("--btlog", "Log what each node does: a .btlog file, which Groot2 replays.")
 @click.option(
     "--groot",
@@ -100,6 +112,7 @@ def fly(
     record: Path | None,
     quality: Literal["lossless", "high"],
     video: Path | None,
+    view: Literal["window", "web"] | None,
     btlog: Path | None,
     groot: int | None,
     footage: Path | None,
@@ -123,11 +136,7 @@ def fly(
         "truth": truth,
     }
     files = {what: path for what, path in written.items() if path is not None}
-    for one, other in combinations(files, 2):
-        if files[one] == files[other]:
-            raise click.UsageError(f"--{one} and --{other} name the same file")
-    if truth is not None and footage is None:
-        raise click.UsageError("--truth needs --footage: the frames it is about")
+    _refuse_clashes(files)
 
     from rich.console import Console  # noqa: PLC0415 - `--help` need not wait for all of these
 
@@ -136,6 +145,7 @@ def fly(
     from uav_bt.live import GrootConfig, watched_live  # noqa: PLC0415
     from uav_bt.mission.judge import Outcome  # noqa: PLC0415
     from uav_bt.view.status import summary  # noqa: PLC0415
+    from uav_bt.viewing.live import live_view  # noqa: PLC0415
 
     options = app.FlightOptions(
         scene=scene,
@@ -153,10 +163,15 @@ def fly(
     with ExitStack() as stack:
         watchers: list[watching.Listeners] = [stack.enter_context(watching.live_status())]
         film = None
+        title = f"{Path(tree).stem}, {scene or drone}, seed {seed}"
         if video is not None:
-            title = f"{Path(tree).stem}, {scene or drone}, seed {seed}"
             film = stack.enter_context(watching.flight_video(video, title=title))
             watchers.append(film)
+        viewed = None
+        if view is not None:
+            # Of the command, not of the flight: a browser still looks when the summary is printed.
+            viewed = ctx.with_resource(live_view(web=view == "web", title=title, told=click.echo))
+            watchers.append(viewed)
         if footage is not None:
             watchers.append(stack.enter_context(flight_footage(footage, truth=truth)))
         tree_watchers: list[watching.TreeListeners] = [
@@ -166,6 +181,8 @@ def fly(
         ]
         if film is not None:
             tree_watchers.append(film.show_tree)
+        if viewed is not None:
+            tree_watchers.append(viewed.show_tree)
         flown = app.fly(
             tree,
             options,
@@ -178,5 +195,23 @@ def fly(
     Console().print(summary(flown))
     for what, path in files.items():
         click.echo(f"{what}: {path}")
+    if viewed is not None and view == "web":
+        _wait_for(viewed)
     if flown.outcome != Outcome.SUCCESS.value:
         ctx.exit(MissionError.exit_code)
+
+
+def _refuse_clashes(files: Mapping[str, Path]) -> None:
+    """Refuse two files that are one, and a truth about nothing."""
+    for one, other in combinations(files, 2):
+        if files[one] == files[other]:
+            raise click.UsageError(f"--{one} and --{other} name the same file")
+    if "truth" in files and "footage" not in files:
+        raise click.UsageError("--truth needs --footage: the frames it is about")
+
+
+def _wait_for(viewed: ViewListeners) -> None:
+    """Keep a browser's view until somebody has seen enough."""
+    click.echo("The view stays until Ctrl-C.")
+    with suppress(KeyboardInterrupt):
+        viewed.wait()

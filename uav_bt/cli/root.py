@@ -33,6 +33,7 @@ _COMMANDS: Final = {
     "view": "uav_bt.cli.view:view",
     "campaign": "uav_bt.cli.campaign:campaign",
     "report": "uav_bt.cli.report:report",
+    "dataset": "uav_bt.cli.dataset:dataset",
     "train": "uav_bt.cli.train:train",
     "evaluate": "uav_bt.cli.evaluate:evaluate",
 }

@@ -51,11 +51,15 @@ def view(
     if from_s is not None and to_s is not None and from_s >= to_s:
         raise click.UsageError(f"--from {from_s:g} must lie before --to {to_s:g}")
     from uav_bt.viewer import sinks  # noqa: PLC0415 - `--help` need not wait for these
-    from uav_bt.viewing.recorded import RecordedFlight, Span  # noqa: PLC0415
+    from uav_bt.viewing.recorded import (  # noqa: PLC0415
+        WITHOUT_DISPLAY,
+        RecordedFlight,
+        Span,
+    )
 
     window = not (web or save or video)
     if window:
-        sinks.need_display()
+        sinks.need_display(WITHOUT_DISPLAY)
     with RecordedFlight(file, Span(from_s=from_s, to_s=to_s)) as flight:
         with progress_bars() as advance:
             if save is not None:

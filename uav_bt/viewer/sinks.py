@@ -46,8 +46,12 @@ def has_display(environment: Mapping[str, str] | None = None) -> bool:
     return sys.platform == "darwin" or bool(given.get("DISPLAY") or given.get("WAYLAND_DISPLAY"))
 
 
-def need_display(environment: Mapping[str, str] | None = None) -> None:
+def need_display(instead: str, environment: Mapping[str, str] | None = None) -> None:
     """Make sure that a window can open here.
+
+    Args:
+        instead: what somebody without a display can do.
+        environment: the process's, if it is another one than ours.
 
     Raises:
         InputError: it cannot.
@@ -55,7 +59,7 @@ def need_display(environment: Mapping[str, str] | None = None) -> None:
     if not has_display(environment):
         raise InputError(
             "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set): "
-            "--web shows it in a browser, --save FILE.rrd keeps it for `rerun FILE.rrd` elsewhere"
+            f"{instead}"
         )
 
 

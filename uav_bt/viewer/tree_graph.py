@@ -28,7 +28,7 @@ _LETTER_PX: Final = 7.0  # of Rerun's type, roughly
 def places(nodes: Sequence[TreeNode]) -> list[tuple[float, float]]:
     """Return where the nodes' middles lie, px: a row each, indented by level, as in the tree file.
 
-    A tree drawn level by level is several times wider than a pane, and its labels too small to read.
+    A tree drawn level by level is several times wider than a pane: its labels could not be read.
 
     Args:
         nodes: in the order of the file, parents first.

@@ -154,7 +154,9 @@ def live_view(
         MissingDependencyError: Rerun is not installed.
     """
     if not web:
-        sinks.need_display()
+        sinks.need_display(
+            "--view web shows the flight in a browser; --record FILE.mcap keeps it for `uav-bt view`"
+        )
     viewer = sinks.Viewer(web=web)
     try:
         if viewer.url is not None:

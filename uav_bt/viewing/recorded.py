@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from perception.classes import CLASS_COLOURS, CLASS_NAMES
 from sim_bridge.twin.scene_file import load_scene
@@ -36,10 +36,16 @@ if TYPE_CHECKING:
 
     from uav_bt.viewer.setting import ViewSetting
 
-__all__ = ["RecordedFlight", "Span", "attached_tree"]
+__all__ = ["WITHOUT_DISPLAY", "RecordedFlight", "Span", "attached_tree"]
 
 Advance = Callable[[str, int, int], None]
 Stopped = Callable[[], bool]
+
+
+# What `uav-bt view` can do then.
+WITHOUT_DISPLAY: Final = (
+    "--web shows it in a browser, --save FILE.rrd keeps it for `rerun FILE.rrd` elsewhere"
+)
 
 
 def _silent(_stage: str, _done: int, _total: int) -> None:
@@ -195,7 +201,7 @@ class RecordedFlight:
             MissingDependencyError: Rerun is not installed.
         """
         if not web:
-            sinks.need_display()
+            sinks.need_display(WITHOUT_DISPLAY)
         viewer = sinks.Viewer(web=web)
         try:
             yield viewer
