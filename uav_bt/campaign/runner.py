@@ -94,7 +94,8 @@ class LocalBackend:
         )
         answers = parallel(joblib.delayed(fly)(task) for task in tasks)
         with _stopped_early(answers, pilots.close):
-            yield from answers
+            for task, answer in answers:  # noqa: UP028 - joblib would hear of an early end first
+                yield task, answer
 
 
 @contextmanager

@@ -1,0 +1,105 @@
+"""From names to plans: what is found, what it hashes, what is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from perception.weights_io import SHIPPED_WEIGHTS
+from sim_bridge.twin import scene_file
+from uav_bt.campaign.path_keeper import PathKeeper
+from uav_bt.campaign.store import CampaignStore
+from uav_bt.campaigning import make_plan, plan_of
+from uav_bt.errors import InputError, SceneError, TreeError, UnknownNameError
+from uav_bt.tree_files import shipped_trees
+
+SCENES = Path(scene_file.__file__).parent / "scenes"
+HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
+
+
+def tree(path: Path, body: str = HOP, extra: str = "") -> Path:
+    path.write_text(
+        f'<root BTCPP_format="4" main_tree_to_execute="Main">{extra}'
+        f'<BehaviorTree ID="Main">{body}</BehaviorTree></root>'
+    )
+    return path
+
+
+def test_shipped_missions_and_scenes_are_named_so_that_every_machine_finds_them() -> None:
+    plan = make_plan(["land_only"], scenes=["val-*,train-a", "val-a"], flights=1)
+    assert [(file.name, file.path) for file in plan.trees] == [("land_only.xml", "land_only")]
+    assert [file.path for file in plan.scenes] == ["val-a", "val-b", "train-a"]
+    text = (shipped_trees() / "land_only.xml").read_bytes()
+    assert plan.trees[0].sha256 == hashlib.sha256(text).hexdigest()
+
+
+def test_weights_that_the_tree_flies_with_are_in_the_plan(tmp_path: Path) -> None:
+    plan = make_plan(["land_only"], flights=1)
+    flown = (SHIPPED_WEIGHTS / "unet.onnx").read_bytes()
+    assert plan.weights == {"unet.onnx": hashlib.sha256(flown).hexdigest()}
+    assert make_plan([tree(tmp_path / "hop.xml")], flights=1).weights == {}
+
+
+def test_files_are_found_by_pattern_too(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        shutil.copy(SCENES / "val-a.yaml", tmp_path / f"{name}.yaml")
+        scene = (tmp_path / f"{name}.yaml").read_text().replace("val-a", name)
+        (tmp_path / f"{name}.yaml").write_text(scene)
+    plan = make_plan([tree(tmp_path / "hop.xml")], scenes=[f"{tmp_path}/*.yaml"], flights=1)
+    assert [file.name for file in plan.scenes] == ["one", "two"]
+    assert plan.scenes[0].path == str(tmp_path / "one.yaml")
+    assert plan.trees[0].path == str(tmp_path / "hop.xml")
+
+
+def test_a_changed_include_changes_the_plan(tmp_path: Path) -> None:
+    part = tmp_path / "part.xml"
+    text = '<root BTCPP_format="4"><BehaviorTree ID="Part">{}</BehaviorTree></root>'
+    part.write_text(text.format(HOP))
+    main = tree(tmp_path / "main.xml", '<SubTree ID="Part"/>', '<include path="part.xml"/>')
+    before = make_plan([main], flights=1)
+    part.write_text(text.format(f"<ForceSuccess>{HOP}</ForceSuccess>"))
+    (difference,) = make_plan([main], flights=1).differences(before)
+    assert difference.startswith("tree: 'main.xml' has changed")
+
+
+def test_a_folder_gives_back_its_plan_as_it_would_be_today(tmp_path: Path) -> None:
+    mission = tree(tmp_path / "hop.xml")
+    plan = make_plan([mission], scenes=["val-a"], flights=2, profile="ideal", seed_from=3)
+    with CampaignStore.opened(tmp_path / "out", plan, {}):
+        pass
+    assert plan_of(tmp_path / "out") == plan
+    tree(mission, f"<ForceSuccess>{HOP}</ForceSuccess>")
+    assert plan_of(tmp_path / "out").differences(plan)[0].startswith("tree: 'hop.xml' has changed")
+
+
+@pytest.mark.parametrize("scene", ["val-z", "zzz-*"])
+def test_an_unknown_scene_is_refused_with_those_there_are(scene: str) -> None:
+    with pytest.raises(UnknownNameError, match="known: test-a"):
+        make_plan(["land_only"], scenes=[scene])
+
+
+def test_what_cannot_be_flown_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text("boxes: []\n")
+    with pytest.raises(SceneError):
+        make_plan(["land_only"], scenes=[str(tmp_path / "bad.yaml")])
+    with pytest.raises(TreeError):
+        make_plan([tree(tmp_path / "bad.xml", "<Nonsense/>")])
+    with pytest.raises(InputError, match="nobody"):
+        make_plan(["explore_and_land_segmentation"], policies={"Explore": "nobody"})
+    with pytest.raises(InputError, match="at least one scene"):
+        make_plan(["land_only"], scenes=[","])
+
+
+def test_the_way_is_kept_twice_a_second_to_the_millimetre() -> None:
+    keeper = PathKeeper()
+    for tick in range(11):
+        pose = SimpleNamespace(x_m=tick / 3, y_m=-1.0, z_m=1.23456)
+        keeper.on_tick(SimpleNamespace(time_s=0.1 * tick, truth=SimpleNamespace(pose=pose)))  # type: ignore[arg-type]
+    keeper.on_tick(SimpleNamespace(time_s=9.0, truth=None))  # type: ignore[arg-type]
+    assert keeper.points == [
+        *((0.0, 0.0, -1.0, 1.235), (0.5, 1.667, -1.0, 1.235), (1.0, 3.333, -1.0, 1.235))
+    ]
