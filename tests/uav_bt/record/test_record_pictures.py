@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -47,7 +49,9 @@ def test_red_stays_red() -> None:
     assert decode_image(encode_image(red, "lossless")[0])[0, 0].tolist() == [255, 0, 0]
 
 
-@pytest.mark.parametrize("data", [b"", b"no picture at all", encode_image(noise(9, 9), "high")[0][:20]])
+@pytest.mark.parametrize(
+    "data", [b"", b"no picture at all", encode_image(noise(9, 9), "high")[0][:20]]
+)
 def test_what_is_no_picture_is_refused(data: bytes) -> None:
     with pytest.raises(InputError, match="expected a PNG or JPEG picture"):
         decode_image(data)
@@ -81,10 +85,8 @@ def test_unknown_depth_is_zero_millimetres_and_far_is_the_most_there_is() -> Non
 
 @given(st.binary(max_size=60))
 def test_bytes_of_any_kind_are_read_or_refused(data: bytes) -> None:
-    try:
-        fields(data)
-    except InputError as error:
-        assert "protobuf" in str(error)
+    with suppress(InputError):
+        assert all(number >= 0 for number in fields(data))
 
 
 def test_an_image_without_data_is_refused() -> None:

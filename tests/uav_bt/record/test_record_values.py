@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uav_bt.errors import InputError
-from uav_bt.record.channels import CHANNELS, schema_of
+from uav_bt.record.channels import CHANNELS, Channel, schema_of
 from uav_bt.record.notes import CommandNote, FrameNote, TickNote
 from uav_bt.record.values import decode, dump, encode, finite, json_schema
 from uav_bt.types import (
@@ -26,6 +26,7 @@ from uav_bt.types import (
     Hover,
     Land,
     MoveBy,
+    Movement,
     MovementState,
     MovementStatus,
     ObstaclePoints,
@@ -84,7 +85,9 @@ def test_a_frames_telemetry_comes_back_to_the_last_bit(note: FrameNote) -> None:
 
 
 @given(commands, commands, movements | st.none())
-def test_commands_come_back_as_what_they_were(decided: Command, sent: Command, proposed) -> None:  # type: ignore[no-untyped-def]
+def test_commands_come_back_as_what_they_were(
+    decided: Command, sent: Command, proposed: Movement | None
+) -> None:
     note = CommandNote(decided=decided, sent=sent, proposed=proposed, proposed_by="Main/Land")
     assert there_and_back(note) == note
 
@@ -142,11 +145,11 @@ def test_a_movement_that_nobody_knows_is_refused() -> None:
 
 
 @pytest.mark.parametrize("channel", CHANNELS.values(), ids=lambda channel: channel.topic)
-def test_every_channel_has_a_schema_that_viewers_can_read(channel) -> None:  # type: ignore[no-untyped-def]
+def test_every_channel_has_a_schema_that_viewers_can_read(channel: Channel) -> None:
     encoding, data = schema_of(channel)
     if channel.encoding == "protobuf":
         assert encoding == "protobuf"
-        assert channel.content.encode() in data
+        assert str(channel.content).encode() in data
     else:
         assert encoding == "jsonschema"
         assert json.loads(data)["type"] == "object"

@@ -1,4 +1,4 @@
-"""The writing thread: order kept, nothing waits for a slow disk, all that is left out is counted."""
+"""The writing thread: order kept, no flight waits for a disk, all that is left out is counted."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ class Disk:
 
 def encode(item: int, pictures: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as the worker calls it
     yield Encoded(channel=channels.TICK, time_ns=item, data=b"{}")
-    yield Encoded(channel=channels.CAMERA_IMAGE, time_ns=item, data=b"picture" if pictures else None)
+    yield Encoded(
+        channel=channels.CAMERA_IMAGE, time_ns=item, data=b"picture" if pictures else None
+    )
 
 
 def config(**values: object) -> RecordConfig:
