@@ -15,6 +15,7 @@ from behaviours.perceive_depth import BuildCorridor
 from perception.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.board import METRIC_DEPTH
 from uav_bt.errors import MissionError
+from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.context import MissionContext
 from uav_bt.mission.runner import TickListener
 from uav_bt.protocols import Drone
@@ -22,6 +23,7 @@ from uav_bt.tree import MissionTree, Status
 from uav_bt.types import CameraModel
 from uav_bt.view.map import LabMap
 from uav_bt.viewer import sinks
+from uav_bt.viewer.background import BackgroundFollower, Statuses
 from uav_bt.watching import corridor_marker, lab_map_of
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ class ViewListeners:
     Args:
         stream: where to draw.
         title: the recording's name.
-        viewer: the process that shows it; None for a file.
+        viewer: the process that shows it, told by a thread of its own; None for a file.
     """
 
     def __init__(
@@ -48,6 +50,7 @@ class ViewListeners:
         self._title = title
         self._viewer = viewer
         self._drone: Drone | None = None
+        self._follower: BackgroundFollower | None = None
 
     def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
         """Take note of a connected drone; drawing begins with its tree."""
@@ -74,11 +77,23 @@ class ViewListeners:
         def statuses() -> Mapping[str, Status]:
             return {node.path: node.status for node in nodes}
 
+        def drawn(board: Blackboard, standing: Statuses) -> FlightView:
+            return FlightView(self._stream, setting, board, standing)
+
         self._stream.send_blueprint(layout(setting))
-        return [FlightView(self._stream, setting, context.board, statuses)]
+        if self._viewer is None:
+            return [drawn(context.board, statuses)]
+        self._follower = BackgroundFollower(drawn, context.board, statuses)
+        return [self._follower]
+
+    def finish(self) -> None:
+        """Draw what still waits; safe to call twice."""
+        if self._follower is not None:
+            self._follower.close()
 
     def wait(self) -> None:
         """Return when the viewer has been closed; at once for a file."""
+        self.finish()
         if self._viewer is not None:
             self._viewer.wait()
 
@@ -155,12 +170,16 @@ def live_view(
     """
     if not web:
         sinks.need_display(
-            "--view web shows the flight in a browser; --record FILE.mcap keeps it for `uav-bt view`"
+            "--view web shows it in a browser, --record FILE.mcap keeps it for `uav-bt view`"
         )
     viewer = sinks.Viewer(web=web)
     try:
         if viewer.url is not None:
             told(viewer.url)
-        yield ViewListeners(viewer.stream, title, viewer)
+        listeners = ViewListeners(viewer.stream, title, viewer)
+        try:
+            yield listeners
+        finally:
+            listeners.finish()
     finally:
         viewer.close(end=web)
