@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from perception.depth.footage import read_footage, read_truth
-from uav_bt import app
+from uav_bt.cli.root import uav_bt
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.footage import FootageConfig, FootageListeners, FootageRecorder, flight_footage
 from uav_bt.mission.runner import TickRecord
@@ -110,9 +111,14 @@ def test_a_twin_flight_leaves_footage_and_its_truth(tmp_path: Path) -> None:
         '<TakeOff height_m="1.0"/><Land/></Sequence></BehaviorTree></root>'
     )
     path, truth = tmp_path / "hop.npz", tmp_path / "hop.truth.npz"
-    options = app.FlightOptions(scene="train-a", image_size_px=(320, 180))
-    with flight_footage(path, truth=truth) as listeners:
-        app.fly(tree, options, listeners=listeners)
+    result = CliRunner().invoke(
+        uav_bt,
+        [
+            *("fly", str(tree), "--scene", "train-a", "--image-size", "320x180"),
+            *("--footage", str(path), "--truth", str(truth)),
+        ],
+    )
+    assert f"footage: {path}" in result.output
     footage, known = read_footage(path), read_truth(truth)
     assert footage.frames.shape[1:] == (256, 320, 3)
     assert len(footage) > 20
@@ -120,6 +126,20 @@ def test_a_twin_flight_leaves_footage_and_its_truth(tmp_path: Path) -> None:
     np.testing.assert_array_equal(known.index, footage.index)
     assert known.depth_m.shape == footage.frames.shape[:3]
     assert 0.0 < float(known.depth_m.min()) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--truth", "t.npz"], "--truth needs --footage"),
+        (["--footage", "a.npz", "--truth", "a.npz"], "name the same file"),
+        (["--footage", "nowhere/a.npz"], "create it first"),
+    ],
+)
+def test_the_command_refuses_files_that_cannot_be(arguments: list[str], words: str) -> None:
+    result = CliRunner().invoke(uav_bt, ["fly", "land_only", *arguments])
+    assert result.exit_code == 2
+    assert words in result.stderr
 
 
 def test_footage_is_written_when_the_flight_fails(tmp_path: Path) -> None:
