@@ -17,12 +17,15 @@ class RecordConfig:
     """What is kept, and what happens when the disk does not keep up."""
 
     quality: Quality = "lossless"  # of camera pictures; only lossless ones replay exactly
-    # Ticks with pictures that may wait for the disk: 64 noisy frames of 640x360 are 45 MB.
+    # So far the file may lag behind the flight before pictures are left out: with `flush_s` it is
+    # what a killed flight loses, less than a second.
+    lag_s: float = 0.5
+    # Ticks with pictures that may wait, whatever their age: 64 noisy frames of 640x360 are 45 MB.
     queued_pictures: int = 64
     queued_ticks: int = 1_024  # that may wait without pictures, some kilobytes each
-    # After so much mission time, or so long without work, everything is handed to the system: what
-    # a killed flight loses at most, and long enough for chunks that compress well.
-    flush_s: float = 0.5
+    # After so much mission time, or so long without work, everything is handed to the system; long
+    # enough for chunks of some ticks.
+    flush_s: float = 0.3
     # A simulated flight waits for the disk, its clock stands still meanwhile; a real one leaves
     # pictures out.
     wait: bool = False
@@ -33,7 +36,8 @@ class RecordConfig:
                 "a record's queue needs 1 <= queued_pictures <= queued_ticks, got "
                 f"{self.queued_pictures} and {self.queued_ticks}"
             )
-        if not 0.0 <= self.flush_s <= 1.0:
+        if not (0.0 <= self.flush_s <= 1.0 and self.lag_s > 0.0):
             raise ValueRangeError(
-                f"a record must be flushed at least every second, got {self.flush_s} s"
+                "a record must be flushed at least every second and may lag a little, got "
+                f"{self.flush_s} and {self.lag_s} s"
             )

@@ -58,6 +58,7 @@ class RecordWorker(Generic[T]):
         self._config = config
         self._jobs: deque[_Job[T]] = deque()
         self._pictures_waiting = 0
+        self._oldest_s: float | None = None  # mission time of the first tick that is not written
         self._changed = threading.Condition()
         self._closing = False
         self._flushed_s: float | None = None
@@ -77,14 +78,23 @@ class RecordWorker(Generic[T]):
         config = self._config
         with self._changed:
             if config.wait:
-                self._changed.wait_for(lambda: self._pictures_waiting < config.queued_pictures)
+                self._changed.wait_for(lambda: self._keeps_up(time_s))
             if len(self._jobs) >= config.queued_ticks:
                 self.lost_ticks += 1
                 return
-            pictures = self._pictures_waiting < config.queued_pictures
+            pictures = self._keeps_up(time_s)
             self._pictures_waiting += pictures
             self._jobs.append(_Job(item=item, time_s=time_s, pictures=pictures))
+            if self._oldest_s is None:
+                self._oldest_s = time_s
             self._changed.notify_all()
+
+    def _keeps_up(self, time_s: float) -> bool:
+        """Return whether there is room for another tick with pictures."""
+        if self._oldest_s is None:
+            return True
+        late = time_s - self._oldest_s > self._config.lag_s
+        return not late and self._pictures_waiting < self._config.queued_pictures
 
     def close(self) -> None:
         """Return when all that was handed over is written. Safe to call twice."""
@@ -101,12 +111,14 @@ class RecordWorker(Generic[T]):
                     timeout=self._config.flush_s or None,
                 )
                 job = self._jobs.popleft() if self._jobs else None
+                self._oldest_s = None if job is None else job.time_s
                 if job is None and self._closing:
                     break
             if job is not None:
                 self._guarded(partial(self._write, job))
                 with self._changed:
                     self._pictures_waiting -= job.pictures
+                    self._oldest_s = self._jobs[0].time_s if self._jobs else None
                     self.lost_ticks += self.failure is not None
                     self._changed.notify_all()
             elif not worked:

@@ -56,7 +56,8 @@ def encode(item: int, pictures: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as
 
 
 def config(**values: object) -> RecordConfig:
-    return RecordConfig(**{"queued_pictures": 2, "queued_ticks": 4, "flush_s": 0.5} | values)  # type: ignore[arg-type]
+    usual = {"queued_pictures": 2, "queued_ticks": 4, "flush_s": 0.5, "lag_s": 10.0}
+    return RecordConfig(**usual | values)  # type: ignore[arg-type]
 
 
 def test_everything_is_written_in_order_when_the_disk_keeps_up() -> None:
@@ -93,6 +94,22 @@ def test_a_slow_disk_costs_pictures_first_and_then_ticks_and_every_loss_is_count
     ]
     assert worker.dropped == {"/camera/image": 3}
     assert worker.lost_ticks == 3
+
+
+def test_a_file_that_lags_gets_no_pictures_until_it_has_caught_up() -> None:
+    disk = Disk()
+    disk.free.clear()
+    worker = RecordWorker(disk, encode, config(queued_pictures=64, queued_ticks=64, lag_s=0.5))
+    worker.put(0, 0.0)
+    assert disk.busy.wait(PATIENCE_S)
+    for index in range(1, 10):
+        worker.put(index, index / 10)
+    disk.free.set()
+    worker.close()
+    pictures = [index for topic, index in disk.written if topic == "/camera/image"]
+    assert pictures == [0, 1, 2, 3, 4, 5]
+    assert [index for topic, index in disk.written if topic == "/mission/tick"] == list(range(10))
+    assert worker.dropped == {"/camera/image": 4}
 
 
 def test_a_simulated_flight_waits_for_the_disk_and_loses_nothing() -> None:
@@ -149,6 +166,7 @@ def test_closing_twice_is_fine() -> None:
         ({"queued_pictures": 0}, "queued_pictures"),
         ({"queued_pictures": 9, "queued_ticks": 8}, "queued_ticks"),
         ({"flush_s": 2.0}, "every second"),
+        ({"lag_s": 0.0}, "lag"),
     ],
 )
 def test_a_config_that_cannot_work_is_refused(values: dict[str, float], words: str) -> None:

@@ -94,7 +94,7 @@ def test_another_policy_differs_where_it_decides_otherwise(
 
 def test_a_small_record_replays_within_the_tolerance_it_states(tmp_path: Path) -> None:
     record = tmp_path / "small.mcap"
-    options = replace(SMALL, record=record, record_quality="high")
+    options = replace(SMALL, image_size_px=(640, 360), record=record, record_quality="high")
     app.fly(tree_file(tmp_path, PERCEIVING), options)
     report = replay(record)
     assert not report.exact
