@@ -89,12 +89,17 @@ class ClipSource:
             config: which frames go together.
 
         Raises:
-            ValueRangeError: no frame was taken aloft, or some flights have labels and others none.
+            ValueRangeError: no frame was taken aloft, frames differ in size, or some flights have
+                labels and others none.
         """
         self._config = config or ClipConfig()
         self._flights = tuple(flights)
         if len({flight.labels is None for flight in flights}) > 1:
             raise ValueRangeError("some flights have depth labels and others none: label all")
+        sizes = {flight.footage.frames.shape[2:0:-1] for flight in flights}
+        if len(sizes) != 1:
+            raise ValueRangeError(f"flights must have frames of one size, got {sorted(sizes)}")
+        (self._size_px,) = sizes
         self._tracks = [camera_track(flight.footage) for flight in flights]
         # (flight, target) and the frames that may stand beside it.
         self._targets: list[tuple[int, int, NDArray[np.intp]]] = []
@@ -121,6 +126,11 @@ class ClipSource:
     def frame_count(self) -> int:
         """How many frames are drawn for themselves."""
         return sum(map(len, self._aloft))
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the frames."""
+        return self._size_px
 
     @property
     def labelled(self) -> bool:

@@ -66,11 +66,18 @@ def train_depth(
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run, or the weights to begin
             with belong to another network.
-        ValueRangeError: the loss is no longer finite, or nothing teaches.
+        ValueRangeError: the loss is no longer finite, nothing teaches, or the flights' frames are
+            not of the network's size.
     """
-    if not config.compares_frames and not clips.labelled:
+    if not config.compares_frames and not (clips.labelled and config.labels > 0.0):
         raise ValueRangeError(
             "without comparing frames only labels teach, and these flights have none"
+        )
+    if clips.size_px != (net_config.width_px, net_config.height_px):
+        width, height = clips.size_px
+        raise ValueRangeError(
+            f"the network takes {net_config.width_px}x{net_config.height_px} pictures, the "
+            f"flights' are {width}x{height}"
         )
     torch.manual_seed(config.seed)
     run = Learner(config, net_config)

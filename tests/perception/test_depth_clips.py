@@ -151,6 +151,15 @@ def test_flights_with_and_without_labels_do_not_mix(flight: clips.Flight) -> Non
         clips.ClipSource([flight, bare])
 
 
+def test_flights_of_two_sizes_do_not_mix(flight: clips.Flight) -> None:
+    footage = flight.footage
+    small = replace(
+        footage, frames=footage.frames[:, ::2, ::2], camera=footage.camera.resized(160, 128)
+    )
+    with pytest.raises(ValueRangeError, match="frames of one size"):
+        clips.ClipSource([clips.Flight(footage=footage), clips.Flight(footage=small)])
+
+
 def test_labels_of_another_flight_are_refused(flight: clips.Flight) -> None:
     labels = clips.DepthLabels(depth_m=np.zeros((3, 4, 5), np.float16))
     with pytest.raises(ShapeError, match="one a frame"):

@@ -156,6 +156,11 @@ def test_nothing_to_learn_from_is_refused(bare: clips.ClipSource) -> None:
         training.train_depth(bare, LABELS_ONLY, NET)
 
 
+def test_frames_of_another_size_than_the_networks_are_refused(source: clips.ClipSource) -> None:
+    with pytest.raises(ValueRangeError, match="takes 96x64 pictures, the flights' are 64x64"):
+        training.train_depth(source, LABELS_ONLY, replace(NET, width_px=96))
+
+
 def test_an_unknown_source_of_the_pose_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'telemetry'"):
         replace(SHORT, pose="telemetri")
