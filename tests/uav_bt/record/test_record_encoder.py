@@ -1,0 +1,160 @@
+"""What the board and the referee knew comes out of the messages as it went in."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uav_bt.mission.runner import TickRecord
+from uav_bt.record import messages
+from uav_bt.record.config import RecordConfig
+from uav_bt.record.encoder import MomentEncoder, RawMoment
+from uav_bt.record.moment import Moment, moment_of
+from uav_bt.record.timeline import Timeline
+from uav_bt.testing import pinhole
+from uav_bt.tree.status import IDLE, RUNNING
+from uav_bt.types import (
+    HOVER,
+    ClassMap,
+    Corridor,
+    DepthMap,
+    DroneState,
+    FlyingState,
+    HelipadFix,
+    Observation,
+    ObstaclePoints,
+    Pose,
+    Truth,
+)
+
+CAPTURED_S = 1.1000000000000003
+DEPTH = np.array([[0.5, np.nan], [1.2345, 80.0]], dtype=np.float32)
+TRUTH = Truth(
+    time_s=1.2,
+    pose=Pose(x_m=1.0, y_m=-2.0, z_m=1.5, yaw_rad=0.3),
+    contacts=("helipad",),
+    clearance_m=math.inf,
+    inside_carpet=True,
+    on_helipad=True,
+    landing_error_m=0.01,
+    motors_on=True,
+)
+BOARD: dict[str, Any] = {
+    "class_map": ClassMap(ids=np.arange(6, dtype=np.uint8).reshape(2, 3), captured_s=CAPTURED_S),
+    "relative_depth": DepthMap(depth=DEPTH, metric=False, captured_s=CAPTURED_S),
+    "metric_depth": DepthMap(depth=DEPTH, metric=True, captured_s=CAPTURED_S, confidence=0.25),
+    "corridor": Corridor(
+        captured_s=CAPTURED_S,
+        free_distance_m=math.inf,
+        nearest_m=0.7,
+        nearest_side="left",
+        time_to_impact_s=math.inf,
+    ),
+    "helipad": HelipadFix(captured_s=CAPTURED_S, forward_m=0.1, right_m=0.2, detected=True),
+    "obstacles": ObstaclePoints(points_m=np.empty((0, 2)), captured_s=CAPTURED_S),
+    "phase": "explore",
+}
+
+
+def raw_moment(board: dict[str, Any] | None = None) -> RawMoment:
+    state = DroneState(captured_s=1.2, flying=FlyingState.HOVERING)
+    tick = TickRecord(
+        index=12,
+        time_s=1.2,
+        observation=Observation(frame=None, state=state),
+        tree_status=RUNNING,
+        phase="explore",
+        active=("Main",),
+        command=HOVER,
+        proposed_by=None,
+        override=None,
+        compute_s=0.01,
+        truth=TRUTH,
+    )
+    values = BOARD if board is None else board
+    return RawMoment(
+        tick=tick,
+        proposed=None,
+        proposed_gimbal=None,
+        board={name: (value, CAPTURED_S) for name, value in values.items()},
+        statuses=(RUNNING, IDLE),
+    )
+
+
+def encoder(**config: Any) -> MomentEncoder:
+    return MomentEncoder(Timeline(start_ns=10**18, start_s=0.0), pinhole(), RecordConfig(**config))
+
+
+def read(made: MomentEncoder, moment: RawMoment) -> Moment:
+    found = {
+        message.channel.topic: message.data
+        for message in made.encode(moment, pictures=True)
+        if message.data is not None
+    }
+    return moment_of(found, ("FAILURE",), json.loads)
+
+
+def test_what_the_board_knew_comes_back() -> None:
+    moment = read(encoder(), raw_moment())
+    assert moment.class_map is not None
+    assert np.array_equal(moment.class_map.ids, BOARD["class_map"].ids)
+    assert moment.class_map.captured_s == CAPTURED_S
+    assert moment.relative_depth is not None
+    assert np.array_equal(moment.relative_depth.depth, DEPTH, equal_nan=True)
+    assert moment.metric_depth is not None
+    assert moment.metric_depth.depth == pytest.approx(
+        np.array([[0.5, np.nan], [1.234, 65.535]]), abs=1e-3, nan_ok=True
+    )
+    assert (moment.metric_depth.metric, moment.metric_depth.confidence) == (True, 0.25)
+    assert moment.corridor == BOARD["corridor"]
+    assert moment.helipad == BOARD["helipad"]
+    assert moment.obstacles is not None
+    assert moment.obstacles.points_m.shape == (0, 2)
+    assert moment.truth == TRUTH
+    assert moment.statuses == ("RUNNING", "IDLE")
+    assert moment.board["phase"] == {"value": "explore", "captured_s": CAPTURED_S}
+
+
+def test_what_is_not_new_is_not_told_again() -> None:
+    made = encoder()
+    read(made, raw_moment())
+    again = read(made, raw_moment())
+    assert again.class_map is None
+    assert again.corridor is None
+    assert again.statuses == ("FAILURE",)  # those of the tick before hold on
+    newer = replace(BOARD["corridor"], nearest_m=0.6)
+    assert read(made, raw_moment({**BOARD, "corridor": newer})).corridor == newer
+
+
+def test_small_records_go_without_relative_depth() -> None:
+    moment = read(encoder(quality="high"), raw_moment())
+    assert moment.relative_depth is None
+    assert moment.metric_depth is not None
+
+
+def turned(turn: messages._Quaternion, vector: tuple[float, float, float]) -> list[float]:
+    return list(messages._turned(turn, vector))
+
+
+def test_a_nose_that_rises_points_up_and_a_right_wing_that_drops_points_down() -> None:
+    pose = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=math.pi / 2)
+    level = messages._body(pose, messages.Attitude())
+    assert turned(level, (1.0, 0.0, 0.0)) == pytest.approx([0.0, 1.0, 0.0])
+    nose_up = messages._body(pose, messages.Attitude(pitch_rad=0.2))
+    assert turned(nose_up, (1.0, 0.0, 0.0))[2] == pytest.approx(math.sin(0.2))
+    rolled = messages._body(pose, messages.Attitude(roll_rad=0.2))
+    assert turned(rolled, (0.0, -1.0, 0.0))[2] == pytest.approx(-math.sin(0.2))
+
+
+def test_a_camera_that_looks_down_sees_downwards() -> None:
+    forward = messages._product(messages._about(1, math.pi / 2), messages._OPTICAL)
+    assert turned(forward, (0.0, 0.0, 1.0)) == pytest.approx([0.0, 0.0, -1.0])
+    level = messages._OPTICAL
+    assert turned(level, (0.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0, 0.0])
+    assert turned(level, (1.0, 0.0, 0.0)) == pytest.approx([0.0, -1.0, 0.0])
+    assert turned(level, (0.0, 1.0, 0.0)) == pytest.approx([0.0, 0.0, -1.0])
