@@ -48,6 +48,11 @@ class Playback:
         self._frame: Frame | None = None
         self.board = Blackboard(self._clock, keys.MISSION_KEYS)
 
+    @property
+    def start_s(self) -> float:
+        """When the record began, of the mission clock."""
+        return self._reader.timeline.start_s
+
     def statuses(self) -> Mapping[str, Status]:
         """Return the nodes' statuses after the last tick, by path."""
         return {

@@ -150,8 +150,9 @@ class RecordedFlight:
 
         setting, playback = self.setting(), Playback(self.reader)
         stream.send_blueprint(layout(setting))
-        start_s = self.reader.timeline.start_s
-        view = FlightView(stream, setting, playback.board, playback.statuses, start_s=start_s)
+        view = FlightView(
+            stream, setting, playback.board, playback.statuses, start_s=playback.start_s
+        )
         self._play(playback, view, "view", advance, stopped)
 
     def _play(
@@ -169,6 +170,7 @@ class RecordedFlight:
             advance(stage, min(done, total), total)
             if stopped():
                 return
+        advance(stage, done, done)
         if not done:
             raise FileError(
                 self.reader.path, "the record has no tick in the part that was asked for"
