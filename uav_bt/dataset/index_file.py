@@ -9,7 +9,9 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 import zipfile
+from contextlib import suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Final
@@ -107,16 +109,15 @@ def _keep(index: Path, made: FlightData, state: str) -> None:
         if item.name not in ("path", "camera", *_TEXTS)
     }
     # Several processes may index one record at once: each writes a file of its own.
-    partial = index.with_name(
-        f"{index.name}.{hashlib.sha256(repr(id(made)).encode()).hexdigest()[:8]}"
-    )
+    partial = index.with_name(f"{index.name}.{os.getpid()}.part")
     try:
         index.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as file:
             np.savez(file, state=np.array(state), about=np.array(json.dumps(about)), **arrays)
         partial.replace(index)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # it may not even have begun
+            partial.unlink(missing_ok=True)
         _LOG.warning(
             "index %s cannot be kept (%s): the record is read anew each time", index, error
         )
