@@ -7,8 +7,10 @@ with its worker and waits for it for ever. Dask itself tells of them.
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final
 
 from distributed import CancelledError, Client, as_completed
@@ -48,6 +50,20 @@ def _version() -> str:
     return uav_bt.__version__
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask from writing tracebacks of its own: what goes wrong is told in our errors."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    before = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
+
+
 async def _greet(address: str, connect_s: float) -> None:
     """Shake hands with a scheduler; a `Client` waits for ever for one that does not say a word."""
     comm = await connect(address, timeout=connect_s)  # type: ignore[no-untyped-call]
@@ -78,13 +94,19 @@ class DaskBackend:
             InputError: the scheduler does not answer, has no workers, or they have another uav-bt.
             UavBtError: the connection was lost.
         """
-        with self._connected() as client:
+        with _quiet(), self._connected() as client:
             self._check_workers(client)
             try:
                 yield from self._gather(client, function, tasks, timeout_s)
+            except (OSError, CancelledError) as error:
+                raise UavBtError(
+                    "the connection to the Dask cluster was lost; the flights that ended are kept, "
+                    "and the same command goes on from there"
+                ) from error
             finally:
                 if client.status == "running":
-                    client.run(_let_go, function)
+                    # Workers that are gone have nothing to let go of.
+                    client.run(_let_go, function, on_error="ignore")
 
     def _connected(self) -> Client:
         try:
@@ -131,11 +153,9 @@ class DaskBackend:
             task = flights.pop(future)
             error = future.exception()
             if error is None:
-                yield task, future.result()
-            elif isinstance(error, CancelledError) or client.status != "running":
-                raise UavBtError(
-                    "the connection to the Dask cluster was lost; the flights that ended are kept, "
-                    "and the same command goes on from there"
-                ) from error
+                answer = future.result()
+            elif isinstance(error, CancelledError):
+                raise error
             else:
-                yield task, {FAILED: f"lost by the cluster: {type(error).__name__}: {error}"}
+                answer = {FAILED: f"lost by the cluster: {type(error).__name__}: {error}"}
+            yield task, answer
