@@ -8,7 +8,7 @@ for moment in reader.moments():
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -121,9 +121,15 @@ class RecordReader:
         """How the flight ended, and what the record lacks; None in an unfinished record."""
         if not self.finished:
             return None
+        from mcap.records import Metadata  # noqa: PLC0415 - an extra
+
         with self.path.open("rb") as stream:
-            for record in self._indexed(stream).iter_metadata():
-                if record.name == END:
+            try:
+                records: Iterable[Any] = list(self._indexed(stream).iter_metadata())
+            except Exception:  # noqa: BLE001 - whatever a damaged index makes of the parser
+                records = self._scan  # slower, and needs none
+            for record in records:
+                if isinstance(record, Metadata) and record.name == END:
                     return dict(record.metadata)
         return None
 
@@ -179,8 +185,6 @@ class RecordReader:
     def _found_by_index(
         self, topics: Collection[str] | None, start_ns: int, end_ns: int | None
     ) -> Iterator[StoredMessage]:
-        from mcap.exceptions import McapError  # noqa: PLC0415 - an extra
-
         with self.path.open("rb") as stream:
             try:
                 for _, channel, message in self._indexed(stream).iter_messages(
@@ -189,7 +193,7 @@ class RecordReader:
                     yield StoredMessage(
                         topic=channel.topic, time_ns=message.log_time, data=message.data
                     )
-            except (McapError, ValueError) as error:
+            except Exception as error:  # whatever damage makes of the parser
                 raise FileError(
                     self.path, f"is damaged ({error}); `uav-bt record repair` saves what is whole"
                 ) from error
