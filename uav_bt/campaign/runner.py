@@ -64,16 +64,16 @@ class LocalBackend:
     this: one that dies takes the others' flights along and does not say which was the culprit.
 
     Args:
-        workers: flights at a time.
+        workers: flights at a time; as many as there are cores when None.
 
     Raises:
         ValueRangeError: fewer than one.
     """
 
-    def __init__(self, workers: int) -> None:
-        if workers < 1:
+    def __init__(self, workers: int | None = None) -> None:
+        if workers is not None and workers < 1:
             raise ValueRangeError(f"a campaign needs at least one worker, got {workers}")
-        self.workers = workers
+        self.workers: int = joblib.cpu_count() if workers is None else workers
 
     def __str__(self) -> str:
         return f"local, {self.workers} worker{'s' if self.workers > 1 else ''}"

@@ -177,11 +177,9 @@ def _backend(workers: int | None, address: str | None) -> Backend:
         from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415 - an extra
 
         return DaskBackend(address)
-    import joblib  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.campaign.runner import LocalBackend  # noqa: PLC0415 - `--help` need not wait for it
 
-    from uav_bt.campaign.runner import LocalBackend  # noqa: PLC0415
-
-    return LocalBackend(workers or joblib.cpu_count())
+    return LocalBackend(workers)
 
 
 def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:
