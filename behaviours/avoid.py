@@ -9,7 +9,7 @@ __all__ = ["Avoid"]
 
 
 class Avoid(SteeringLeaf):
-    """Turn away until the policy finds the way free; SUCCESS at once when it is."""
+    """Turn away until the policy finds the way free; SUCCESS at once when it is already."""
 
     def initialise(self) -> None:
         """Forget the last turn."""
@@ -22,7 +22,10 @@ class Avoid(SteeringLeaf):
             return Status.RUNNING
         decision = self.decide()
         if decision is not None and not decision.blocked and self.turn_is_complete:
-            return Status.SUCCESS
+            if not self.turning:
+                return Status.SUCCESS
+            self.turn_back(state)
+            return Status.RUNNING
         # The turn itself takes seconds in which the drone drifts: first clear an intrusion.
         if decision is None or not self.make_room():
             self.keep_turning(state, decision)

@@ -145,11 +145,11 @@ class ReturnToBase(SteeringLeaf):
         if self.flow(state) or self.moving(state):
             return False
         decision = self.decide()
-        if self._turning:
+        if self.turning:
             if decision is None or decision.blocked or not self.turn_is_complete:
                 self.keep_turning(state, decision)
             else:
-                self.look_afresh()  # the turn has worked: settle, look once more, advance
+                self.turn_back(state)  # the turn has worked: look once more, advance
             return False
         if decision is None:
             return False

@@ -36,6 +36,10 @@ _TOO_NEAR_M = 0.38
 _ROOM_STEP_M = 0.15
 # A steady turn: between a frame's capture and its effect, 0.3 s, it goes on by 10 degrees.
 _YAW_RATE_RADPS = 0.6
+# So long a turn goes on until the drone hears that it is to end.
+_TURN_LAG_S = 0.1
+# Turned too far by less than this, it stays where it is.
+_TURN_BACK_RAD = math.radians(4)
 # After a turn the airframe swings on for this long; a step begun earlier would go astray.
 _SETTLE_S = 0.2
 # A step under way is only replaced by one that ends this much further on.
@@ -150,6 +154,11 @@ class SteeringLeaf(MovingLeaf):
         self._last_yaw_rad = math.nan
 
     @property
+    def turning(self) -> bool:
+        """True while a turn is under way."""
+        return self._turning
+
+    @property
     def turn_is_complete(self) -> bool:
         """True when the drone has turned as far as the policy asked, or no turn is under way."""
         return self._to_turn_rad <= 0.0
@@ -181,6 +190,22 @@ class SteeringLeaf(MovingLeaf):
         # What is seen while turning counts at once: the turn goes the same way for any of it.
         self._view_from_s = -math.inf
         self.propose(Velocity(yaw_rate_radps=direction * _YAW_RATE_RADPS))
+
+    def turn_back(self, state: DroneState) -> None:
+        """End a turn where the way was seen free; look again from there.
+
+        A steady turn has gone on since the frame was captured. Where the free way is narrow, that
+        is past it: without turning back it would be seen, and lost, on every round.
+        """
+        frame, direction = self.read(FRAME).value, self.held_turn.direction
+        self.look_afresh()
+        if frame is None:
+            return
+        ends_rad = state.attitude.yaw_rad + direction * _YAW_RATE_RADPS * _TURN_LAG_S
+        back_rad = math.remainder(frame.attitude.yaw_rad - ends_rad, 2.0 * math.pi)
+        if abs(back_rad) > _TURN_BACK_RAD:
+            self._advancing = False
+            self.start_move(yaw_rad=back_rad)
 
     # --- looking ----------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from behaviours.avoid import Avoid
 from uav_bt.board import HELD_TURN, OBSTACLES, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import HeldTurn, MoveBy, ObstaclePoints, Velocity
+from uav_bt.types import Attitude, HeldTurn, MoveBy, ObstaclePoints, Velocity
 
 
 def turning(policy: Says) -> LeafBench:
@@ -70,15 +71,41 @@ def test_the_turn_is_held() -> None:
 
 
 def test_a_free_way_counts_only_after_the_least_turn() -> None:
-    """What the policy asked for must have been turned; then a free way is success."""
+    """What the policy asked for must have been turned; then a free way ends the turn."""
     bench = turning(Says(TURN_RIGHT, ADVANCE))
     assert live(bench, yaw_rad=0.2) is Status.RUNNING
     assert live(bench, yaw_rad=0.45) is Status.RUNNING
     assert (
         live(bench, yaw_rad=0.55) is Status.RUNNING
     )  # here it finds out that it has turned enough
-    assert live(bench, yaw_rad=0.60) is Status.SUCCESS
+    assert live(bench, yaw_rad=0.60) is Status.RUNNING
+    assert bench.proposed is None  # the turn is over: it settles, and looks once more
+    assert live(bench, seconds=0.3, yaw_rad=0.62) is Status.SUCCESS
     assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_it_turns_back_to_where_the_way_was_free() -> None:
+    """The turn has gone on since the frame was captured, and goes on until the drone hears."""
+    bench = turning(Says(TURN_RIGHT, ADVANCE))
+    for yaw_rad in (0.3, 0.55):
+        live(bench, yaw_rad=yaw_rad)
+    show(bench, yaw_rad=0.60)
+    bench.board[STATE] = replace(bench.board[STATE], attitude=Attitude(yaw_rad=0.72))
+    bench.tick()
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.yaw_rad == pytest.approx(0.60 - 0.72 - 0.06)
+
+
+def test_back_there_the_way_must_still_be_free() -> None:
+    """Otherwise the turn goes on, the same way round."""
+    bench = turning(Says(TURN_RIGHT, ADVANCE, ADVANCE, ADVANCE, TURN_LEFT))
+    for yaw_rad in (0.3, 0.55, 0.56):
+        live(bench, yaw_rad=yaw_rad)
+    assert bench.proposed is None
+
+    assert live(bench, seconds=0.3, yaw_rad=0.56) is Status.RUNNING
+    assert rate(bench) > 0.0
 
 
 def test_turning_back_does_not_count_as_turned() -> None:
@@ -89,7 +116,9 @@ def test_turning_back_does_not_count_as_turned() -> None:
     assert live(bench, yaw_rad=0.45) is Status.RUNNING
     assert live(bench, yaw_rad=0.48) is Status.RUNNING
     live(bench, yaw_rad=0.55)
-    assert live(bench, yaw_rad=0.56) is Status.SUCCESS
+    assert rate(bench) > 0.0
+    live(bench, yaw_rad=0.56)
+    assert bench.proposed is None
 
 
 def test_the_turn_is_counted_across_the_wrap() -> None:
@@ -100,8 +129,9 @@ def test_the_turn_is_counted_across_the_wrap() -> None:
     assert live(bench, yaw_rad=-3.1) is Status.RUNNING
     assert live(bench, yaw_rad=-3.1) is Status.RUNNING
     live(bench, yaw_rad=-2.6)
+    live(bench, yaw_rad=-2.6)
 
-    assert live(bench, yaw_rad=-2.6) is Status.SUCCESS
+    assert bench.proposed is None  # the turn is over
 
 
 def test_without_telemetry_it_stops() -> None:
