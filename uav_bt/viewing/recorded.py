@@ -76,16 +76,27 @@ class RecordedFlight:
         self.reader = RecordReader(path)
         self._span = span or Span()
         self._folder = TemporaryDirectory(prefix="uav-bt-record-")
-        root = Path(self._folder.name)
+        try:
+            root = Path(self._folder.name).resolve()
+            self._unpack(root)
+            self.tree = attached_tree(self.reader, root)
+            scene = root / SCENE_FILE
+            self.lab_map: LabMap | None = (
+                map_of_scene(load_scene(scene)) if scene.is_file() else None
+            )
+        except BaseException:
+            self._folder.cleanup()
+            raise
+
+    def _unpack(self, root: Path) -> None:
         for name, attachment in self.reader.attachments.items():
             file = (root / name).resolve()
-            if not file.is_relative_to(root.resolve()):
-                raise FileError(path, f"its attachment '{name}' points out of its folder")
+            if not file.is_relative_to(root):
+                raise FileError(
+                    self.reader.path, f"its attachment '{name}' points out of its folder"
+                )
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(attachment.data)
-        self.tree = attached_tree(self.reader, root)
-        scene = root / SCENE_FILE
-        self.lab_map: LabMap | None = map_of_scene(load_scene(scene)) if scene.is_file() else None
 
     @property
     def title(self) -> str:

@@ -12,7 +12,10 @@ from recorded_world import Seen, fly
 
 from uav_bt import app
 from uav_bt.errors import FileError, InputError, MissionError
+from uav_bt.record.reader import RecordReader
+from uav_bt.record.record_file import Attachment
 from uav_bt.viewer import sinks
+from uav_bt.viewing import recorded
 from uav_bt.viewing.live import ViewListeners, live_view, saved_view, setting_of
 from uav_bt.viewing.recorded import RecordedFlight, Span, attached_tree
 
@@ -65,6 +68,21 @@ def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     assert setting.lab_map is not None
     assert len(setting.lab_map.boxes) > 0
     assert (setting.makes_depth, setting.corridor, setting.intruding) == (False, None, None)
+
+
+def test_an_attachment_that_points_out_of_its_folder_is_refused(
+    flown: tuple[Path, Seen], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    escaping = Attachment(name="../../escaped.xml", media_type="application/xml", data=b"")
+
+    class Malicious(RecordReader):
+        def __init__(self, path: Path) -> None:
+            super().__init__(path)
+            self.attachments = {escaping.name: escaping}
+
+    monkeypatch.setattr(recorded, "RecordReader", Malicious)
+    with pytest.raises(FileError, match="points out of its folder"):
+        RecordedFlight(flown[0])
 
 
 def test_a_tree_of_nodes_that_are_not_installed_is_still_a_graph(
