@@ -38,6 +38,7 @@ class FootingConfig:
     """What is known of the lab, and what is believed of a class map."""
 
     pad_height_m: float = 0.4  # top of the helipad above the carpet, in every lab
+    farthest_m: float = 8.0  # across the carpet and its corners; further off is a speck of the mask
     deepest_m: float = 1.0  # no roof reaches further back from its front edge
     least_edge: int = 3  # columns in which a roof must meet its side before its height is believed
     base: BaseConfig = field(default_factory=BaseConfig)
@@ -112,6 +113,8 @@ class _Footing:
                 self._fill_roof(roof, wearers)
         if self._present[HELIPAD_BOX] or self._present[HELIPAD_H]:
             self._fill_helipad()
+        with np.errstate(invalid="ignore"):
+            self._depth[self._depth > self._config.farthest_m] = np.nan
         things = self._ids > CARPET
         count = int(np.count_nonzero(things))
         known = int(np.count_nonzero(things & np.isfinite(self._depth)))

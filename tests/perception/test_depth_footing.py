@@ -294,3 +294,18 @@ def test_a_memory_that_strays_stays_within_its_bound() -> None:
     known = sides & np.isfinite(found.depth)
     assert known.any()
     assert np.all(found.depth[known] <= found.at_most[known] + 1e-4)
+
+
+@pytest.mark.parametrize("pitch_deg", [-15.0, -8.0])
+def test_nothing_is_claimed_to_be_beyond_the_lab(pitch_deg: float) -> None:
+    """A speck of a box at the horizon has no base there; the carpet does not reach so far."""
+    view = CameraView(camera=CAMERA, pitch_rad=math.radians(pitch_deg), height_m=1.5)
+    ids = np.full((SIZE[1], SIZE[0]), CARPET, dtype=np.uint8)
+    horizon = round(CAMERA.cy_px + CAMERA.fy_px * math.tan(view.pitch_rad))
+    ids[: horizon + 1] = BACKGROUND
+    ids[: horizon + 3, 80:120] = BOXES[0]
+
+    depth = footing_depth(ids, view).depth
+
+    assert np.isfinite(depth).any()
+    assert np.nanmax(depth) <= 8.0
