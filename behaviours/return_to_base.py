@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from itertools import product
 
 from behaviours.heading import HeadingController
 from behaviours.steering import FLIGHT_HEIGHT, FLOWING, POLICY, SteeringLeaf
@@ -32,8 +33,9 @@ _OTHER_SIDE_RAD = math.radians(40)
 _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
 _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
-# The way to the pad must be this wide, half, from the body's centre, this far ahead.
-_HALF_WIDTH_M = 0.42
+# The way to the pad must be this wide, half, from the body's centre, this far ahead. Remembered
+# obstacles are off by up to 0.2 m: only where no wide way leads on, the narrow one must do.
+_HALF_WIDTHS_M = (0.52, 0.42)
 _LOOK_AHEAD_M = 1.3
 # An obstacle of unknown range this near to ahead is in the way.
 _UNPLACED_RAD = math.radians(30)
@@ -204,10 +206,10 @@ class ReturnToBase(SteeringLeaf):
             return fix.bearing_rad if free else None
         offsets = [0.0, *(side * angle for angle in _DETOURS_RAD for side in (1.0, -1.0))]
         offsets.sort(key=lambda o: abs(o) + (_OTHER_SIDE_RAD if o * self._side < 0.0 else 0.0))
-        for offset in offsets:
+        for half_width_m, offset in product(_HALF_WIDTHS_M, offsets):
             bearing = fix.bearing_rad + offset
             forward_m, right_m = length_m * math.cos(bearing), length_m * math.sin(bearing)
-            if obstacles.allows(forward_m, right_m, margin_m=_HALF_WIDTH_M):
+            if obstacles.allows(forward_m, right_m, margin_m=half_width_m):
                 self._side = offset if offset != 0.0 else self._side
                 return math.remainder(bearing, 2.0 * math.pi)
         return None

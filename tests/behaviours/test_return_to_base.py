@@ -193,6 +193,24 @@ def test_a_side_once_taken_is_kept() -> None:
     assert velocity(bench).yaw_rate_radps < -0.2
 
 
+def test_a_wide_way_round_is_better_than_a_narrow_one_straight_on() -> None:
+    """Half a metre is near for an obstacle that is remembered to a decimetre or two."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=[(0.8, 0.47)])
+
+    assert velocity(bench).yaw_rate_radps < 0.0
+
+
+def test_where_there_is_no_wide_way_the_narrow_one_will_do() -> None:
+    """A gate of a metre between two rows of boxes."""
+    bench = approaching((2.5, 0.0))
+    gate = [(0.45 + 0.1 * n, side * 0.47) for n in range(10) for side in (-1.0, 1.0)]
+    beside = [(0.45 * math.cos(a), 0.45 * math.sin(a)) for a in np.radians([-150, -90, 90, 150])]
+    fly(bench, (2.5, 0.0), obstacles=[*gate, *beside])
+
+    assert velocity(bench).forward_mps > 0.2
+
+
 WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-100, 101, 10))]
 
 
