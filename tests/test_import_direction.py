@@ -26,7 +26,7 @@ FLOOR_FOUR = {
     )
 }
 # Networks are made and trained there; what flies them needs no torch.
-TRAINERS = ("perception.segmentation", "perception.depth")
+TRAINERS = ("perception.segmentation", "perception.depth", "perception.networks.torch_state")
 
 
 class Import(NamedTuple):

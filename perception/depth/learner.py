@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -32,14 +31,13 @@ from perception.depth.network import DepthNet, DepthNetConfig
 from perception.depth.pose_network import PoseNet
 from perception.depth.training_config import DepthTrainingConfig
 from perception.depth.warping import invert_motion
+from perception.networks.torch_state import channels_last, named_arrays, tensors_under
 from perception.weights_io import read_weights, write_weights
 from uav_bt.errors import WeightsError
 
 __all__ = ["Batch", "Learner"]
 
 _KIND: Final = "depth-checkpoint"
-
-_Module = TypeVar("_Module", bound=nn.Module)
 
 
 class Batch:
@@ -68,10 +66,10 @@ class Learner:
     def __init__(self, config: DepthTrainingConfig, net_config: DepthNetConfig) -> None:
         self.config = config
         self.step = 0
-        self.net = _channels_last(DepthNet(net_config))
-        self.mean = _channels_last(DepthNet(net_config))
+        self.net = channels_last(DepthNet(net_config))
+        self.mean = channels_last(DepthNet(net_config))
         self.mean.load_state_dict(self.net.state_dict())
-        self.pose = _channels_last(PoseNet()) if config.pose == "network" else None
+        self.pose = channels_last(PoseNet()) if config.pose == "network" else None
         self.parameters = [
             *self.net.parameters(),
             *(self.pose.parameters() if self.pose is not None else ()),
@@ -206,9 +204,9 @@ class Learner:
         """Write the whole state."""
         tensors: dict[str, NDArray[Any]] = {}
         for name, module in self._modules().items():
-            tensors |= _named(name, module.state_dict())
+            tensors |= named_arrays(name, module.state_dict())
         for index, state in self.optimiser.state_dict()["state"].items():
-            tensors |= _named(f"optimiser/{index}", state)
+            tensors |= named_arrays(f"optimiser/{index}", state)
         write_weights(path, tensors, kind=_KIND, details={"step": self.step, "about": self._about})
 
     def load(self, path: Path) -> None:
@@ -223,34 +221,13 @@ class Learner:
             raise WeightsError(path, f"belongs to a run with other settings; {cure}")
         try:
             for name, module in self._modules().items():
-                module.load_state_dict(_under(name, tensors))
+                module.load_state_dict(tensors_under(name, tensors))
             whole = self.optimiser.state_dict()
             whole["state"] = {
-                index: _under(f"optimiser/{index}", tensors)
+                index: tensors_under(f"optimiser/{index}", tensors)
                 for index in range(len(self.parameters))
             }
             self.optimiser.load_state_dict(whole)
             self.step = int(details["step"])
         except (KeyError, ValueError, RuntimeError) as error:
             raise WeightsError(path, f"is not a whole checkpoint ({error}); {cure}") from error
-
-
-def _channels_last(net: _Module) -> _Module:
-    # A third faster on the CPU. Not `net.to(memory_format=...)`: torch's stubs do not know it.
-    for parameter in net.parameters():
-        if parameter.ndim == 4:
-            parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
-    return net
-
-
-def _named(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, NDArray[Any]]:
-    return {f"{prefix}/{name}": tensor.detach().numpy() for name, tensor in tensors.items()}
-
-
-def _under(prefix: str, tensors: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
-    start = f"{prefix}/"
-    return {
-        name.removeprefix(start): torch.from_numpy(tensor.copy())
-        for name, tensor in tensors.items()
-        if name.startswith(start)
-    }

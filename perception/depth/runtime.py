@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final, Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.onnx_runtime import compile_model, input_size, read_model, shrunk
 from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import DepthMap, Frame
@@ -49,9 +49,9 @@ class OnnxDepthEstimator:
             )
         self._path = path
         self._inverse = says == "disparity"
-        model = _read(path)
-        self._size = self._input_size(model)
-        self._request = _compile(model, threads).create_infer_request()
+        model = read_model(path, "`uav-bt train depth`")
+        self._size = input_size(model, path)
+        self._request = compile_model(_taking_pictures(model), threads).create_infer_request()
         grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
         self._output_px = self._check_output(self._run(grey))
 
@@ -76,7 +76,7 @@ class OnnxDepthEstimator:
 
     def depth(self, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Return relative depth, (h, w) float32, positive, of a picture, (H, W, 3) uint8 RGB."""
-        output = self._run(_shrunk(rgb, self._size)).reshape(self._output_px[::-1])
+        output = self._run(shrunk(rgb, self._size)).reshape(self._output_px[::-1])
         if not np.isfinite(output).all():
             raise WeightsError(self._path, "the network's answer holds NaN or infinity")
         if output.min() < 0.0 or (output.min() == 0.0 and not self._inverse):
@@ -89,19 +89,6 @@ class OnnxDepthEstimator:
     def _run(self, rgb: NDArray[np.uint8]) -> NDArray[Any]:
         self._request.infer([np.ascontiguousarray(rgb[None])])
         return np.asarray(self._request.get_output_tensor(0).data)
-
-    def _input_size(self, model: Any) -> tuple[int, int]:
-        if len(model.inputs) != 1 or not model.outputs:
-            raise WeightsError(
-                self._path, f"the network must have one input, it has {len(model.inputs)}"
-            )
-        shape = model.input(0).get_partial_shape()
-        if shape.is_dynamic and len(shape) == 4 and shape[0].is_dynamic:
-            shape[0] = 1
-            model.reshape(shape)
-        if shape.is_dynamic or len(shape) != 4 or shape[0] != 1 or shape[1] != 3:
-            raise WeightsError(self._path, f"the input must be 1x3xHxW of fixed size, got {shape}")
-        return shape[3].get_length(), shape[2].get_length()
 
     def _check_output(self, output: NDArray[Any]) -> tuple[int, int]:
         planar = output.ndim == 3 or (output.ndim == 4 and output.shape[1] == 1)
@@ -142,37 +129,6 @@ def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEst
     return OnnxDepthEstimator(Path(model), threads=threads)
 
 
-def _read(path: Path) -> Any:
-    # Imported here: a mission that flies on something else need not wait for it.
-    import openvino  # noqa: PLC0415
-
-    if not path.is_file():
-        raise WeightsError(
-            path, "there is no such network; `uav-bt train depth` makes the shipped one"
-        )
-    try:
-        return openvino.Core().read_model(path)
-    except RuntimeError as error:
-        reason = str(error).strip().splitlines()[-1]
-        raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
-
-
-def _compile(model: Any, threads: int) -> Any:
-    import openvino  # noqa: PLC0415
-
-    settings = {
-        "PERFORMANCE_HINT": "LATENCY",
-        "NUM_STREAMS": 1,
-        "INFERENCE_NUM_THREADS": threads,
-        # As for the masks: the same depth on every machine, and some virtual machines announce
-        # bfloat16 units that they do not let one use.
-        "INFERENCE_PRECISION_HINT": "f32",
-        # Pinned, the workers of a campaign would all sit on the same core.
-        "ENABLE_CPU_PINNING": False,
-    }
-    return openvino.Core().compile_model(_taking_pictures(model), "CPU", settings)
-
-
 def _taking_pictures(model: Any) -> Any:
     """Let a network of planes from 0 to 1 take pictures as they are: faster than doing it first."""
     from openvino import Layout, Type  # noqa: PLC0415
@@ -183,9 +139,3 @@ def _taking_pictures(model: Any) -> Any:
     steps.input().model().set_layout(Layout("NCHW"))
     steps.input().preprocess().convert_element_type(Type.f32).scale(255.0)
     return steps.build()
-
-
-def _shrunk(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    if rgb.shape[1::-1] == size:
-        return rgb
-    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.onnx_runtime import compile_model, input_size, read_model, shrunk
 from perception.segmentation.mapping import ClassMapping, read_mapping
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, load_teacher
@@ -51,9 +52,10 @@ class OnnxSegmenter:
             raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         self._path = path
         self._mapping = _mapping_of(mapping)
-        model = _read(path)
-        self._size = self._input_size(model)
-        self._request = _compile(model, threads).create_infer_request()
+        model = read_model(path, "`uav-bt train segmentation`")
+        planar = self._mapping.input.layout == "nchw"
+        self._size = input_size(model, path, planar=planar)
+        self._request = compile_model(model, threads).create_infer_request()
         grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
         output = self._run(grey)
         scores = output.ndim == 4 and output.shape[1] > 1
@@ -79,7 +81,7 @@ class OnnxSegmenter:
 
     def ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return class ids, (h, w) uint8, of a picture, (H, W, 3) uint8 RGB."""
-        output = self._run(_shrunk(rgb, self._size))
+        output = self._run(shrunk(rgb, self._size))
         if not np.isfinite(output).all():
             raise WeightsError(self._path, "the network's answer holds NaN or infinity")
         if self._classes is not None:
@@ -99,22 +101,6 @@ class OnnxSegmenter:
             picture = picture.transpose(2, 0, 1)
         self._request.infer([np.ascontiguousarray(picture[None])])
         return np.asarray(self._request.get_output_tensor(0).data)
-
-    def _input_size(self, model: Any) -> tuple[int, int]:
-        if len(model.inputs) != 1 or not model.outputs:
-            raise WeightsError(
-                self._path, f"the network must have one input, it has {len(model.inputs)}"
-            )
-        shape = model.input(0).get_partial_shape()
-        if shape.is_dynamic and len(shape) == 4 and shape[0].is_dynamic:
-            shape[0] = 1
-            model.reshape(shape)
-        planar = self._mapping.input.layout == "nchw"
-        wanted = "1x3xHxW" if planar else "1xHxWx3"
-        if shape.is_dynamic or len(shape) != 4 or shape[1 if planar else 3] != 3 or shape[0] != 1:
-            raise WeightsError(self._path, f"the input must be {wanted} of fixed size, got {shape}")
-        height, width = (shape[2], shape[3]) if planar else (shape[1], shape[2])
-        return width.get_length(), height.get_length()
 
 
 class TeacherSegmenter:
@@ -163,40 +149,3 @@ def _mapping_of(mapping: ClassMapping | Path | None) -> ClassMapping:
     if mapping is None:
         return ClassMapping.identity()
     return read_mapping(mapping) if isinstance(mapping, Path) else mapping
-
-
-def _read(path: Path) -> Any:
-    # Imported here: a mission that flies on something else need not wait for it.
-    import openvino  # noqa: PLC0415
-
-    if not path.is_file():
-        raise WeightsError(
-            path, "there is no such network; `uav-bt train segmentation` makes the shipped one"
-        )
-    try:
-        return openvino.Core().read_model(path)
-    except RuntimeError as error:
-        reason = str(error).strip().splitlines()[-1]
-        raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
-
-
-def _compile(model: Any, threads: int) -> Any:
-    import openvino  # noqa: PLC0415
-
-    settings = {
-        "PERFORMANCE_HINT": "LATENCY",
-        "NUM_STREAMS": 1,
-        "INFERENCE_NUM_THREADS": threads,
-        # Some virtual machines announce bfloat16 units that they do not let one use; and class maps
-        # must not depend on the machine's favourite precision.
-        "INFERENCE_PRECISION_HINT": "f32",
-        # Pinned, the workers of a campaign would all sit on the same core.
-        "ENABLE_CPU_PINNING": False,
-    }
-    return openvino.Core().compile_model(model, "CPU", settings)
-
-
-def _shrunk(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    if rgb.shape[1::-1] == size:
-        return rgb
-    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

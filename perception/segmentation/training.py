@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import cv2
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from perception.classes import CLASS_COUNT
+from perception.networks.torch_state import channels_last, named_arrays, tensors_under
 from perception.segmentation.augment import AugmentConfig, augmented
 from perception.segmentation.losses import LOSSES
 from perception.segmentation.unet import UNet, UNetConfig
@@ -188,8 +189,8 @@ class _Run:
     def __init__(self, config: TrainingConfig, net_config: UNetConfig) -> None:
         self.config = config
         self.step = 0
-        self.net = _channels_last(UNet(net_config))
-        self.mean = _channels_last(UNet(net_config))
+        self.net = channels_last(UNet(net_config))
+        self.mean = channels_last(UNet(net_config))
         self.mean.load_state_dict(self.net.state_dict())
         self.loss = LOSSES[config.loss]
         self.optimiser = torch.optim.AdamW(
@@ -230,11 +231,11 @@ class _Run:
 
     def save(self, path: Path) -> None:
         tensors = {
-            **_named("net", self.net.state_dict()),
-            **_named("mean", self.mean.state_dict()),
+            **named_arrays("net", self.net.state_dict()),
+            **named_arrays("mean", self.mean.state_dict()),
         }
         for index, state in self.optimiser.state_dict()["state"].items():
-            tensors.update(_named(f"optimiser/{index}", state))
+            tensors.update(named_arrays(f"optimiser/{index}", state))
         write_weights(path, tensors, kind=_KIND, details={"step": self.step, "about": self._about})
 
     def load(self, path: Path) -> None:
@@ -243,33 +244,12 @@ class _Run:
         if details.get("about") != self._about:
             raise WeightsError(path, f"belongs to a run with other settings; {cure}")
         try:
-            self.net.load_state_dict(_under("net", tensors))
-            self.mean.load_state_dict(_under("mean", tensors))
+            self.net.load_state_dict(tensors_under("net", tensors))
+            self.mean.load_state_dict(tensors_under("mean", tensors))
             whole = self.optimiser.state_dict()
             count = sum(len(group["params"]) for group in whole["param_groups"])
-            whole["state"] = {i: _under(f"optimiser/{i}", tensors) for i in range(count)}
+            whole["state"] = {i: tensors_under(f"optimiser/{i}", tensors) for i in range(count)}
             self.optimiser.load_state_dict(whole)
             self.step = int(details["step"])
         except (KeyError, ValueError, RuntimeError) as error:
             raise WeightsError(path, f"is not a whole checkpoint ({error}); {cure}") from error
-
-
-def _channels_last(net: UNet) -> UNet:
-    # A third faster on the CPU. Not `net.to(memory_format=...)`: torch's stubs do not know it.
-    for parameter in net.parameters():
-        if parameter.ndim == 4:
-            parameter.data = parameter.data.contiguous(memory_format=torch.channels_last)
-    return net
-
-
-def _named(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, NDArray[Any]]:
-    return {f"{prefix}/{name}": tensor.detach().numpy() for name, tensor in tensors.items()}
-
-
-def _under(prefix: str, tensors: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
-    start = f"{prefix}/"
-    return {
-        name.removeprefix(start): torch.from_numpy(tensor.copy())
-        for name, tensor in tensors.items()
-        if name.startswith(start)
-    }
