@@ -34,8 +34,15 @@ _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
 _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
 # The way to the pad must be this wide, half, from the body's centre, this far ahead. Remembered
-# obstacles are off by up to 0.2 m: only where no wide way leads on, the narrow one must do.
-_HALF_WIDTHS_M = (0.52, 0.42)
+# obstacles are off by up to 0.2 m, so a wide way is worth a detour; but not any, or the drone would
+# fly round a pad between boxes for ever.
+_WIDE_M, _NARROW_M = 0.52, 0.42
+_NARROW_RAD = math.radians(30)
+_WAYS = tuple(
+    product(
+        (_WIDE_M, _NARROW_M), (0.0, *(s * angle for angle in _DETOURS_RAD for s in (1.0, -1.0)))
+    )
+)
 _LOOK_AHEAD_M = 1.3
 # An obstacle of unknown range this near to ahead is in the way.
 _UNPLACED_RAD = math.radians(30)
@@ -204,15 +211,20 @@ class ReturnToBase(SteeringLeaf):
         if self._phase is _Phase.OVERFLY:
             free = obstacles.allows(fix.range_m, margin_m=_OVERFLY_MARGIN_M, assumed=False)
             return fix.bearing_rad if free else None
-        offsets = [0.0, *(side * angle for angle in _DETOURS_RAD for side in (1.0, -1.0))]
-        offsets.sort(key=lambda o: abs(o) + (_OTHER_SIDE_RAD if o * self._side < 0.0 else 0.0))
-        for half_width_m, offset in product(_HALF_WIDTHS_M, offsets):
+        for half_width_m, offset in sorted(_WAYS, key=self._cost):
             bearing = fix.bearing_rad + offset
             forward_m, right_m = length_m * math.cos(bearing), length_m * math.sin(bearing)
             if obstacles.allows(forward_m, right_m, margin_m=half_width_m):
                 self._side = offset if offset != 0.0 else self._side
                 return math.remainder(bearing, 2.0 * math.pi)
         return None
+
+    def _cost(self, way: tuple[float, float]) -> float:
+        """Return what a way costs: its detour, a change of sides, too little width."""
+        half_width_m, offset = way
+        other_side = offset * self._side < 0.0
+        narrow = half_width_m < _WIDE_M
+        return abs(offset) + _OTHER_SIDE_RAD * other_side + _NARROW_RAD * narrow
 
     def _is_blocked_ahead(self) -> bool:
         """Return whether something of unknown range stands ahead."""
