@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uav_bt.cli.options import node_policies, picture_size
+from uav_bt.cli.options import image_size_option, policy_option, profile_option
 from uav_bt.cli.progress import need
 from uav_bt.errors import MissionError
 
@@ -37,24 +37,10 @@ __all__ = ["campaign"]
     "--seed-from", type=click.IntRange(min=0), default=0, show_default=True, help="The first seed."
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Flights at a time. Default: all cores")
-@click.option("--profile", default="lab", show_default=True, help="ideal, lab or harsh.")
+@profile_option()
 @click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
-@click.option(
-    "--image-size",
-    metavar="WxH",
-    callback=picture_size,
-    default="640x360",
-    show_default=True,
-    help="Of the camera's pictures, 16:9.",
-)
-@click.option(
-    "--policy",
-    "policies",
-    metavar="NODE=NAME",
-    multiple=True,
-    callback=node_policies,
-    help="Let a node use another leaf policy. Repeatable.",
-)
+@image_size_option()
+@policy_option()
 @click.option(
     "--out",
     metavar="DIR",

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import click
 
-from uav_bt.cli.options import groot_port, node_policies, output_option, picture_size, seed_option
+from uav_bt.cli.options import (
+    groot_port,
+    image_size_option,
+    output_option,
+    policy_option,
+    profile_option,
+    seed_option,
+    threads_option,
+)
 from uav_bt.errors import MissionError
 
 if TYPE_CHECKING:
@@ -32,20 +40,8 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     show_default=True,
     help="The drone that flies.",
 )
-@click.option(
-    "--profile",
-    default="lab",
-    show_default=True,
-    help="How imperfect the twin is: ideal, lab or harsh.",
-)
-@click.option(
-    "--policy",
-    "policies",
-    metavar="NODE=NAME",
-    multiple=True,
-    callback=node_policies,
-    help="Let a node, by name or path, use another leaf policy. Repeatable.",
-)
+@profile_option()
+@policy_option()
 @click.option(
     "--camera",
     metavar="FILE",
@@ -82,21 +78,8 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
 @output_option("--footage", "Keep frames and telemetry for `uav-bt train depth`: an npz file.")
 @output_option("--truth", "Keep exact depth of the footage's frames (simulated drones): npz.")
 @click.option("--realtime", is_flag=True, help="Let the twin keep pace with the clock on the wall.")
-@click.option(
-    "--image-size",
-    metavar="WxH",
-    callback=picture_size,
-    default="640x360",
-    show_default=True,
-    help="Of the camera's pictures, 16:9.",
-)
-@click.option(
-    "--threads",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Of the networks' inference.",
-)
+@image_size_option()
+@threads_option()
 @click.pass_context
 def fly(
     ctx: click.Context,

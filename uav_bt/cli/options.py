@@ -17,13 +17,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "groot_port",
-    "node_policies",
+    "image_size_option",
     "output_option",
     "palette_option",
-    "picture_size",
+    "policy_option",
+    "profile_option",
     "registry_with",
     "seed_option",
     "tell_or_write",
+    "threads_option",
     "views_option",
 ]
 
@@ -32,7 +34,7 @@ _MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
 _Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def picture_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
+def _picture_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
     """Return width and height in pixels of a WIDTHxHEIGHT.
 
     Raises:
@@ -63,7 +65,7 @@ def groot_port(ctx: click.Context, param: click.Parameter, value: str | None) ->
     return int(value)
 
 
-def node_policies(
+def _node_policies(
     ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
 ) -> dict[str, str]:
     """Return policies' names by node of several NODE=NAME.
@@ -180,3 +182,48 @@ def views_option(default: int) -> _Decorator:
         return scenes(views(command))
 
     return decorate
+
+
+def image_size_option() -> _Decorator:
+    """Return the option for the size of the camera's pictures."""
+    return click.option(
+        "--image-size",
+        metavar="WxH",
+        callback=_picture_size,
+        default="640x360",
+        show_default=True,
+        help="Of the camera's pictures, 16:9.",
+    )
+
+
+def policy_option() -> _Decorator:
+    """Return the repeatable option that swaps leaf policies; the parameter is `policies`."""
+    return click.option(
+        "--policy",
+        "policies",
+        metavar="NODE=NAME",
+        multiple=True,
+        callback=_node_policies,
+        help="Let a node, by name or path, use another leaf policy. Repeatable.",
+    )
+
+
+def profile_option() -> _Decorator:
+    """Return the option for how imperfect the twin is."""
+    return click.option(
+        "--profile",
+        default="lab",
+        show_default=True,
+        help="How imperfect the twin is: ideal, lab or harsh.",
+    )
+
+
+def threads_option() -> _Decorator:
+    """Return the option for the threads of inference."""
+    return click.option(
+        "--threads",
+        type=click.IntRange(min=1),
+        default=1,
+        show_default=True,
+        help="Of the networks' inference.",
+    )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from uav_bt.cli.options import output_option
+from uav_bt.cli.options import output_option, threads_option
 from uav_bt.cli.progress import progress_bars
 
 if TYPE_CHECKING:
@@ -79,13 +79,7 @@ _INTERRUPTED: Final = 1
     type=click.FloatRange(min=0.0, min_open=True),
     help="Stop after so much of the source.",
 )
-@click.option(
-    "--threads",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Of the networks' inference.",
-)
+@threads_option()
 @click.pass_context
 def perceive(
     ctx: click.Context,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import click
 
-from uav_bt.cli.options import node_policies
+from uav_bt.cli.options import policy_option
 from uav_bt.errors import MissionError
 
 if TYPE_CHECKING:
@@ -23,14 +23,7 @@ _SHOWN: Final = 20  # differing ticks that are told one by one
 @click.command()
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
-@click.option(
-    "--policy",
-    "policies",
-    metavar="NODE=NAME",
-    multiple=True,
-    callback=node_policies,
-    help="Let a node, by name or path, use another leaf policy. Repeatable.",
-)
+@policy_option()
 @click.option(
     "--masks",
     type=click.Choice(["network", "recorded"]),
