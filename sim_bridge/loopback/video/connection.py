@@ -1,0 +1,204 @@
+"""One client's connection: bytes in, answers out, and what its requests bring about."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from random import Random
+from typing import Final, cast
+
+from sim_bridge.loopback.video.dialogue import CONTROL, SESSION_TIMEOUT_S, Dialogue, refusal
+from sim_bridge.loopback.video.h264 import ParameterSets
+from sim_bridge.loopback.video.rtp import RtpStream
+from sim_bridge.loopback.video.rtsp_message import Request, RequestReader, RtspError
+from sim_bridge.loopback.video.sdp import StreamIdentity, describe
+from sim_bridge.loopback.video.streamer import Player, Streamer
+from sim_bridge.loopback.video.transport import (
+    DatagramPair,
+    DatagramSink,
+    InterleavedSink,
+    Sink,
+    Transport,
+)
+
+__all__ = ["MAX_CONNECTIONS", "Connection", "Studio"]
+
+_LOG: Final = logging.getLogger(__name__)
+
+MAX_CONNECTIONS: Final = 32  # a drone serves a handful; more is a fault or malice
+_MAX_UNREAD_BYTES: Final = 1024 * 1024  # answers that a client asks for and does not read
+_LAST_WORDS_S: Final = 1.0  # for a client to read what ends its connection
+
+
+@dataclass(kw_only=True)
+class Studio:
+    """What all connections share."""
+
+    streamer: Streamer
+    datagrams: DatagramPair
+    identity: StreamIdentity
+    sets: ParameterSets
+    random: Random
+    now: Callable[[], float]  # monotonic, the clock of the pictures' times
+    fault: Exception | None = None  # why there is no video any more
+    connections: set[Connection] = field(default_factory=set)
+    # Who listens for reports at an address, so that a report keeps its session alive.
+    reporting: dict[tuple[str, int], Connection] = field(default_factory=dict)
+
+    def heard(self, address: tuple[str, int]) -> None:
+        """Note that somebody has sent a report."""
+        if (connection := self.reporting.get(address)) is not None:
+            connection.touch()
+
+
+class Connection(asyncio.Protocol):
+    """Serves one client; its session ends with its connection.
+
+    Args:
+        studio: what it shares with the others.
+    """
+
+    def __init__(self, studio: Studio) -> None:
+        self._studio = studio
+        self._reader = RequestReader()
+        self._dialogue = Dialogue(self, studio.random)
+        self._transport: asyncio.Transport
+        self._host = ""  # the client's
+        self._player: Player | None = None
+        self._report_address: tuple[str, int] | None = None
+        self._heard_s = 0.0
+        self._timer: asyncio.TimerHandle | None = None
+
+    # --- asyncio's side ---
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Greet a client, or send it away where there are too many."""
+        self._transport = cast("asyncio.Transport", transport)
+        if len(self._studio.connections) >= MAX_CONNECTIONS:
+            self._end(RtspError(453, f"at most {MAX_CONNECTIONS} clients are served at once"))
+            return
+        self._host = self._transport.get_extra_info("peername")[0]
+        self._studio.connections.add(self)
+        self.touch()
+        self._wait()
+
+    def data_received(self, data: bytes) -> None:
+        """Answer all requests that are complete."""
+        if self._transport.is_closing():
+            return
+        self.touch()
+        try:
+            for message in self._reader.feed(data):
+                if isinstance(message, Request):
+                    self._transport.write(self._dialogue.reply(message))
+        except RtspError as error:
+            self._end(error)
+            return
+        if self._transport.get_write_buffer_size() > _MAX_UNREAD_BYTES:
+            _LOG.warning("client %s reads no answers; its connection is ended", self._host)
+            self._transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  (asyncio's interface)
+        """Forget the client."""
+        self._studio.connections.discard(self)
+        self._forget()
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def touch(self) -> None:
+        """Note that the client is there."""
+        self._heard_s = asyncio.get_running_loop().time()
+
+    def close(self) -> None:
+        """Say goodbye and end the connection."""
+        self.tear_down()
+        self._transport.close()
+
+    def abort(self) -> None:
+        """End the connection without waiting for the client to read what was sent."""
+        self._transport.abort()
+
+    # --- what the dialogue brings about ---
+
+    def description(self) -> str:
+        """Return the SDP."""
+        return describe(
+            self._studio.identity,
+            self._studio.sets,
+            host=self._transport.get_extra_info("sockname")[0],
+            session=round(1e6 * self._studio.now()),
+            control=CONTROL,
+        )
+
+    def set_up(self, transport: Transport) -> str:
+        """Prepare a stream in place of an earlier one."""
+        self._forget()
+        stream = RtpStream(self._studio.random, self._studio.identity.serial)
+        self._player = Player(stream, self._sink(transport))
+        return transport.header(self._studio.datagrams.ports, stream.ssrc)
+
+    def _sink(self, transport: Transport) -> Sink:
+        if transport.channels is not None:
+            return InterleavedSink(self._transport, transport.channels)
+        ports = transport.ports or (0, 0)
+        self._report_address = (self._host, ports[1])
+        self._studio.reporting[self._report_address] = self
+        return DatagramSink(self._studio.datagrams, self._host, ports)
+
+    def play(self) -> tuple[int, int]:
+        """Begin to send."""
+        if self._studio.fault is not None:
+            raise RtspError(500, f"there is no video: {self._studio.fault}")
+        player = self._playing()
+        self._studio.streamer.add(player)
+        return player.stream.next_sequence, player.stream.stamp(self._studio.now())
+
+    def pause(self) -> None:
+        """Stop sending."""
+        self._studio.streamer.remove(self._playing())
+
+    def tear_down(self) -> None:
+        """Say goodbye and forget the stream."""
+        if self._player is not None:
+            self._player.goodbye(self._studio.now())
+        self._forget()
+
+    # --- helpers ---
+
+    def _playing(self) -> Player:
+        if self._player is None:
+            raise RtspError(454, "there is no stream; SETUP comes first")
+        return self._player
+
+    def _forget(self) -> None:
+        if self._player is not None:
+            self._studio.streamer.remove(self._player)
+            self._player = None
+        if self._report_address is not None:
+            if self._studio.reporting.get(self._report_address) is self:
+                del self._studio.reporting[self._report_address]
+            self._report_address = None
+
+    def _end(self, error: RtspError) -> None:
+        """Refuse what came and hang up."""
+        self._forget()
+        self._transport.write(refusal(error, ""))
+        self._transport.close()
+        self._abort_after(_LAST_WORDS_S)
+
+    def _wait(self) -> None:
+        loop = asyncio.get_running_loop()
+        left_s = self._heard_s + SESSION_TIMEOUT_S - loop.time()
+        if left_s <= 0.0:
+            _LOG.info("client %s was silent for %d s", self._host, SESSION_TIMEOUT_S)
+            self.close()
+            self._abort_after(_LAST_WORDS_S)
+        else:
+            self._timer = loop.call_later(left_s, self._wait)
+
+    def _abort_after(self, duration_s: float) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = asyncio.get_running_loop().call_later(duration_s, self._transport.abort)

@@ -1,0 +1,195 @@
+"""What is answered to one client's RTSP requests; knows no sockets.
+
+Source: RFC 2326, sections 10 and 11 and appendix A (the states of a session).
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from random import Random
+from typing import Final, Protocol
+from urllib.parse import urlsplit
+
+from sim_bridge.loopback.video.rtsp_message import Request, RtspError, answer
+from sim_bridge.loopback.video.transport import Transport, choose_transport
+
+__all__ = ["CONTROL", "PATH", "SESSION_TIMEOUT_S", "Dialogue", "Stage"]
+
+PATH: Final = "live"
+CONTROL: Final = "stream=0"
+SESSION_TIMEOUT_S: Final = 60  # without a word from the client, the default of RFC 2326
+
+_METHODS: Final = "OPTIONS, DESCRIBE, SETUP, PLAY, PAUSE, GET_PARAMETER, TEARDOWN"
+# Known to the RFC and of no use to somebody who watches.
+_NOT_HERE: Final = frozenset({"ANNOUNCE", "RECORD", "REDIRECT", "SET_PARAMETER"})
+
+
+class Stage(Protocol):
+    """What a client's requests bring about."""
+
+    def description(self) -> str:
+        """Return the SDP."""
+        ...
+
+    def set_up(self, transport: Transport) -> str:
+        """Prepare a stream, in place of an earlier one, and return the answer's `Transport`.
+
+        Raises:
+            RtspError: there are too many already.
+        """
+        ...
+
+    def play(self) -> tuple[int, int]:
+        """Begin to send; return the next packet's sequence number and the present time stamp.
+
+        Raises:
+            RtspError: there is no video any more.
+        """
+        ...
+
+    def pause(self) -> None:
+        """Stop sending."""
+        ...
+
+    def tear_down(self) -> None:
+        """Forget the stream."""
+        ...
+
+
+class _State(enum.Enum):
+    INIT = "no session"
+    READY = "ready"
+    PLAYING = "playing"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reply:
+    headers: Mapping[str, str]
+    body: bytes = b""
+
+
+class Dialogue:
+    """One client's session, from its first request to the end of its connection.
+
+    Args:
+        stage: where things happen.
+        random: gives the session its unguessable name.
+    """
+
+    def __init__(self, stage: Stage, random: Random) -> None:
+        self._stage = stage
+        self._session = f"{random.getrandbits(64):016X}"
+        self._state = _State.INIT
+        self._handlers: Final[Mapping[str, Callable[[Request], _Reply]]] = {
+            "OPTIONS": self._options,
+            "DESCRIBE": self._describe,
+            "SETUP": self._set_up,
+            "PLAY": self._play,
+            "PAUSE": self._pause,
+            "GET_PARAMETER": self._get_parameter,
+            "TEARDOWN": self._tear_down,
+        }
+
+    def reply(self, request: Request) -> bytes:
+        """Do what a request says and return its answer."""
+        try:
+            done = self._handle(request)
+        except RtspError as error:
+            return refusal(error, request.sequence)
+        return answer(200, request.sequence, done.headers, done.body)
+
+    def _handle(self, request: Request) -> _Reply:
+        if not request.sequence:
+            raise RtspError(400, "expected a number in the header CSeq")
+        if "require" in request.headers:
+            raise RtspError(
+                551,
+                "no options of RTSP are supported",
+                headers={"Unsupported": request.headers["require"]},
+            )
+        if request.method in _NOT_HERE:
+            raise RtspError(405, f"expected one of {_METHODS}", headers={"Allow": _METHODS})
+        handler = self._handlers.get(request.method)
+        if handler is None:
+            raise RtspError(501, f"expected one of {_METHODS}", headers={"Public": _METHODS})
+        return handler(request)
+
+    def _options(self, request: Request) -> _Reply:
+        if request.url != "*":
+            _check_url(request)
+        return _Reply(headers={"Public": _METHODS})
+
+    def _describe(self, request: Request) -> _Reply:
+        base = _check_url(request)
+        accepted = request.headers.get("accept", "application/sdp").lower()
+        if not any(kind in accepted for kind in ("application/sdp", "application/*", "*/*")):
+            raise RtspError(406, "the stream is described by application/sdp only")
+        headers = {"Content-Base": f"{base}/", "Content-Type": "application/sdp"}
+        return _Reply(headers=headers, body=self._stage.description().encode())
+
+    def _set_up(self, request: Request) -> _Reply:
+        _check_url(request)
+        if self._state is _State.PLAYING:
+            raise RtspError(455, "the transport cannot be changed while playing; pause first")
+        if self._state is not _State.INIT or "session" in request.headers:
+            self._check_session(request)
+        transport = self._stage.set_up(choose_transport(request.headers.get("transport", "")))
+        self._state = _State.READY
+        session = f"{self._session};timeout={SESSION_TIMEOUT_S}"
+        return _Reply(headers={"Transport": transport, "Session": session})
+
+    def _play(self, request: Request) -> _Reply:
+        base = _check_url(request)
+        self._check_session(request)
+        sequence, stamp = self._stage.play()
+        self._state = _State.PLAYING
+        info = f"url={base}/{CONTROL};seq={sequence};rtptime={stamp}"
+        return _Reply(headers={"Session": self._session, "RTP-Info": info})
+
+    def _pause(self, request: Request) -> _Reply:
+        _check_url(request)
+        self._check_session(request)
+        self._stage.pause()
+        self._state = _State.READY
+        return _Reply(headers={"Session": self._session})
+
+    def _get_parameter(self, request: Request) -> _Reply:
+        if request.url != "*":
+            _check_url(request)
+        if "session" in request.headers:
+            self._check_session(request)
+        if request.body.strip():
+            raise RtspError(451, "there are no parameters; without a body it keeps a session alive")
+        return _Reply(headers={})
+
+    def _tear_down(self, request: Request) -> _Reply:
+        _check_url(request)
+        self._check_session(request)
+        self._stage.tear_down()
+        self._state = _State.INIT
+        return _Reply(headers={})
+
+    def _check_session(self, request: Request) -> None:
+        named = request.headers.get("session", "").partition(";")[0].strip()
+        if self._state is _State.INIT or named != self._session:
+            raise RtspError(454, "expected the session that SETUP has given on this connection")
+
+
+def refusal(error: RtspError, sequence: str) -> bytes:
+    """Return the answer to a request that is refused."""
+    headers = {"Content-Type": "text/plain", **error.headers}
+    return answer(error.status, sequence, headers, f"{error.why}\n".encode())
+
+
+def _check_url(request: Request) -> str:
+    """Return the stream's URL without the part that names the medium."""
+    try:
+        parts = urlsplit(request.url)
+    except ValueError as error:
+        raise RtspError(400, "expected a URL such as rtsp://127.0.0.1/live") from error
+    path = parts.path.strip("/")
+    if parts.scheme.lower() != "rtsp" or path not in {PATH, f"{PATH}/{CONTROL}"}:
+        raise RtspError(404, f"expected rtsp://ADDRESS/{PATH}")
+    return f"rtsp://{parts.netloc}/{PATH}"

@@ -1,0 +1,158 @@
+"""Pictures in, H.264 out, with the least delay that x264 can do.
+
+The settings are those that Parrot's decoder is known to take: baseline profile, no reordering,
+several slices, parameter sets before every key frame.
+"""
+
+from __future__ import annotations
+
+import fractions
+from dataclasses import dataclass
+from typing import Final
+
+import av
+import numpy as np
+from av.video.frame import PictureType
+
+from sim_bridge.loopback.video.h264 import (
+    IDR,
+    ParameterSets,
+    find_parameter_sets,
+    nal_type,
+    split_nals,
+)
+from uav_bt.errors import MissingDependencyError, ValueRangeError
+
+__all__ = ["CLOCK_HZ", "EncodedFrame", "Encoder", "EncoderConfig", "parameter_sets"]
+
+CLOCK_HZ: Final = 90_000  # of the time stamps of video in RTP
+_MACROBLOCK_PX: Final = 2  # sizes must be even: chroma has half the resolution
+_MAX_SIDE_PX: Final = 4096
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncoderConfig:
+    """How the video is encoded."""
+
+    size_px: tuple[int, int] = (1280, 720)  # width, height; the drone's
+    rate_hz: float = 30.0  # at most; the drone's
+    bitrate_bps: int = 5_000_000  # what the drone's live stream has on a good link
+    keyframe_interval_s: float = 1.0  # how long a client waits at most that lost something
+    slices: int = 4  # what is lost with a packet is a part of the picture
+    threads: int = 1  # of the encoder; two cores have more to do than this
+
+    def __post_init__(self) -> None:
+        width, height = self.size_px
+        if not all(
+            side % _MACROBLOCK_PX == 0 and 16 <= side <= _MAX_SIDE_PX for side in (width, height)
+        ):
+            raise ValueRangeError(
+                f"width and height must be even and within 16 and {_MAX_SIDE_PX}, got "
+                f"{width}x{height}"
+            )
+        if not 0.1 <= self.rate_hz <= 240.0:
+            raise ValueRangeError(f"the rate must lie within 0.1 and 240 Hz, got {self.rate_hz}")
+        if not 10_000 <= self.bitrate_bps <= 1_000_000_000:
+            raise ValueRangeError(
+                f"the bit rate must lie within 10 kbit/s and 1 Gbit/s, got {self.bitrate_bps} bit/s"
+            )
+        if not self.keyframe_interval_s > 0.0:
+            raise ValueRangeError(
+                f"the time between key frames must be positive, got {self.keyframe_interval_s} s"
+            )
+        if not 1 <= self.slices <= 16 or not 1 <= self.threads <= 16:
+            raise ValueRangeError(
+                "slices and threads must lie within 1 and 16, got "
+                f"{self.slices} and {self.threads}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncodedFrame:
+    """One picture as NAL units, without start codes."""
+
+    nals: tuple[bytes, ...]
+
+    @property
+    def is_key(self) -> bool:
+        """Whether it can be decoded without any other."""
+        return any(nal_type(unit) == IDR for unit in self.nals)
+
+
+class Encoder:
+    """Encodes one picture after the other. Not thread-safe: one thread at a time.
+
+    Args:
+        config: size, rate and quality.
+
+    Raises:
+        MissingDependencyError: this build of PyAV has no x264.
+    """
+
+    def __init__(self, config: EncoderConfig) -> None:
+        self._config = config
+        self._codec = _open(config)
+
+    def encode(self, image: np.ndarray, captured_s: float, *, key: bool = False) -> EncodedFrame:
+        """Encode a picture.
+
+        Args:
+            image: (H, W, 3) uint8 RGB; resized to the size of the video.
+            captured_s: when, in a clock that goes forward only.
+            key: make it a key frame whether it is time for one or not.
+        """
+        width, height = self._config.size_px
+        # Converters that are told nothing (OpenCV's) take YUV for BT.601 of limited range.
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24").reformat(
+            width=width,
+            height=height,
+            format="yuv420p",
+            dst_colorspace="ITU601",
+            dst_color_range="MPEG",
+        )
+        frame.pts = round(captured_s * CLOCK_HZ)
+        frame.time_base = fractions.Fraction(1, CLOCK_HZ)
+        frame.pict_type = PictureType.I if key else PictureType.NONE
+        packets = self._codec.encode(frame)
+        return EncodedFrame(nals=split_nals(b"".join(bytes(packet) for packet in packets)))
+
+
+def parameter_sets(config: EncoderConfig) -> ParameterSets:
+    """Return what every stream of this configuration begins with.
+
+    Raises:
+        MissingDependencyError: this build of PyAV has no x264.
+    """
+    width, height = config.size_px
+    first = Encoder(config).encode(np.zeros((height, width, 3), np.uint8), 0.0)
+    return find_parameter_sets(first.nals)
+
+
+def _open(config: EncoderConfig) -> av.VideoCodecContext:
+    try:
+        codec = av.CodecContext.create("libx264", "w")
+    except av.error.FFmpegError as error:
+        raise MissingDependencyError(
+            "this build of PyAV has no encoder 'libx264'; install the wheel of 'av' from the "
+            "package index"
+        ) from error
+    codec.width, codec.height = config.size_px
+    codec.pix_fmt = "yuv420p"
+    codec.time_base = fractions.Fraction(1, CLOCK_HZ)
+    codec.framerate = fractions.Fraction(config.rate_hz).limit_denominator(1001)
+    codec.gop_size = max(1, round(config.rate_hz * config.keyframe_interval_s))
+    codec.bit_rate = config.bitrate_bps
+    codec.thread_count = config.threads
+    codec.color_range = 1  # MPEG, limited
+    codec.colorspace = 6  # SMPTE 170M, which is BT.601
+    codec.options = {
+        "preset": "ultrafast",
+        "tune": "zerolatency",
+        "profile": "baseline",
+        "forced-idr": "1",
+        "slices": str(config.slices),
+        "maxrate": str(config.bitrate_bps),
+        "bufsize": str(max(1, round(config.bitrate_bps * config.keyframe_interval_s / 2))),
+    }
+    codec.open()
+    return codec

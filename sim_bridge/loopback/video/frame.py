@@ -1,0 +1,74 @@
+"""What the video shows: a picture and what the drone knew when it was taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types import Attitude, FlyingState
+
+__all__ = ["FrameSource", "GeoPosition", "NorthEastDown", "VideoFrame"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NorthEastDown:
+    """A vector in the earth's frame: metres, or metres a second."""
+
+    north: float = 0.0
+    east: float = 0.0
+    down: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeoPosition:
+    """Where on earth."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float = 0.0  # above the WGS84 ellipsoid
+    satellites: int = 0  # 0 where the position does not come from satellites
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoFrame:
+    """One picture of the camera, with the telemetry of the moment it was captured."""
+
+    image: NDArray[np.uint8]  # (H, W, 3), RGB
+    captured_s: float  # monotonic, of the clock the server was given; a new picture, a new time
+    captured_utc_s: float | None = None  # the same moment since the epoch, where it is known
+    attitude: Attitude = field(default_factory=Attitude)  # of the body; yaw clockwise from north
+    camera: Attitude = field(default_factory=Attitude)  # of the view, in the same frame
+    velocity_mps: NorthEastDown = field(default_factory=NorthEastDown)
+    position_m: NorthEastDown = field(default_factory=NorthEastDown)  # from the take-off point
+    location: GeoPosition | None = None
+    altitude_m: float = 0.0  # above the take-off point
+    height_m: float = 0.0  # above the surface below
+    battery: float = 1.0  # 0 to 1
+    flying: FlyingState = FlyingState.LANDED
+    fov_rad: tuple[float, float] = (0.0, 0.0)  # horizontal, vertical; 0 where it is not known
+
+    def __post_init__(self) -> None:
+        if self.image.ndim != 3 or self.image.shape[2] != 3 or 0 in self.image.shape:
+            raise ShapeError("video image", expected="HxWx3", actual=self.image.shape)
+        if self.image.dtype != np.uint8:
+            raise ValueRangeError(f"a video image holds uint8, got {self.image.dtype}")
+        if not 0.0 <= self.battery <= 1.0:
+            raise ValueRangeError(f"battery must lie within 0 and 1, got {self.battery}")
+
+
+@runtime_checkable
+class FrameSource(Protocol):
+    """Where pictures come from."""
+
+    def newest(self) -> VideoFrame | None:
+        """Return the newest picture, None before the first.
+
+        Called on the video's own thread and only while somebody watches; it may take its time, for
+        instance to draw the picture now. A picture that was returned before costs nothing: it is
+        recognised by its time and not sent again.
+        """
+        ...

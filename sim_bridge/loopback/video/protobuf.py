@@ -1,0 +1,71 @@
+"""Just enough of protobuf's encoding to write a message: tags, varints and fixed-size numbers.
+
+Source: the encoding guide of protocol buffers (proto3). A field that has its default value, zero,
+is left out, as generators of proto3 do it; a message within a message is written even when empty,
+because its presence says something.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+from uav_bt.errors import ValueRangeError
+
+__all__ = ["double", "float32", "message", "signed", "unsigned"]
+
+_VARINT: Final = 0  # wire types
+_FIXED64: Final = 1
+_LENGTH_DELIMITED: Final = 2
+_FIXED32: Final = 5
+_BITS: Final = 64
+
+
+def unsigned(number: int, value: int) -> bytes:
+    """Return a field of type uint32, uint64, bool or enum.
+
+    Raises:
+        ValueRangeError: the value does not fit 64 bits, unsigned.
+    """
+    if not 0 <= value < 1 << _BITS:
+        raise ValueRangeError(f"field {number} is an unsigned number of 64 bits, got {value}")
+    return _tag(number, _VARINT) + _varint(value) if value else b""
+
+
+def signed(number: int, value: int) -> bytes:
+    """Return a field of type sint32 or sint64 (zigzag).
+
+    Raises:
+        ValueRangeError: the value does not fit 64 bits, signed.
+    """
+    if not -(1 << _BITS - 1) <= value < 1 << _BITS - 1:
+        raise ValueRangeError(f"field {number} is a signed number of 64 bits, got {value}")
+    return unsigned(number, value << 1 if value >= 0 else (-value << 1) - 1)
+
+
+def float32(number: int, value: float) -> bytes:
+    """Return a field of type float."""
+    return _tag(number, _FIXED32) + struct.pack("<f", value) if value else b""
+
+
+def double(number: int, value: float) -> bytes:
+    """Return a field of type double."""
+    return _tag(number, _FIXED64) + struct.pack("<d", value) if value else b""
+
+
+def message(number: int, content: bytes) -> bytes:
+    """Return a field that is a message, a string or bytes."""
+    return _tag(number, _LENGTH_DELIMITED) + _varint(len(content)) + content
+
+
+def _tag(number: int, wire_type: int) -> bytes:
+    return _varint(number << 3 | wire_type)
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 0x7F:
+        out.append(value & 0x7F | 0x80)
+        value >>= 7
+    out.append(value)
+    return bytes(out)

@@ -1,0 +1,207 @@
+"""RTSP requests and answers as bytes (RFC 2326), and packets between them on the same connection.
+
+The reader takes bytes as they come, knows no sockets, and gives up early: what is no RTSP, or is
+larger than any honest request, is refused at once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+__all__ = [
+    "MAX_BODY_BYTES",
+    "MAX_HEAD_BYTES",
+    "Interleaved",
+    "Request",
+    "RequestReader",
+    "RtspError",
+    "answer",
+]
+
+MAX_HEAD_BYTES: Final = 8192
+MAX_BODY_BYTES: Final = 8192
+
+_VERSION: Final = "RTSP/1.0"
+_MAX_HEADERS: Final = 64
+_TOKEN: Final = re.compile(r"[!#$%&'*+\-.^_`|~0-9A-Za-z]{1,64}")
+_METHOD: Final = re.compile(r"[A-Z_]{1,32}")
+_END_OF_HEAD: Final = re.compile(rb"\r?\n\r?\n")
+_DOLLAR: Final = 0x24  # begins a packet within the connection
+_REASONS: Final[Mapping[int, str]] = {
+    200: "OK",
+    400: "Bad Request",
+    404: "Not Found",
+    405: "Method Not Allowed",
+    406: "Not Acceptable",
+    413: "Request Entity Too Large",
+    451: "Parameter Not Understood",
+    453: "Not Enough Bandwidth",
+    454: "Session Not Found",
+    455: "Method Not Valid in This State",
+    461: "Unsupported Transport",
+    500: "Internal Server Error",
+    501: "Not Implemented",
+    505: "RTSP Version Not Supported",
+    551: "Option not supported",
+}
+
+
+class RtspError(Exception):
+    """A request that is refused.
+
+    Args:
+        status: the answer's status.
+        why: a sentence for whoever reads the answer.
+        headers: that the answer has besides.
+        fatal: whether the connection cannot go on, because nobody knows where the next one begins.
+    """
+
+    def __init__(
+        self,
+        status: int,
+        why: str,
+        *,
+        headers: Mapping[str, str] | None = None,
+        fatal: bool = False,
+    ) -> None:
+        super().__init__(why)
+        self.status = status
+        self.why = why
+        self.headers = dict(headers or {})
+        self.fatal = fatal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """One request."""
+
+    method: str
+    url: str
+    headers: Mapping[str, str] = field(default_factory=dict)  # names in lower case
+    body: bytes = b""
+
+    @property
+    def sequence(self) -> str:
+        """The number by which the client finds the answer; empty without one."""
+        number = self.headers.get("cseq", "")
+        return number if number.isascii() and number.isdigit() and len(number) <= 10 else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interleaved:
+    """A packet that came on the same connection (RFC 2326, section 10.12)."""
+
+    channel: int
+    data: bytes
+
+
+class RequestReader:
+    """Finds messages in the bytes of one connection."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[Request | Interleaved]:
+        """Take bytes and yield the messages that are complete now.
+
+        Raises:
+            RtspError: what came is no RTSP, or too large; fatal, the rest cannot be read.
+        """
+        self._buffer += data
+        while self._skip_blank_lines():
+            found = self._packet() if self._buffer[0] == _DOLLAR else self._request()
+            if found is None:
+                return
+            yield found
+
+    def _skip_blank_lines(self) -> bool:
+        skipped = len(self._buffer) - len(self._buffer.lstrip(b"\r\n"))
+        del self._buffer[:skipped]
+        return bool(self._buffer)
+
+    def _packet(self) -> Interleaved | None:
+        if len(self._buffer) < 4:
+            return None
+        end = 4 + int.from_bytes(self._buffer[2:4], "big")
+        if len(self._buffer) < end:
+            return None
+        packet = Interleaved(channel=self._buffer[1], data=bytes(self._buffer[4:end]))
+        del self._buffer[:end]
+        return packet
+
+    def _request(self) -> Request | None:
+        blank = _END_OF_HEAD.search(self._buffer, 0, MAX_HEAD_BYTES + 4)
+        if blank is None:
+            if len(self._buffer) > MAX_HEAD_BYTES:
+                raise RtspError(413, f"a request has at most {MAX_HEAD_BYTES} bytes", fatal=True)
+            self._refuse_early()
+            return None
+        head = _parse_head(bytes(self._buffer[: blank.start()]))
+        length = _content_length(head)
+        if len(self._buffer) < blank.end() + length:
+            return None
+        body = bytes(self._buffer[blank.end() : blank.end() + length])
+        del self._buffer[: blank.end() + length]
+        return Request(method=head.method, url=head.url, headers=head.headers, body=body)
+
+    def _refuse_early(self) -> None:
+        start = bytes(self._buffer[:33])
+        method = start.partition(b" ")[0]
+        if start and (
+            (len(method) > 32) or not re.fullmatch(rb"[A-Z_]+", method.partition(b"\r")[0])
+        ):
+            raise RtspError(400, "this is no RTSP request", fatal=True)
+
+
+def answer(
+    status: int, sequence: str, headers: Mapping[str, str] | None = None, body: bytes = b""
+) -> bytes:
+    """Return an answer.
+
+    Args:
+        status: of the answer.
+        sequence: the request's number.
+        headers: besides those that every answer has.
+        body: what it carries.
+    """
+    lines = [f"{_VERSION} {status} {_REASONS[status]}"]
+    if sequence:
+        lines.append(f"CSeq: {sequence}")
+    lines.append("Server: uav_bt")
+    lines += [f"{name}: {value}" for name, value in (headers or {}).items()]
+    if body:
+        lines.append(f"Content-Length: {len(body)}")
+    return "\r\n".join([*lines, "", ""]).encode() + body
+
+
+def _parse_head(head: bytes) -> Request:
+    try:
+        lines = head.decode("utf-8").replace("\r\n", "\n").split("\n")
+    except UnicodeDecodeError as error:
+        raise RtspError(400, "a request's head is UTF-8", fatal=True) from error
+    words = lines[0].split(" ")
+    if len(words) != 3 or not _METHOD.fullmatch(words[0]) or not words[2].startswith("RTSP/"):
+        raise RtspError(400, "expected 'METHOD URL RTSP/1.0' in the first line", fatal=True)
+    if words[2] != _VERSION:
+        raise RtspError(505, f"expected {_VERSION}", fatal=True)
+    if len(lines) - 1 > _MAX_HEADERS:
+        raise RtspError(400, f"a request has at most {_MAX_HEADERS} headers", fatal=True)
+    headers: dict[str, str] = {}
+    for line in lines[1:]:
+        name, colon, value = line.partition(":")
+        if not colon or not _TOKEN.fullmatch(name.strip()):
+            raise RtspError(400, "expected 'Name: value' in every header", fatal=True)
+        headers[name.strip().lower()] = value.strip()
+    return Request(method=words[0], url=words[1], headers=headers)
+
+
+def _content_length(head: Request) -> int:
+    text = head.headers.get("content-length", "0")
+    if not text.isascii() or not text.isdigit() or len(text) > 9:
+        raise RtspError(400, "Content-Length is a number of bytes", fatal=True)
+    if int(text) > MAX_BODY_BYTES:
+        raise RtspError(413, f"a body has at most {MAX_BODY_BYTES} bytes", fatal=True)
+    return int(text)

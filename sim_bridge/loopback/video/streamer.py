@@ -1,0 +1,214 @@
+"""The newest picture, encoded once, to everybody who plays; nothing at all while nobody does."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
+
+from sim_bridge.loopback.video.encoder import Encoder, EncoderConfig
+from sim_bridge.loopback.video.frame import FrameSource
+from sim_bridge.loopback.video.metadata import timed_metadata
+from sim_bridge.loopback.video.rtp import Picture, RtpStream, picture
+from sim_bridge.loopback.video.transport import Sink
+
+__all__ = ["Counters", "Player", "Streamer", "VideoStats"]
+
+_LOG: Final = logging.getLogger(__name__)
+
+_REPORT_INTERVAL_S: Final = 0.5  # a client that missed the first report cannot tell the time before
+_LOOK_AGAIN_S: Final = 0.004  # for a new picture, when there was none: adds half of it on average
+_RATE_PICTURES: Final = 60  # the rate is that of so many pictures
+
+
+@dataclass(frozen=True, kw_only=True)
+class VideoStats:
+    """What the video has done so far."""
+
+    playing: int  # clients now
+    frames_encoded: int
+    frames_sent: int  # added up over the clients
+    frames_dropped: int  # likewise; left out because a client did not keep up
+    frames_late: int  # slots of the wanted rate that passed while the picture before was under way
+    packets_sent: int
+    bytes_sent: int
+    rate_hz: float  # reached lately; 0 before the second picture
+    encode_ms: float  # of the newest picture: fetching, encoding and cutting into packets
+
+
+@dataclass
+class Counters:
+    """What was sent, added up over all clients that ever played."""
+
+    frames_sent: int = 0
+    frames_dropped: int = 0
+    packets_sent: int = 0
+    bytes_sent: int = 0
+
+
+class Player:
+    """One client that plays.
+
+    Args:
+        stream: numbers its packets.
+        sink: takes them.
+    """
+
+    def __init__(self, stream: RtpStream, sink: Sink) -> None:
+        self.stream = stream
+        self._sink = sink
+        self._needs_key = True
+        self._reported_s = float("-inf")
+
+    @property
+    def wants_key(self) -> bool:
+        """Whether it waits for a picture that needs no other, and could take it."""
+        return self._needs_key and not self._sink.congested
+
+    def wait_for_key(self) -> None:
+        """Send nothing before the next key frame: what comes in between is not known to it."""
+        self._needs_key = True
+
+    def show(self, shown: Picture, now_s: float, counters: Counters) -> None:
+        """Send a picture, unless the client cannot use it or does not keep up."""
+        if self._sink.congested:
+            self._needs_key = True
+        if self._needs_key and not (shown.is_key and self.wants_key):
+            counters.frames_dropped += 1
+            return
+        self._needs_key = False
+        if now_s - self._reported_s >= _REPORT_INTERVAL_S:
+            self._reported_s = now_s
+            self._sink.send_control(self.stream.report(now_s))
+        packets = tuple(self.stream.packets(shown))
+        self._sink.send_data(packets)
+        counters.frames_sent += 1
+        counters.packets_sent += len(packets)
+        counters.bytes_sent += sum(len(packet) for packet in packets)
+
+    def goodbye(self, now_s: float) -> None:
+        """Tell the client that nothing more will come."""
+        self._sink.send_control(self.stream.goodbye(now_s))
+
+
+class Streamer:
+    """Fetches, encodes and sends while there are players.
+
+    Args:
+        source: where pictures come from; asked on the encoder's thread.
+        config: of the encoder.
+        now: the monotonic clock of the pictures' times.
+        failed: told when the source or the encoder raised; nobody plays any more then.
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        config: EncoderConfig,
+        *,
+        now: Callable[[], float],
+        failed: Callable[[Exception], None],
+    ) -> None:
+        self._source = source
+        self._config = config
+        self._now = now
+        self._failed = failed
+        self._players: list[Player] = []
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="loopback-video")
+        self._encoder: Encoder | None = None  # the thread's
+        self._shown_s = float("-inf")  # likewise: when the picture encoded last was captured
+        self._task: asyncio.Task[None] | None = None
+        self._closing = asyncio.Event()
+        self._counters = Counters()
+        self._encoded = 0
+        self._late = 0
+        self._encode_s = 0.0
+        self._times_s: deque[float] = deque(maxlen=_RATE_PICTURES)
+
+    def add(self, player: Player) -> None:
+        """Send to this client, too, from a key frame on, which is made for it."""
+        if player in self._players:
+            return
+        player.wait_for_key()
+        self._players.append(player)
+        if self._task is None or self._task.done():
+            self._task = asyncio.get_running_loop().create_task(self._run())
+
+    def remove(self, player: Player) -> None:
+        """Send nothing more to this client; one that does not play is no error."""
+        if player in self._players:
+            self._players.remove(player)
+
+    def stats(self) -> VideoStats:
+        """Return what was done so far."""
+        times_s = self._times_s
+        rate_hz = (len(times_s) - 1) / (times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
+        return VideoStats(
+            playing=len(self._players),
+            frames_encoded=self._encoded,
+            frames_late=self._late,
+            rate_hz=rate_hz,
+            encode_ms=1e3 * self._encode_s,
+            **vars(self._counters),
+        )
+
+    async def close(self) -> None:
+        """Stop; a picture under way is finished first."""
+        self._closing.set()
+        self._players.clear()
+        if self._task is not None:
+            await self._task
+        self._thread.shutdown()
+
+    async def _run(self) -> None:
+        self._encoder = None
+        self._shown_s = float("-inf")
+        self._times_s.clear()
+        try:
+            await self._stream()
+        except Exception as error:  # whatever it is: the server goes on, and says what it was
+            _LOG.exception("the video has ended: its source or its encoder failed")
+            self._players.clear()
+            self._failed(error)
+
+    async def _stream(self) -> None:
+        loop = asyncio.get_running_loop()
+        period_s = 1.0 / self._config.rate_hz
+        due_s = began_s = loop.time()
+        while self._players:
+            key = any(player.wants_key for player in self._players)
+            began_s = loop.time()
+            shown = await loop.run_in_executor(self._thread, self._next, key)
+            if shown is None:
+                await self._pause(_LOOK_AGAIN_S)
+                continue
+            self._encode_s = loop.time() - began_s
+            self._late += int(self._encode_s / period_s)
+            self._encoded += 1
+            self._times_s.append(loop.time())
+            now_s = self._now()
+            for player in tuple(self._players):
+                player.show(shown, now_s, self._counters)
+            # On the grid where it can be, so that the rate is kept; never faster to make up.
+            due_s = max(due_s + period_s, loop.time())
+            await self._pause(due_s - loop.time())
+
+    async def _pause(self, duration_s: float) -> None:
+        with contextlib.suppress(TimeoutError):  # the usual end of it
+            await asyncio.wait_for(self._closing.wait(), duration_s)
+
+    def _next(self, key: bool) -> Picture | None:  # noqa: FBT001  (run_in_executor takes no names)
+        """Fetch and encode on the thread; None when there is no newer picture."""
+        frame = self._source.newest()
+        if frame is None or frame.captured_s <= self._shown_s:
+            return None
+        self._shown_s = frame.captured_s
+        if self._encoder is None:
+            self._encoder = Encoder(self._config)
+        encoded = self._encoder.encode(frame.image, frame.captured_s, key=key)
+        return picture(encoded, timed_metadata(frame), frame.captured_s)

@@ -1,0 +1,209 @@
+"""Ways to a client: datagrams to its ports, or packets on the connection it asked through."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final, Protocol, cast
+
+from sim_bridge.loopback.video.rtsp_message import RtspError
+from uav_bt.errors import DroneError
+
+__all__ = [
+    "DatagramPair",
+    "DatagramSink",
+    "InterleavedSink",
+    "Sink",
+    "Transport",
+    "choose_transport",
+    "open_datagram_pair",
+]
+
+# What may wait in a client's buffer; with more, whole pictures are left out until it has caught up.
+MAX_WAITING_BYTES: Final = 256 * 1024
+
+_PAIR_TRIES: Final = 20  # for an even port whose neighbour is free, too
+_MAX_PORT: Final = 65_535
+_RANGE: Final = re.compile(r"(\d{1,5})(?:-(\d{1,5}))?")
+
+
+class Sink(Protocol):
+    """Where a client's packets go."""
+
+    @property
+    def congested(self) -> bool:
+        """Whether so much is waiting that nothing should be added."""
+        ...
+
+    def send_data(self, packets: Iterable[bytes]) -> None:
+        """Send RTP packets."""
+        ...
+
+    def send_control(self, packet: bytes) -> None:
+        """Send an RTCP packet."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transport:
+    """What a client asked for in SETUP."""
+
+    ports: tuple[int, int] | None = None  # RTP and RTCP, when by datagrams
+    channels: tuple[int, int] | None = None  # likewise, when interleaved
+
+    def header(self, server_ports: tuple[int, int], ssrc: int) -> str:
+        """Return what the answer says about it."""
+        if self.channels is not None:
+            channels = "-".join(map(str, self.channels))
+            return f"RTP/AVP/TCP;unicast;interleaved={channels};ssrc={ssrc:08X}"
+        ports = "-".join(map(str, self.ports or ()))
+        server = "-".join(map(str, server_ports))
+        return f"RTP/AVP;unicast;client_port={ports};server_port={server};ssrc={ssrc:08X}"
+
+
+def choose_transport(header: str) -> Transport:
+    """Return the first of the offered transports that can be had.
+
+    A client gets its packets itself: another destination is not looked at.
+
+    Raises:
+        RtspError: none can.
+    """
+    for offer in header.split(","):
+        profile, *parameters = (part.strip() for part in offer.split(";"))
+        named = dict(part.partition("=")[::2] for part in parameters)
+        if "multicast" in named or named.get("mode", "play").strip('"').lower() != "play":
+            continue
+        if profile.upper() == "RTP/AVP/TCP":
+            channels = _pair(named.get("interleaved", "0-1"), 255)
+            if channels is not None:
+                return Transport(channels=channels)
+        elif profile.upper() in {"RTP/AVP", "RTP/AVP/UDP"}:
+            ports = _pair(named.get("client_port", ""), _MAX_PORT)
+            if ports is not None and ports[0] > 0:
+                return Transport(ports=ports)
+    raise RtspError(
+        461,
+        "expected 'RTP/AVP;unicast;client_port=A-B' or 'RTP/AVP/TCP;unicast;interleaved=A-B'",
+    )
+
+
+def _pair(text: str, largest: int) -> tuple[int, int] | None:
+    found = _RANGE.fullmatch(text)
+    if found is None:
+        return None
+    first = int(found[1])
+    second = int(found[2]) if found[2] else first + 1
+    return (first, second) if first != second and max(first, second) <= largest else None
+
+
+class InterleavedSink:
+    """Packets on the client's RTSP connection."""
+
+    def __init__(self, transport: asyncio.Transport, channels: tuple[int, int]) -> None:
+        self._transport = transport
+        self._data, self._control = channels
+
+    @property
+    def congested(self) -> bool:
+        """Whether the client reads more slowly than it is sent to."""
+        return self._transport.get_write_buffer_size() > MAX_WAITING_BYTES
+
+    def send_data(self, packets: Iterable[bytes]) -> None:
+        """Send RTP packets."""
+        self._transport.write(b"".join(self._framed(self._data, one) for one in packets))
+
+    def send_control(self, packet: bytes) -> None:
+        """Send an RTCP packet."""
+        self._transport.write(self._framed(self._control, packet))
+
+    @staticmethod
+    def _framed(channel: int, packet: bytes) -> bytes:
+        return bytes([0x24, channel]) + len(packet).to_bytes(2, "big") + packet
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatagramPair:
+    """The server's two sockets, for all clients."""
+
+    data: asyncio.DatagramTransport
+    control: asyncio.DatagramTransport
+    ports: tuple[int, int]
+
+    def close(self) -> None:
+        """Let go of the ports."""
+        self.data.close()
+        self.control.close()
+
+
+class DatagramSink:
+    """Datagrams to a client's two ports."""
+
+    def __init__(self, pair: DatagramPair, host: str, ports: tuple[int, int]) -> None:
+        self._pair = pair
+        self._data = (host, ports[0])
+        self._control = (host, ports[1])
+
+    @property
+    def congested(self) -> bool:
+        """Whether the system takes no more datagrams."""
+        return self._pair.data.get_write_buffer_size() > MAX_WAITING_BYTES
+
+    def send_data(self, packets: Iterable[bytes]) -> None:
+        """Send RTP packets."""
+        for packet in packets:
+            self._pair.data.sendto(packet, self._data)
+
+    def send_control(self, packet: bytes) -> None:
+        """Send an RTCP packet."""
+        self._pair.control.sendto(packet, self._control)
+
+
+class _Reports(asyncio.DatagramProtocol):
+    """Tells who sent something; what it says is of no use here."""
+
+    def __init__(self, heard: Callable[[tuple[str, int]], None]) -> None:
+        self._heard = heard
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:  # noqa: ARG002  (the interface's)
+        self._heard((addr[0], addr[1]))
+
+
+async def open_datagram_pair(
+    host: str, heard: Callable[[tuple[str, int]], None]
+) -> DatagramPair:
+    """Open an even port and its neighbour, as RTP wants them.
+
+    Args:
+        host: numeric address to send from.
+        heard: told the address of whoever sent to the control port.
+
+    Raises:
+        DroneError: no such pair is free.
+    """
+    loop = asyncio.get_running_loop()
+    for _ in range(_PAIR_TRIES):
+        data, _protocol = await loop.create_datagram_endpoint(
+            asyncio.DatagramProtocol, local_addr=(host, 0)
+        )
+        port = data.get_extra_info("sockname")[1]
+        if port % 2 == 0:
+            try:
+                control, _other = await loop.create_datagram_endpoint(
+                    lambda: _Reports(heard), local_addr=(host, port + 1)
+                )
+            except OSError:
+                data.close()
+                continue
+            return DatagramPair(
+                data=cast(asyncio.DatagramTransport, data),
+                control=cast(asyncio.DatagramTransport, control),
+                ports=(port, port + 1),
+            )
+        data.close()
+    raise DroneError(
+        f"found no two neighbouring free UDP ports on {host} in {_PAIR_TRIES} tries; end some of "
+        "what listens there"
+    )
