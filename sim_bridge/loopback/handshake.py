@@ -1,0 +1,104 @@
+"""How a client finds the drone and gets a command link: two small JSON exchanges over TCP.
+
+Port 44445: the drone says who it is as soon as somebody connects, and keeps the connection; losing
+it is how a client notices that the drone is gone. Port 44444: the client says where it wants its
+events, the drone answers where it wants its commands.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any, Final
+
+from sim_bridge.loopback.codec import WireError
+
+__all__ = [
+    "MAX_REQUEST_BYTES",
+    "ConnectionRequest",
+    "Identity",
+    "accepted",
+    "announcement",
+    "parse_request",
+    "refused",
+]
+
+MAX_REQUEST_BYTES: Final = 8192  # a client's request has some 200
+_MODEL: Final = "0x0914"  # the ANAFI 4K
+_BUSY: Final = -1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identity:
+    """Who the drone says it is."""
+
+    name: str = "ANAFI-loopback"
+    serial: str = "PI040384AH8L000000"  # of the form that the ANAFI's has; no real one
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConnectionRequest:
+    """What a client asks for."""
+
+    events_port: int  # UDP, on the client's side
+    controller: str = ""
+
+
+def announcement(identity: Identity, control_port: int) -> bytes:
+    """Return what the drone says on its discovery port.
+
+    Args:
+        identity: who it is.
+        control_port: where a client asks for a link (TCP).
+    """
+    return _line(
+        {
+            "model.id": _MODEL,
+            "serial": identity.serial,
+            "port": control_port,
+            "name": identity.name,
+        }
+    )
+
+
+def parse_request(data: bytes) -> ConnectionRequest:
+    """Read a client's request for a link.
+
+    Raises:
+        WireError: it is none.
+    """
+    try:
+        request = json.loads(data.rstrip(b"\0").decode())
+    except (UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise WireError(f"a request for a link is a JSON object, got {data[:80]!r}") from error
+    port = request.get("d2c_port") if isinstance(request, dict) else None
+    if not isinstance(port, int) or isinstance(port, bool) or not 0 < port < 65536:
+        raise WireError(f"a request for a link names d2c_port, a UDP port, got {data[:80]!r}")
+    return ConnectionRequest(events_port=port, controller=str(request.get("controller_name", "")))
+
+
+def accepted(commands_port: int) -> bytes:
+    """Return the answer that opens a link.
+
+    Args:
+        commands_port: where the client's commands go (UDP).
+    """
+    return _line(
+        {
+            "status": 0,
+            "c2d_port": commands_port,
+            "c2d_update_port": 51,
+            "c2d_user_port": 21,
+            "qos_mode": 0,
+            "proto_v": 1,
+        }
+    )
+
+
+def refused() -> bytes:
+    """Return the answer to a client that comes while another one flies."""
+    return _line({"status": _BUSY})
+
+
+def _line(message: dict[str, Any]) -> bytes:
+    return json.dumps(message).encode() + b"\0"

@@ -1,0 +1,173 @@
+"""The messages of ARSDK, Parrot's protocol between a drone and what flies it, from a table.
+
+`messages.txt` lists numbers, names and types; `tools/arsdk_table.py` writes it.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from types import MappingProxyType
+from typing import Final
+
+from uav_bt.errors import FileError, UnknownNameError
+
+__all__ = ["Argument", "Buffer", "Kind", "Memory", "MessageTable", "MessageType", "message_table"]
+
+Number = tuple[int, int, int]  # project or feature, class, message
+
+
+class Kind(enum.Enum):
+    """How an argument's value looks in Python."""
+
+    INTEGER = "integer"
+    FLOAT = "float"
+    TEXT = "text"
+    BINARY = "binary"
+    CHOICE = "choice"  # one of the values, by name
+    BITS = "bits"  # a set of the values, by name
+
+
+class Buffer(enum.Enum):
+    """How a message is delivered."""
+
+    ACK = "ack"
+    NOACK = "noack"
+    PRIO = "prio"
+
+
+class Memory(enum.Enum):
+    """What of an event is told to those who connect later."""
+
+    STATE = "state"  # the latest
+    NOTE = "note"  # nothing: it happened
+    LIST = "list"  # all
+    MAP = "map"  # the latest for each key
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Argument:
+    """One argument of a message."""
+
+    name: str
+    kind: Kind
+    layout: str = ""  # as `struct` names it, little endian; empty where the length varies
+    values: tuple[str, ...] = ()  # of a choice, from 0; of bits, from the lowest
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MessageType:
+    """One command or event."""
+
+    number: Number
+    name: str  # ardrone3.Piloting.TakeOff, gimbal.set_target
+    event: bool  # from the drone; otherwise a command, to it
+    buffer: Buffer
+    memory: Memory
+    key: str | None  # the argument that tells the entries of a map apart
+    arguments: tuple[Argument, ...]
+
+
+_NUMBERS: Final = MappingProxyType(
+    {
+        "u8": "B",
+        "i8": "b",
+        "u16": "H",
+        "i16": "h",
+        "u32": "I",
+        "i32": "i",
+        "u64": "Q",
+        "i64": "q",
+    }
+)
+_PLAIN: Final = MappingProxyType(
+    {
+        "float": (Kind.FLOAT, "f"),
+        "double": (Kind.FLOAT, "d"),
+        "string": (Kind.TEXT, ""),
+        "binary": (Kind.BINARY, ""),
+        **{name: (Kind.INTEGER, layout) for name, layout in _NUMBERS.items()},
+    }
+)
+
+
+class MessageTable:
+    """All messages, by name and by number."""
+
+    def __init__(self, types: Iterator[MessageType]) -> None:
+        self._by_name = {one.name: one for one in types}
+        self._by_number = {one.number: one for one in self._by_name.values()}
+
+    def __iter__(self) -> Iterator[MessageType]:
+        return iter(self._by_name.values())
+
+    def named(self, name: str) -> MessageType:
+        """Return a message.
+
+        Raises:
+            UnknownNameError: there is none of that name.
+        """
+        try:
+            return self._by_name[name]
+        except KeyError:
+            raise UnknownNameError("ARSDK message", name, self._by_name) from None
+
+    def numbered(self, number: Number) -> MessageType | None:
+        """Return a message, None where the table has none."""
+        return self._by_number.get(number)
+
+
+@cache
+def message_table() -> MessageTable:
+    """Return the table that ships with the project.
+
+    Raises:
+        FileError: it is damaged.
+    """
+    path = resources.files("sim_bridge.loopback") / "messages.txt"
+    return MessageTable(_read(path.read_text(encoding="utf-8"), str(path)))
+
+
+def _read(text: str, path: str) -> Iterator[MessageType]:
+    enums: dict[str, tuple[str, ...]] = {}
+    for line, content in enumerate(text.splitlines(), start=1):
+        words = content.split()
+        if not words or words[0] == "#":
+            continue
+        try:
+            if words[0] == "enum":
+                enums[words[1]] = tuple(words[2:])
+            else:
+                yield _message(words, enums)
+        except (KeyError, ValueError) as error:
+            raise FileError(path, f"no message is written like this: {error!r}", line) from error
+
+
+def _message(words: list[str], enums: Mapping[str, tuple[str, ...]]) -> MessageType:
+    number, direction, buffer, memory, name, *arguments = words
+    project, of, message = (int(part) for part in number.split("."))
+    kind, _, key = memory.partition("=")
+    return MessageType(
+        number=(project, of, message),
+        name=name,
+        event={"event": True, "command": False}[direction],
+        buffer=Buffer(buffer),
+        memory=Memory(kind),
+        key=key or None,
+        arguments=tuple(_argument(word, enums) for word in arguments),
+    )
+
+
+def _argument(word: str, enums: Mapping[str, tuple[str, ...]]) -> Argument:
+    name, _, of = word.partition(":")
+    kind, _, values = of.partition(":")
+    if kind == "enum":
+        return Argument(name=name, kind=Kind.CHOICE, layout="i", values=enums[values])
+    if kind.startswith("bits-"):
+        layout = _NUMBERS[kind.removeprefix("bits-")]
+        return Argument(name=name, kind=Kind.BITS, layout=layout, values=enums[values])
+    plain, layout = _PLAIN[kind]
+    return Argument(name=name, kind=plain, layout=layout)

@@ -1,0 +1,328 @@
+"""One loopback ANAFI on the network: discovery, the command link and the web server."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from sim_bridge.loopback.codec import WireError, decode
+from sim_bridge.loopback.firmware.anafi import Anafi
+from sim_bridge.loopback.handshake import (
+    MAX_REQUEST_BYTES,
+    ConnectionRequest,
+    Identity,
+    accepted,
+    announcement,
+    parse_request,
+    refused,
+)
+from sim_bridge.loopback.link import Link, LinkTiming
+from sim_bridge.loopback.messages import Buffer, MessageTable, MessageType
+from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
+from uav_bt.errors import InputError
+
+__all__ = ["LoopbackServer", "PortTakenError", "Ports", "ServerOptions"]
+
+_LOG = logging.getLogger(__name__)
+
+_PATIENCE_S: Final = 5.0  # s for a client's request for a link to arrive
+_MAX_CONNECTIONS: Final = 64  # open at once on a port; more are closed at once
+
+
+class PortTakenError(InputError):
+    """Something else has one of the drone's ports."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ports:
+    """Where the drone listens; 0 is any free port."""
+
+    discovery: int = 44445  # TCP
+    control: int = 44444  # TCP: requests for a link
+    commands: int = 2233  # UDP
+    http: int = 80  # TCP
+    rtsp: int = 554  # TCP; the video's, served beside
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServerOptions:
+    """How a drone is reached."""
+
+    address: str = "127.0.0.1"  # this machine alone, unless told otherwise
+    ports: Ports = field(default_factory=Ports)
+    identity: Identity = field(default_factory=Identity)
+    timing: LinkTiming = field(default_factory=LinkTiming)
+    update_s: float = 0.02  # s between two looks at the drone
+    probe_s: float = 0.3  # s for a client to show that it is still there when another comes
+
+
+@dataclass(kw_only=True)
+class _Client:
+    link: Link
+    address: tuple[str, int]
+    name: str
+
+
+Service = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
+
+
+class LoopbackServer:
+    """One drone's server; start it, wait, close it."""
+
+    def __init__(
+        self, anafi: Anafi, table: MessageTable, options: ServerOptions | None = None
+    ) -> None:
+        """Describe it; nothing is bound before `start`.
+
+        Args:
+            anafi: the firmware, which this server drives.
+            table: the messages it speaks.
+            options: addresses, ports and patience.
+        """
+        self._anafi = anafi
+        self._table = table
+        self._options = options or ServerOptions()
+        self._ports = self._options.ports
+        self._client: _Client | None = None
+        self._udp: asyncio.DatagramTransport | None = None
+        self._servers: list[asyncio.Server] = []
+        self._open: set[asyncio.Task[None]] = set()
+        self._timer: asyncio.TimerHandle | None = None
+        self._admission = asyncio.Lock()
+        self._heard = asyncio.Event()
+
+    @property
+    def ports(self) -> Ports:
+        """Where it really listens."""
+        return self._ports
+
+    @property
+    def client(self) -> str | None:
+        """The connected client's name, None without one."""
+        return None if self._client is None else self._client.name
+
+    async def start(self) -> None:
+        """Bind all ports.
+
+        Raises:
+            PortTakenError: one is taken, or may not be used.
+        """
+        wanted = self._options.ports
+        try:
+            control = await self._listen(wanted.control, "control", self._serve_control)
+            discovery = await self._listen(wanted.discovery, "discovery", self._serve_discovery)
+            http = await self._listen(wanted.http, "http", serve_web)
+            commands = await self._listen_udp(wanted.commands)
+        except InputError:
+            await self.close()
+            raise
+        self._ports = Ports(
+            discovery=discovery, control=control, commands=commands, http=http, rtsp=wanted.rtsp
+        )
+        self._schedule()
+
+    async def close(self) -> None:
+        """Hang up; safe to call twice."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self._drop_client("the server stops")
+        for server in self._servers:
+            server.close()
+        tasks = list(self._open)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self._servers.clear()
+        if self._udp is not None:
+            self._udp.close()
+            self._udp = None
+
+    # --- sockets ----------------------------------------------------------------------------------
+
+    async def _listen(self, port: int, what: str, service: Service) -> int:
+        def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            task = asyncio.create_task(self._converse(service, reader, writer))
+            self._open.add(task)
+            task.add_done_callback(self._open.discard)
+
+        try:
+            server = await asyncio.start_server(
+                accept, self._options.address, port, limit=MAX_HEAD_BYTES
+            )
+        except OSError as error:
+            raise _port_error(error, self._options.address, port, what) from error
+        self._servers.append(server)
+        return int(server.sockets[0].getsockname()[1])
+
+    async def _listen_udp(self, port: int) -> int:
+        loop = asyncio.get_running_loop()
+        try:
+            self._udp, _ = await loop.create_datagram_endpoint(
+                lambda: _Datagrams(self._datagram), local_addr=(self._options.address, port)
+            )
+        except OSError as error:
+            raise _port_error(error, self._options.address, port, "command") from error
+        return int(self._udp.get_extra_info("sockname")[1])
+
+    async def _converse(
+        self, service: Service, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        """Serve one connection; whatever it sends, the server outlives it."""
+        try:
+            if len(self._open) <= _MAX_CONNECTIONS:
+                await service(reader, writer)
+        except (OSError, WireError) as error:
+            _LOG.info("a connection ended: %s", error)
+        finally:
+            writer.close()
+            with contextlib.suppress(OSError):  # it is gone either way
+                await writer.wait_closed()
+
+    # --- who there is -----------------------------------------------------------------------------
+
+    async def _serve_discovery(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        writer.write(announcement(self._options.identity, self._ports.control))
+        await writer.drain()
+        while await reader.read(MAX_REQUEST_BYTES):
+            pass  # clients say nothing here; the connection is what counts
+        # Somebody leaves. If it was the client that flies, it does not answer any more.
+        async with self._admission:
+            await self._probe()
+
+    async def _serve_control(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        request = await _read_request(reader)
+        host = str(writer.get_extra_info("peername")[0])
+        async with self._admission:
+            await self._probe()
+            if self._client is not None:
+                _LOG.warning("%s is refused: %s flies", host, self._client.name)
+                writer.write(refused())
+            else:
+                self._admit(host, request)
+                writer.write(accepted(self._ports.commands))
+            await writer.drain()
+
+    async def _probe(self) -> None:
+        """Drop the client unless it shows at once that it is still there."""
+        if self._client is None:
+            return
+        self._heard.clear()
+        self._client.link.ping(self._now())
+        try:
+            async with asyncio.timeout(self._options.probe_s):
+                await self._heard.wait()
+        except TimeoutError:
+            self._drop_client("it is gone")
+
+    def _admit(self, host: str, request: ConnectionRequest) -> None:
+        address = (host, request.events_port)
+        udp = self._udp
+        if udp is None:
+            return
+
+        def transmit(datagram: bytes) -> None:
+            udp.sendto(datagram, address)
+
+        link = Link(transmit, self._now(), timing=self._options.timing)
+        name = f"{request.controller or 'a client'} at {host}:{request.events_port}"
+        self._client = _Client(link=link, address=address, name=name)
+        _LOG.info("connected: %s", name)
+
+        def tell(message: MessageType, payload: bytes) -> None:
+            link.send(payload, self._now(), acked=message.buffer is not Buffer.NOACK)
+
+        self._anafi.connected(tell)
+
+    def _drop_client(self, why: str) -> None:
+        if self._client is not None:
+            _LOG.info("disconnected: %s (%s)", self._client.name, why)
+            self._client = None
+            self._anafi.disconnected()
+
+    # --- what it says -----------------------------------------------------------------------------
+
+    def _datagram(self, data: bytes, address: tuple[Any, ...]) -> None:
+        client = self._client
+        if client is None or address[0] != client.address[0]:
+            return
+        before = client.link.heard_s
+        commands = client.link.receive(data, self._now())
+        if client.link.heard_s > before:
+            self._heard.set()
+        for payload in commands:
+            try:
+                self._anafi.obey(decode(payload, self._table))
+            except WireError as error:
+                _LOG.debug("ignored: %s", error)
+
+    def _schedule(self) -> None:
+        loop = asyncio.get_running_loop()
+        self._timer = loop.call_later(self._options.update_s, self._update)
+
+    def _update(self) -> None:
+        self._anafi.update()
+        client, now_s = self._client, self._now()
+        if client is not None:
+            client.link.poll(now_s)
+            if client.link.dead(now_s):
+                self._drop_client("it fell silent")
+        self._schedule()
+
+    def _now(self) -> float:
+        return asyncio.get_running_loop().time()
+
+
+class _Datagrams(asyncio.DatagramProtocol):
+    def __init__(self, receive: Callable[[bytes, tuple[Any, ...]], None]) -> None:
+        self._receive = receive
+
+    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
+        """Pass it on."""
+        self._receive(data, addr)
+
+    def error_received(self, exc: Exception) -> None:
+        """Note that nobody hears us; the link's silence decides."""
+        _LOG.debug("a datagram did not arrive: %s", exc)
+
+
+async def _read_request(reader: asyncio.StreamReader) -> ConnectionRequest:
+    """Read a request for a link, with or without the NUL at its end.
+
+    Raises:
+        WireError: it is none, too long or too slow.
+    """
+    data = b""
+    try:
+        async with asyncio.timeout(_PATIENCE_S):
+            while len(data) <= MAX_REQUEST_BYTES:
+                more = await reader.read(MAX_REQUEST_BYTES)
+                data += more
+                if not more or data.endswith((b"\0", b"}", b"}\n")):
+                    return parse_request(data)
+    except TimeoutError as error:
+        raise WireError(f"a request for a link did not come within {_PATIENCE_S} s") from error
+    raise WireError(f"a request for a link has at most {MAX_REQUEST_BYTES} bytes")
+
+
+def _port_error(error: OSError, address: str, port: int, what: str) -> PortTakenError:
+    where = f"the {what} port {port} of {address}"
+    if error.errno == errno.EADDRINUSE:
+        return PortTakenError(
+            f"{where} is taken; stop what uses it, choose another port, or another address such "
+            "as 127.0.0.2"
+        )
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return PortTakenError(f"{where} needs root; choose one above 1023")
+    if error.errno == errno.EADDRNOTAVAIL:
+        return PortTakenError(f"this machine has no address {address}; use one of 127.0.0.x")
+    return PortTakenError(f"{where} cannot be used: {error.strerror or error}")
