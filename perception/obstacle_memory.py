@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.carpet_odometry import CarpetOdometry
 from perception.classes import GROUP_CARPET, GROUP_OBSTACLE, group_of
 from perception.geometry import project
-from perception.tracking import Odometry, OdometryPose
+from perception.tracking import OdometryPose
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
 
 __all__ = ["Bases", "ObstacleMemory", "ObstacleMemoryConfig", "find_bases"]
@@ -34,7 +35,7 @@ _HIGHEST_RAD = math.radians(-8.0)  # carpet seen flatter than this is beyond the
 class ObstacleMemoryConfig:
     """What is remembered, and for how long."""
 
-    max_age_s: float = 30.0  # dead reckoning has gone astray by two decimetres or so by then
+    max_age_s: float = 30.0  # dead reckoning has gone astray by a decimetre or so by then
     # An obstacle of unknown range is assumed at each of these until carpet is seen there; not
     # nearer than the first, where it would touch the body already.
     assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
@@ -129,7 +130,7 @@ class ObstacleMemory:
 
     def __init__(self, config: ObstacleMemoryConfig | None = None) -> None:
         self._config = config or ObstacleMemoryConfig()
-        self._odometry = Odometry()
+        self._odometry = CarpetOdometry()
         self._points = np.empty((0, 2))  # odometry frame
         self._until_s = np.empty(0)
         self._assumed = np.empty(0, dtype=bool)
@@ -138,8 +139,9 @@ class ObstacleMemory:
 
     def predict(self, state: DroneState) -> None:
         """Follow the drone's own motion up to a telemetry sample."""
-        now = self._odometry.update(state)
-        self._keep(self._until_s >= now.time_s)
+        now = self._odometry.predict(state)
+        if now is not None:
+            self._keep(self._until_s >= now.time_s)
 
     def update(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
         """Take in a class map.
@@ -151,6 +153,7 @@ class ObstacleMemory:
         """
         self._newest_s = frame.captured_s
         self._unplaced_rad = np.empty(0)
+        self._odometry.see(class_map, frame, camera)
         pose = self._odometry.at(frame.captured_s)
         if pose is None or frame.gimbal_pitch_rad < self._config.min_pitch_rad:
             return
