@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import av
+import cv2
 import numpy as np
 from av.video.frame import PictureType
+from numpy.typing import NDArray
 
 from sim_bridge.loopback.video.h264 import (
     IDR,
@@ -28,6 +30,8 @@ __all__ = ["CLOCK_HZ", "EncodedFrame", "Encoder", "EncoderConfig", "parameter_se
 CLOCK_HZ: Final = 90_000  # of the time stamps of video in RTP
 _MACROBLOCK_PX: Final = 2  # sizes must be even: chroma has half the resolution
 _MAX_SIDE_PX: Final = 4096
+_MAX_INTERVAL_S: Final = 3600.0
+_RATE_WINDOW_S: Final = 0.5  # the bit rate is kept over this long; a key frame needs more at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,14 +60,14 @@ class EncoderConfig:
             raise ValueRangeError(
                 f"the bit rate must lie within 10 kbit/s and 1 Gbit/s, got {self.bitrate_bps} bit/s"
             )
-        if not self.keyframe_interval_s > 0.0:
+        if not 0.0 < self.keyframe_interval_s <= _MAX_INTERVAL_S:
             raise ValueRangeError(
-                f"the time between key frames must be positive, got {self.keyframe_interval_s} s"
+                f"the time between key frames must be positive and at most {_MAX_INTERVAL_S:.0f} s,"
+                f" got {self.keyframe_interval_s} s"
             )
         if not 1 <= self.slices <= 16 or not 1 <= self.threads <= 16:
             raise ValueRangeError(
-                "slices and threads must lie within 1 and 16, got "
-                f"{self.slices} and {self.threads}"
+                f"slices and threads must lie within 1 and 16, got {self.slices} and {self.threads}"
             )
 
 
@@ -93,7 +97,9 @@ class Encoder:
         self._config = config
         self._codec = _open(config)
 
-    def encode(self, image: np.ndarray, captured_s: float, *, key: bool = False) -> EncodedFrame:
+    def encode(
+        self, image: NDArray[np.uint8], captured_s: float, *, key: bool = False
+    ) -> EncodedFrame:
         """Encode a picture.
 
         Args:
@@ -101,15 +107,14 @@ class Encoder:
             captured_s: when, in a clock that goes forward only.
             key: make it a key frame whether it is time for one or not.
         """
-        width, height = self._config.size_px
-        # Converters that are told nothing (OpenCV's) take YUV for BT.601 of limited range.
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24").reformat(
-            width=width,
-            height=height,
-            format="yuv420p",
-            dst_colorspace="ITU601",
-            dst_color_range="MPEG",
-        )
+        size_px = self._config.size_px
+        if image.shape[1::-1] != size_px:
+            smaller = size_px[0] < image.shape[1]
+            how = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+            image = np.asarray(cv2.resize(image, size_px, interpolation=how), np.uint8)
+        # BT.601 of limited range: what OpenCV makes, and what its users turn the video back with.
+        planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), np.uint8)
+        frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts = round(captured_s * CLOCK_HZ)
         frame.time_base = fractions.Fraction(1, CLOCK_HZ)
         frame.pict_type = PictureType.I if key else PictureType.NONE
@@ -152,7 +157,7 @@ def _open(config: EncoderConfig) -> av.VideoCodecContext:
         "forced-idr": "1",
         "slices": str(config.slices),
         "maxrate": str(config.bitrate_bps),
-        "bufsize": str(max(1, round(config.bitrate_bps * config.keyframe_interval_s / 2))),
+        "bufsize": str(round(config.bitrate_bps * _RATE_WINDOW_S)),
     }
     codec.open()
     return codec

@@ -27,6 +27,7 @@ MAX_BODY_BYTES: Final = 8192
 _VERSION: Final = "RTSP/1.0"
 _MAX_HEADERS: Final = 64
 _TOKEN: Final = re.compile(r"[!#$%&'*+\-.^_`|~0-9A-Za-z]{1,64}")
+_URL: Final = re.compile(r"[\x21-\x7e]{1,1024}")
 _METHOD: Final = re.compile(r"[A-Z_]{1,32}")
 _END_OF_HEAD: Final = re.compile(rb"\r?\n\r?\n")
 _DOLLAR: Final = 0x24  # begins a packet within the connection
@@ -185,6 +186,8 @@ def _parse_head(head: bytes) -> Request:
     words = lines[0].split(" ")
     if len(words) != 3 or not _METHOD.fullmatch(words[0]) or not words[2].startswith("RTSP/"):
         raise RtspError(400, "expected 'METHOD URL RTSP/1.0' in the first line", fatal=True)
+    if not _URL.fullmatch(words[1]):
+        raise RtspError(400, "a URL has 1 to 1024 printable ASCII characters", fatal=True)
     if words[2] != _VERSION:
         raise RtspError(505, f"expected {_VERSION}", fatal=True)
     if len(lines) - 1 > _MAX_HEADERS:

@@ -52,6 +52,11 @@ def describe(
     """
     family = "IP6" if ":" in host else "IP4"
     sprop = ",".join(base64.b64encode(unit).decode() for unit in (sets.sps, sets.pps))
+    parameters = (
+        "packetization-mode=1",
+        f"profile-level-id={sets.profile_level_id}",
+        f"sprop-parameter-sets={sprop}",
+    )
     lines = (
         "v=0",
         f"o=- {session} 1 IN {family} {host}",
@@ -68,8 +73,7 @@ def describe(
         f"m=video 0 RTP/AVP {PAYLOAD_TYPE}",
         f"i={identity.medium}",
         f"a=rtpmap:{PAYLOAD_TYPE} H264/{CLOCK_HZ}",
-        f"a=fmtp:{PAYLOAD_TYPE} packetization-mode=1;profile-level-id={sets.profile_level_id};"
-        f"sprop-parameter-sets={sprop}",
+        f"a=fmtp:{PAYLOAD_TYPE} {';'.join(parameters)}",
         f"a=control:{control}",
         "a=X-com-parrot-default-media:1",
         "a=X-com-parrot-camera-type:front",

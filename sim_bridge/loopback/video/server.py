@@ -45,6 +45,11 @@ class VideoServer:
         return f"rtsp://{f'[{host}]' if ':' in host else host}:{port}/live"
 
     @property
+    def media_ports(self) -> tuple[int, int]:
+        """The UDP ports that RTP and RTCP come from, where a client wants datagrams."""
+        return self._studio.datagrams.ports
+
+    @property
     def fault(self) -> Exception | None:
         """What the source or the encoder raised; None while there is video."""
         return self._studio.fault
@@ -105,8 +110,11 @@ async def serve_video(
         for connection in tuple(studio.connections):
             connection.tear_down()
 
+    def heard(address: tuple[str, int]) -> None:
+        studio.heard(address)
+
     try:
-        datagrams = await open_datagram_pair(host, lambda address: studio.heard(address))
+        datagrams = await open_datagram_pair(host, heard)
     except OSError as error:
         raise _cannot_listen(error, host, port) from error
     studio = Studio(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final, Protocol, cast
+from typing import Final, Protocol
 
 from sim_bridge.loopback.video.rtsp_message import RtspError
 from uav_bt.errors import DroneError
@@ -124,12 +125,39 @@ class InterleavedSink:
         return bytes([0x24, channel]) + len(packet).to_bytes(2, "big") + packet
 
 
+class _Flow(asyncio.DatagramProtocol):
+    """Knows whether the system takes more datagrams."""
+
+    def __init__(self) -> None:
+        self.paused = False
+
+    def pause_writing(self) -> None:
+        """Note that datagrams wait."""
+        self.paused = True
+
+    def resume_writing(self) -> None:
+        """Note that they are gone."""
+        self.paused = False
+
+
+class _Reports(asyncio.DatagramProtocol):
+    """Tells who sent something; what it says is of no use here."""
+
+    def __init__(self, heard: Callable[[tuple[str, int]], None]) -> None:
+        self._heard = heard
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:  # noqa: ARG002  (asyncio's)
+        """Pass the sender's address on."""
+        self._heard((addr[0], addr[1]))
+
+
 @dataclass(frozen=True, kw_only=True)
 class DatagramPair:
     """The server's two sockets, for all clients."""
 
     data: asyncio.DatagramTransport
     control: asyncio.DatagramTransport
+    flow: _Flow  # of the data
     ports: tuple[int, int]
 
     def close(self) -> None:
@@ -148,8 +176,8 @@ class DatagramSink:
 
     @property
     def congested(self) -> bool:
-        """Whether the system takes no more datagrams."""
-        return self._pair.data.get_write_buffer_size() > MAX_WAITING_BYTES
+        """Whether the system takes no more datagrams for now."""
+        return self._pair.flow.paused
 
     def send_data(self, packets: Iterable[bytes]) -> None:
         """Send RTP packets."""
@@ -161,19 +189,7 @@ class DatagramSink:
         self._pair.control.sendto(packet, self._control)
 
 
-class _Reports(asyncio.DatagramProtocol):
-    """Tells who sent something; what it says is of no use here."""
-
-    def __init__(self, heard: Callable[[tuple[str, int]], None]) -> None:
-        self._heard = heard
-
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:  # noqa: ARG002  (the interface's)
-        self._heard((addr[0], addr[1]))
-
-
-async def open_datagram_pair(
-    host: str, heard: Callable[[tuple[str, int]], None]
-) -> DatagramPair:
+async def open_datagram_pair(host: str, heard: Callable[[tuple[str, int]], None]) -> DatagramPair:
     """Open an even port and its neighbour, as RTP wants them.
 
     Args:
@@ -185,23 +201,14 @@ async def open_datagram_pair(
     """
     loop = asyncio.get_running_loop()
     for _ in range(_PAIR_TRIES):
-        data, _protocol = await loop.create_datagram_endpoint(
-            asyncio.DatagramProtocol, local_addr=(host, 0)
-        )
+        data, flow = await loop.create_datagram_endpoint(_Flow, local_addr=(host, 0))
         port = data.get_extra_info("sockname")[1]
         if port % 2 == 0:
-            try:
-                control, _other = await loop.create_datagram_endpoint(
+            with contextlib.suppress(OSError):  # the neighbour is taken: the next pair
+                control, _reports = await loop.create_datagram_endpoint(
                     lambda: _Reports(heard), local_addr=(host, port + 1)
                 )
-            except OSError:
-                data.close()
-                continue
-            return DatagramPair(
-                data=cast(asyncio.DatagramTransport, data),
-                control=cast(asyncio.DatagramTransport, control),
-                ports=(port, port + 1),
-            )
+                return DatagramPair(data=data, control=control, flow=flow, ports=(port, port + 1))
         data.close()
     raise DroneError(
         f"found no two neighbouring free UDP ports on {host} in {_PAIR_TRIES} tries; end some of "
