@@ -34,7 +34,7 @@ class Segment(Leaf):
     """Segment each new frame into the seventeen classes; SUCCESS always, staleness shows by age."""
 
     ports = (
-        Port("model", str, default="unet", doc="'unet', 'teacher', or an ONNX file"),
+        Port("model", str, default="unet", doc="'unet', 'unet-fp32', 'teacher', or an ONNX file"),
         Port("classes", str, default="", doc="class-mapping file of a foreign ONNX network"),
     )
     reads = (FRAME,)
@@ -62,8 +62,8 @@ class Segment(Leaf):
         from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
 
         model, classes = self.port_value("model"), self.port_value("classes")
-        if model == "unet":
-            return runtime.shipped_unet(threads=threads)
+        if model in runtime.SHIPPED_UNETS:
+            return runtime.shipped_unet(model, threads=threads)
         if model == "teacher":
             return runtime.shipped_teacher()
         mapping = read_mapping(Path(classes)) if classes else None

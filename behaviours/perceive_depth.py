@@ -45,7 +45,11 @@ class EstimateDepth(Leaf):
     """
 
     ports = (
-        Port("model", str, default="depth", doc="'depth', an ONNX file, or 'footing' (no network)"),
+        Port(
+            *("model", str),
+            default="depth",
+            doc="'depth', 'depth-fp32', an ONNX file, or 'footing' (no network)",
+        ),
         Port(
             "scale",
             str,

@@ -21,7 +21,7 @@ FLOOR_FOUR = {
     f"uav_bt.{name}"
     for name in (
         *("app", "calibrated_drone", "campaigning", "cli", "viewing", "watching"),
-        *("depth_evaluation", "depth_training", "footage", "perceiving", "training"),
+        *("depth_evaluation", "depth_training", "exporting", "footage", "perceiving", "training"),
         *("dataset", "recording", "replaying"),
     )
 }

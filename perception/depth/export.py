@@ -5,14 +5,15 @@ It imports without torch.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.networks.onnx_graph import GraphWriter, write_onnx
+from perception.networks.onnx_graph import GraphWriter
+from perception.networks.quantization import write_network
 from perception.networks.weights import load_tensors, save_network
 from uav_bt.errors import WeightsError
 
@@ -37,26 +38,34 @@ def load_depth_tensors(path: Path) -> tuple[dict[str, NDArray[np.float32]], dict
     return load_tensors(path, kind=_KIND, cure=_CURE)
 
 
-def export_depth_onnx(weights: Path, onnx_path: Path) -> None:
+def export_depth_onnx(
+    weights: Path, onnx_path: Path, *, calibration: Iterable[NDArray[np.uint8]] | None = None
+) -> None:
     """Generate the ONNX file of the weights; replaced in one step.
 
     Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `depth`: (1, 1, H/2, W/2) float32. The
-    file's metadata holds the SHA-256 of the weights it was made from.
+    file's metadata holds the SHA-256 of the weights it was made from, and what the network computes
+    in: `fp32` or `int8`.
+
+    Args:
+        weights: the safetensors file.
+        onnx_path: the file to write.
+        calibration: pictures, (h, w, 3) RGB of any size, that say what numbers the network meets:
+            it then computes in 8-bit integers. None for floats.
 
     Raises:
         WeightsError: the weights are absent, damaged or lack a tensor.
+        ShapeError: there is no picture to calibrate on.
         MissingDependencyError: the package onnx is absent.
     """
     tensors, details = load_depth_tensors(weights)
     try:
         config = details["config"]
-        model = _Graph(tensors).model(
-            levels=len(config["channels"]),
-            size=(int(config["height_px"]), int(config["width_px"])),
-        )
+        size = (int(config["height_px"]), int(config["width_px"]))
+        model = _Graph(tensors).model(levels=len(config["channels"]), size=size)
     except KeyError as error:
         raise WeightsError(weights, f"lacks {error}; {_CURE}") from error
-    write_onnx(model, onnx_path, weights, {})
+    write_network(model, onnx_path, weights, notes={}, calibration=calibration)
 
 
 class _Graph(GraphWriter):

@@ -8,14 +8,22 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.networks.onnx_runtime import compile_model, input_size, read_model, shrunk
+from perception.networks.onnx_runtime import (
+    compile_model,
+    input_size,
+    read_model,
+    shrunk,
+    taking_pictures,
+)
 from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import DepthMap, Frame
 
-__all__ = ["OnnxDepthEstimator", "load_depth_estimator", "shipped_depth"]
+__all__ = ["SHIPPED_DEPTHS", "OnnxDepthEstimator", "load_depth_estimator", "shipped_depth"]
 
-_SHIPPED: Final = {"depth": SHIPPED_WEIGHTS / "depth.onnx"}
+SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
+"""The depth networks that come with the package: in 8-bit integers, and in floats."""
+
 _FURTHEST: Final = 1e4  # of a disparity of nought: so far that nothing there matters
 
 
@@ -51,7 +59,7 @@ class OnnxDepthEstimator:
         self._inverse = says == "disparity"
         model = read_model(path, "`uav-bt train depth`")
         self._size = input_size(model, path)
-        self._request = compile_model(_taking_pictures(model), threads).create_infer_request()
+        self._request = compile_model(taking_pictures(model), threads).create_infer_request()
         grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
         self._output_px = self._check_output(self._run(grey))
 
@@ -107,35 +115,23 @@ class OnnxDepthEstimator:
 
 
 def shipped_depth(*, threads: int = 1) -> OnnxDepthEstimator:
-    """Return the depth network that comes with the package."""
-    return OnnxDepthEstimator(_SHIPPED["depth"], threads=threads)
+    """Return the depth network that comes with the package, in 8-bit integers."""
+    return load_depth_estimator("depth", threads=threads)
 
 
 def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEstimator:
     """Return a depth network by the name of a shipped one, or an ONNX file.
 
     Args:
-        model: "depth", or a path that ends in .onnx.
+        model: "depth" (8-bit integers), "depth-fp32", or a path that ends in .onnx.
         threads: of inference.
 
     Raises:
         UnknownNameError: it is neither.
         WeightsError: the file cannot be used.
     """
-    if str(model) in _SHIPPED:
-        return OnnxDepthEstimator(_SHIPPED[str(model)], threads=threads)
+    if str(model) in SHIPPED_DEPTHS:
+        return OnnxDepthEstimator(SHIPPED_WEIGHTS / f"{model}.onnx", threads=threads)
     if Path(model).suffix.lower() != ".onnx":
-        raise UnknownNameError("depth network", str(model), (*_SHIPPED, "FILE.onnx"))
+        raise UnknownNameError("depth network", str(model), (*SHIPPED_DEPTHS, "FILE.onnx"))
     return OnnxDepthEstimator(Path(model), threads=threads)
-
-
-def _taking_pictures(model: Any) -> Any:
-    """Let a network of planes from 0 to 1 take pictures as they are: faster than doing it first."""
-    from openvino import Layout, Type  # noqa: PLC0415
-    from openvino.preprocess import PrePostProcessor  # noqa: PLC0415
-
-    steps = PrePostProcessor(model)
-    steps.input().tensor().set_element_type(Type.u8).set_layout(Layout("NHWC"))
-    steps.input().model().set_layout(Layout("NCHW"))
-    steps.input().preprocess().convert_element_type(Type.f32).scale(255.0)
-    return steps.build()

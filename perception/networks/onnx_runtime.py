@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import io
+import os
+from collections.abc import MutableMapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 import cv2
 import numpy as np
@@ -11,7 +15,18 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import WeightsError
 
-__all__ = ["compile_model", "input_size", "read_model", "shrunk"]
+__all__ = [
+    "class_numbers",
+    "compile_model",
+    "input_size",
+    "model_of_bytes",
+    "read_model",
+    "shrunk",
+    "taking_pictures",
+]
+
+_CPU_INFO: Final = Path("/proc/cpuinfo")
+_CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # oneDNN's, today's and the older name
 
 
 def read_model(path: Path, cure: str) -> Any:
@@ -24,22 +39,22 @@ def read_model(path: Path, cure: str) -> Any:
     Raises:
         WeightsError: the file is absent or no network.
     """
-    # Imported here: a mission that flies on something else need not wait for it.
-    import openvino  # noqa: PLC0415
-
     if not path.is_file():
         raise WeightsError(path, f"there is no such network; {cure} makes the shipped one")
     try:
-        return openvino.Core().read_model(path)
+        return _openvino().Core().read_model(path)
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[-1]
         raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
 
 
+def model_of_bytes(content: bytes) -> Any:
+    """Return the network of an ONNX file's content."""
+    return _openvino().Core().read_model(io.BytesIO(content))
+
+
 def compile_model(model: Any, threads: int) -> Any:
     """Return the network, ready to be asked for one picture at a time."""
-    import openvino  # noqa: PLC0415
-
     settings = {
         "PERFORMANCE_HINT": "LATENCY",
         "NUM_STREAMS": 1,
@@ -50,7 +65,7 @@ def compile_model(model: Any, threads: int) -> Any:
         # Pinned, the workers of a campaign would all sit on the same core.
         "ENABLE_CPU_PINNING": False,
     }
-    return openvino.Core().compile_model(model, "CPU", settings)
+    return _openvino().Core().compile_model(model, "CPU", settings)
 
 
 def input_size(model: Any, path: Path, *, planar: bool = True) -> tuple[int, int]:
@@ -77,8 +92,91 @@ def input_size(model: Any, path: Path, *, planar: bool = True) -> tuple[int, int
     return width.get_length(), height.get_length()
 
 
+def taking_pictures(
+    model: Any,
+    *,
+    planar: bool = True,
+    mean: Sequence[float] = (0.0, 0.0, 0.0),
+    scale: Sequence[float] = (255.0, 255.0, 255.0),
+    colours: Literal["rgb", "bgr"] = "rgb",
+) -> Any:
+    """Let a network of floats take pictures as they are: faster than to convert them first.
+
+    Args:
+        model: the network, of one input.
+        planar: its input is 1x3xHxW; otherwise 1xHxWx3.
+        mean: subtracted from the 0..255 colours, red green blue.
+        scale: divides the difference.
+        colours: their order in the network's input.
+
+    Returns:
+        The network with an input 1xHxWx3, uint8 RGB.
+    """
+    _openvino()
+    from openvino import Layout, Type  # noqa: PLC0415
+    from openvino.preprocess import PrePostProcessor  # noqa: PLC0415
+
+    steps = PrePostProcessor(model)
+    steps.input().tensor().set_element_type(Type.u8).set_layout(Layout("NHWC"))
+    steps.input().model().set_layout(Layout("NCHW" if planar else "NHWC"))
+    work = steps.input().preprocess().convert_element_type(Type.f32)
+    if any(mean):
+        work.mean(list(mean))
+    work.scale(list(scale))
+    if colours == "bgr":
+        work.reverse_channels()
+    return steps.build()
+
+
+def class_numbers(model: Any) -> Any:
+    """Let a network of class scores, 1xCxHxW, say what they mean: less leaves it, and sooner.
+
+    Returns:
+        The network with two outputs: the best class's number, 1x1xHxW int32 (the first of equals),
+        and whether all scores are finite numbers, a bool.
+    """
+    openvino = _openvino()
+    from openvino import opset13 as ops  # noqa: PLC0415
+
+    scores = model.output(0).get_node().input_value(0)
+    best = ops.topk(
+        scores, ops.constant(np.int64(1)), 1, "max", "none", index_element_type="i32"
+    ).output(1)
+    axes = ops.constant(np.arange(4))
+    sound = ops.reduce_logical_and(ops.is_finite(scores), axes, keep_dims=False)
+    results = [ops.result(best), ops.result(sound)]
+    return openvino.Model(results, model.get_parameters(), model.get_friendly_name())
+
+
 def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:
     """Return a picture resized (never cropped) to the width and height of a network's input."""
     if rgb.shape[1::-1] == size_px:
         return rgb
     return np.asarray(cv2.resize(rgb, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+@functools.cache
+def _openvino() -> Any:
+    _spare_amx(os.environ, _CPU_INFO)
+    # Imported here: a mission that flies on something else need not wait for it.
+    import openvino  # noqa: PLC0415
+
+    return openvino
+
+
+def _spare_amx(environment: MutableMapping[str, str], cpu_info: Path) -> None:
+    """Keep OpenVINO away from a processor's tile instructions.
+
+    Some virtual machines announce them and then refuse to run them, which ends the process
+    (uxlfoundation/oneDNN issue 5689), and no setting of OpenVINO's own leaves them out. Our
+    networks are too small to miss them. Elsewhere nothing is limited: under any cap with AVX-512,
+    oneDNN also leaves out VNNI on processors that have it without AVX-512.
+
+    Args:
+        environment: of this process; what a person has set there stays.
+        cpu_info: what Linux says about the processor; other systems have no such file.
+    """
+    if any(name in environment for name in _CAPS) or not cpu_info.is_file():
+        return
+    if "amx_tile" in cpu_info.read_text(encoding="utf-8").split():
+        environment[_CAPS[0]] = "AVX512_CORE_FP16"

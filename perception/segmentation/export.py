@@ -6,7 +6,7 @@ It imports without torch.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import CLASS_NAMES
-from perception.networks.onnx_graph import GraphWriter, write_onnx
+from perception.networks.onnx_graph import GraphWriter
+from perception.networks.quantization import write_network
 from perception.networks.weights import load_tensors, save_network
 from uav_bt.errors import WeightsError
 
@@ -40,27 +41,37 @@ def load_unet_tensors(path: Path) -> tuple[dict[str, NDArray[np.float32]], dict[
     return load_tensors(path, kind=_KIND, cure=_CURE)
 
 
-def export_onnx(weights: Path, onnx_path: Path) -> None:
+def export_onnx(
+    weights: Path, onnx_path: Path, *, calibration: Iterable[NDArray[np.uint8]] | None = None
+) -> None:
     """Generate the ONNX file of the weights; replaced in one step.
 
     Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `logits`: (1, 17, H, W) float32. The
-    file's metadata names the classes and the SHA-256 of the weights it was made from.
+    file's metadata names the classes, the SHA-256 of the weights it was made from, and what the
+    network computes in: `fp32` or `int8`.
+
+    Args:
+        weights: the safetensors file.
+        onnx_path: the file to write.
+        calibration: pictures, (h, w, 3) RGB of any size, that say what numbers the network meets:
+            it then computes in 8-bit integers. None for floats.
 
     Raises:
         WeightsError: the weights are absent, damaged or lack a tensor.
+        ShapeError: there is no picture to calibrate on.
         MissingDependencyError: the package onnx is absent.
     """
     tensors, details = load_unet_tensors(weights)
     try:
         config = details["config"]
+        size = (int(config["height_px"]), int(config["width_px"]))
         model = _Graph(tensors).model(
-            channels=tuple(config["channels"]),
-            outputs=int(config["outputs"]),
-            size=(int(config["height_px"]), int(config["width_px"])),
+            channels=tuple(config["channels"]), outputs=int(config["outputs"]), size=size
         )
     except KeyError as error:
         raise WeightsError(weights, f"lacks {error}; {_CURE}") from error
-    write_onnx(model, onnx_path, weights, {"classes": json.dumps(list(CLASS_NAMES))})
+    notes = {"classes": json.dumps(list(CLASS_NAMES))}
+    write_network(model, onnx_path, weights, notes=notes, calibration=calibration)
 
 
 class _Graph(GraphWriter):

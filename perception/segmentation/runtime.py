@@ -9,17 +9,32 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.networks.onnx_runtime import compile_model, input_size, read_model, shrunk
+from perception.networks.onnx_runtime import (
+    class_numbers,
+    compile_model,
+    input_size,
+    read_model,
+    shrunk,
+    taking_pictures,
+)
 from perception.segmentation.mapping import ClassMapping, read_mapping
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, load_teacher
 from perception.weights_io import SHIPPED_WEIGHTS
-from uav_bt.errors import ValueRangeError, WeightsError
+from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import ClassMap, Frame
 
-__all__ = ["OnnxSegmenter", "TeacherSegmenter", "shipped_teacher", "shipped_unet"]
+__all__ = [
+    "SHIPPED_UNETS",
+    "OnnxSegmenter",
+    "TeacherSegmenter",
+    "shipped_teacher",
+    "shipped_unet",
+]
 
-_SHIPPED_UNET: Final = SHIPPED_WEIGHTS / "unet.onnx"
+SHIPPED_UNETS: Final = ("unet", "unet-fp32")
+"""The U-Nets that come with the package: in 8-bit integers, and in floats."""
+
 _SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 _SHARP: Final = RefineConfig()
 
@@ -53,18 +68,23 @@ class OnnxSegmenter:
         self._path = path
         self._mapping = _mapping_of(mapping)
         model = read_model(path, "`uav-bt train segmentation`")
-        planar = self._mapping.input.layout == "nchw"
+        wanted = self._mapping.input
+        planar = wanted.layout == "nchw"
         self._size = input_size(model, path, planar=planar)
-        self._request = compile_model(model, threads).create_infer_request()
-        grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
-        output = self._run(grey)
-        scores = output.ndim == 4 and output.shape[1] > 1
-        if output.ndim not in (3, 4) or output.shape[0] != 1:
-            raise WeightsError(path, f"the output must be 1xCxHxW or 1xHxW, got {output.shape}")
-        self._classes = output.shape[1] if scores else None
+        model = taking_pictures(
+            model, planar=planar, mean=wanted.mean, scale=wanted.scale, colours=wanted.colours
+        )
+        shape = model.output(0).get_partial_shape()
+        if shape.is_dynamic or len(shape) not in (3, 4) or shape[0] != 1:
+            raise WeightsError(path, f"the output must be 1xCxHxW or 1xHxW, got {shape}")
+        self._scores = len(shape) == 4 and shape[1] != 1
         # Class numbers do not say how many there can be: the table then covers what is mapped.
-        count = self._classes or max(self._mapping.classes) + 1
+        count = shape[1].get_length() if self._scores else max(self._mapping.classes) + 1
         self._table = self._mapping.table(count)
+        if self._scores:
+            model = class_numbers(model)
+        self._request = compile_model(model, threads).create_infer_request()
+        self._run(np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8))  # the slow first
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -81,26 +101,25 @@ class OnnxSegmenter:
 
     def ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return class ids, (h, w) uint8, of a picture, (H, W, 3) uint8 RGB."""
-        output = self._run(shrunk(rgb, self._size))
-        if not np.isfinite(output).all():
+        numbers, sound = self._run(shrunk(rgb, self._size))
+        if not sound:
             raise WeightsError(self._path, "the network's answer holds NaN or infinity")
-        if self._classes is not None:
-            return np.asarray(self._table[output[0].argmax(axis=0)], dtype=np.uint8)
-        numbers = output.reshape(output.shape[-2:]).astype(np.int64)
+        if self._scores:
+            return np.asarray(self._table[numbers], dtype=np.uint8)
         known = (numbers >= 0) & (numbers < len(self._table))
         ours = self._table[np.where(known, numbers, 0)]
         return np.where(known, ours, np.uint8(self._mapping.default))
 
-    def _run(self, rgb: NDArray[np.uint8]) -> NDArray[Any]:
-        wanted = self._mapping.input
-        mean, scale = np.array([wanted.mean, wanted.scale], dtype=np.float32)
-        picture = (rgb.astype(np.float32) - mean) / scale
-        if wanted.colours == "bgr":
-            picture = picture[..., ::-1]
-        if wanted.layout == "nchw":
-            picture = picture.transpose(2, 0, 1)
-        self._request.infer([np.ascontiguousarray(picture[None])])
-        return np.asarray(self._request.get_output_tensor(0).data)
+    def _run(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[Any], bool]:
+        """Return class numbers, (h, w), and whether the network's answer is all finite."""
+        self._request.infer([np.ascontiguousarray(rgb[None])])
+        output = np.asarray(self._request.get_output_tensor(0).data)
+        numbers = output.reshape(output.shape[-2:])
+        if self._scores:
+            return numbers, bool(self._request.get_output_tensor(1).data)
+        if not np.isfinite(numbers).all():
+            return numbers, False
+        return numbers.astype(np.int64), True
 
 
 class TeacherSegmenter:
@@ -135,9 +154,19 @@ class TeacherSegmenter:
         return ClassMap(ids=np.asarray(small, dtype=np.uint8), captured_s=frame.captured_s)
 
 
-def shipped_unet(*, threads: int = 1) -> OnnxSegmenter:
-    """Return the segmentation U-Net that comes with the package."""
-    return OnnxSegmenter(_SHIPPED_UNET, threads=threads)
+def shipped_unet(name: str = "unet", *, threads: int = 1) -> OnnxSegmenter:
+    """Return a segmentation U-Net that comes with the package.
+
+    Args:
+        name: one of `SHIPPED_UNETS`.
+        threads: of inference.
+
+    Raises:
+        UnknownNameError: there is none of that name.
+    """
+    if name not in SHIPPED_UNETS:
+        raise UnknownNameError("shipped U-Net", name, SHIPPED_UNETS)
+    return OnnxSegmenter(SHIPPED_WEIGHTS / f"{name}.onnx", threads=threads)
 
 
 def shipped_teacher(*, refine: RefineConfig | None = _SHARP) -> TeacherSegmenter:

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from perception.depth import export, network, pose_network, training
-from perception.depth.runtime import OnnxDepthEstimator, shipped_depth
+from perception.depth.runtime import OnnxDepthEstimator, load_depth_estimator
 from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.errors import ValueRangeError, WeightsError
 
@@ -163,9 +163,11 @@ def test_weights_of_something_else_are_refused() -> None:
 # --- what ships -----------------------------------------------------------------------------------
 
 
-def test_the_shipped_onnx_file_was_made_from_the_shipped_weights() -> None:
+@pytest.mark.parametrize("name", ["depth", "depth-fp32"])
+def test_the_shipped_onnx_files_were_made_from_the_shipped_weights(name: str) -> None:
     weights = SHIPPED_WEIGHTS / "depth.safetensors"
-    properties = {p.key: p.value for p in onnx.load(SHIPPED_WEIGHTS / "depth.onnx").metadata_props}
+    model = onnx.load(SHIPPED_WEIGHTS / f"{name}.onnx")
+    properties = {p.key: p.value for p in model.metadata_props}
     assert properties["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
     assert weights.stat().st_size < 6e6
 
@@ -180,4 +182,6 @@ def test_the_shipped_network_says_in_flight_what_it_said_in_training() -> None:
     assert not unexpected
     picture = np.random.default_rng(0).integers(0, 255, (256, 320, 3), dtype=np.uint8)
     trained = training.predict_depth(net.eval(), picture[None])[0]
-    np.testing.assert_allclose(shipped_depth().depth(picture), trained, rtol=1e-3)
+    np.testing.assert_allclose(
+        load_depth_estimator("depth-fp32").depth(picture), trained, rtol=1e-3
+    )

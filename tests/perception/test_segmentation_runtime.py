@@ -12,7 +12,7 @@ from patterned import samples
 from perception.segmentation import runtime
 from perception.segmentation.mapping import ClassMapping, InputFormat
 from perception.segmentation.refine import RefineConfig
-from uav_bt.errors import FileError, ValueRangeError, WeightsError
+from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Frame
 
@@ -60,12 +60,13 @@ def test_a_foreign_network_answers_in_our_classes(tmp_path: Path) -> None:
     assert (class_map.ids[4:, 8:] == 3).all()
 
 
-def test_colours_are_ordered_and_scaled_as_the_network_wants(tmp_path: Path) -> None:
-    wanted = InputFormat(mean=(10.0, 0.0, 0.0), scale=(2.0, 1.0, 1.0), colours="bgr")
-    mapping = ClassMapping(classes=THREE.classes, input=wanted)
+def test_a_network_that_wants_blue_first_gets_it_there(tmp_path: Path) -> None:
+    """Its first class is then the blue one; the scale can turn who is greatest."""
+    wanted = InputFormat(scale=(1.0, 4.0, 1.0), colours="bgr")
+    mapping = ClassMapping(classes={0: 4, 1: 1, 2: 3}, input=wanted)
     segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), mapping)
-    seen = segmenter._run(np.full((8, 16, 3), (30, 40, 50), dtype=np.uint8))
-    assert seen[0, :, 0, 0].tolist() == [50.0, 40.0, 10.0]
+    rgb = np.full((8, 16, 3), (30, 90, 40), dtype=np.uint8)
+    assert (segmenter.ids(rgb) == 4).all()
 
 
 def test_a_channels_last_network_works(tmp_path: Path) -> None:
@@ -150,8 +151,17 @@ def test_an_answer_that_is_not_a_number_is_refused(tmp_path: Path) -> None:
     nodes = [helper.make_node("Log", ["x"], ["y"])]
     path = _save(tmp_path / "n.onnx", nodes, [1, 3, 8, 16], [1, 3, 8, 16])
     segmenter = runtime.OnnxSegmenter(path, THREE)
+    rgb = np.full((8, 16, 3), 90, dtype=np.uint8)
+    assert segmenter.ids(rgb).shape == (8, 16)
+    rgb[3, 5, 1] = 0  # one score of one pixel, and not its best
     with pytest.raises(WeightsError, match="NaN or infinity"):
-        segmenter.ids(np.zeros((8, 16, 3), dtype=np.uint8))
+        segmenter.ids(rgb)
+
+
+def test_the_first_of_equal_scores_is_the_class(tmp_path: Path) -> None:
+    segmenter = runtime.OnnxSegmenter(_brightest_channel(tmp_path / "n.onnx"), THREE)
+    rgb = np.full((8, 16, 3), (50, 90, 90), dtype=np.uint8)
+    assert (segmenter.ids(rgb) == 1).all()
 
 
 def test_the_shipped_unet_gives_the_same_map_every_time() -> None:
@@ -170,3 +180,8 @@ def test_the_shipped_teacher_flies_plain_and_sharp(refine: RefineConfig | None) 
     class_map = runtime.shipped_teacher(refine=refine).segment(_frame(rgb))
     assert class_map.ids.shape == (112, 224)
     assert class_map.captured_s == 2.5
+
+
+def test_the_shipped_unets_go_by_their_names() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'unet-fp32'"):
+        runtime.shipped_unet("unet-fp23")

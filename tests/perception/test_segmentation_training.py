@@ -11,6 +11,7 @@ import pytest
 import torch
 from patterned import CLASSES, samples
 
+from perception.networks.onnx_runtime import compile_model, read_model, taking_pictures
 from perception.segmentation import export, losses, training, unet
 from perception.segmentation.evaluation import score_segmentation
 from perception.segmentation.runtime import OnnxSegmenter
@@ -150,16 +151,17 @@ def test_the_onnx_file_answers_as_torch_does(tmp_path: Path) -> None:
     export.save_unet(weights, net, notes={})
     export.export_onnx(weights, tmp_path / "unet.onnx")
     segmenter = OnnxSegmenter(tmp_path / "unet.onnx")
+    model = taking_pictures(read_model(tmp_path / "unet.onnx", "nothing"))
     rgb = np.random.default_rng(0).integers(256, size=(32, 64, 3), dtype=np.uint8)
     with torch.inference_mode():
         expected = net(torch.from_numpy(rgb[None]).permute(0, 3, 1, 2) / 255.0).numpy()
-    np.testing.assert_allclose(segmenter._run(rgb), expected, atol=2e-5)
+    np.testing.assert_allclose(compile_model(model, 1)(rgb[None])[0], expected, atol=2e-5)
     np.testing.assert_array_equal(segmenter.ids(rgb), expected[0].argmax(axis=0))
 
 
 def test_the_shipped_onnx_file_was_made_from_the_shipped_weights(tmp_path: Path) -> None:
     export.export_onnx(SHIPPED_WEIGHTS / "unet.safetensors", tmp_path / "again.onnx")
-    shipped = SHIPPED_WEIGHTS / "unet.onnx"
+    shipped = SHIPPED_WEIGHTS / "unet-fp32.onnx"
     again = onnx.load(tmp_path / "again.onnx")
     model = onnx.load(shipped)
     assert {p.key: p.value for p in model.metadata_props} == {

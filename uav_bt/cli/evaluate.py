@@ -28,7 +28,7 @@ def evaluate() -> None:
     "--model",
     default="unet",
     show_default=True,
-    help="'unet', 'teacher', a teacher's .safetensors file, or an ONNX network.",
+    help="'unet', 'unet-fp32', 'teacher', a teacher's .safetensors file, or an ONNX network.",
 )
 @click.option(
     "--classes",
@@ -70,7 +70,7 @@ def segmentation(
     "--model",
     default="depth",
     show_default=True,
-    help="'depth', an ONNX network, or 'footing' for the ways that need no network.",
+    help="'depth', 'depth-fp32', an ONNX network, or 'footing': the ways that need no network.",
 )
 @click.option(
     "--masks",
@@ -138,8 +138,8 @@ def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:
 
     if classes is not None and not model.endswith(".onnx"):
         raise click.UsageError("--classes belongs to an ONNX network")
-    if model == "unet":
-        return runtime.shipped_unet(threads=2).ids
+    if model in runtime.SHIPPED_UNETS:
+        return runtime.shipped_unet(model, threads=2).ids
     if model != "teacher" and not model.endswith(".safetensors"):
         return runtime.OnnxSegmenter(Path(model), mapping=classes, threads=2).ids
     teacher = (

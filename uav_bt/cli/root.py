@@ -17,6 +17,7 @@ __all__ = ["Commands", "uav_bt"]
 # Name, and where it stands. Nothing is imported for the commands that are not run.
 _COMMANDS: Final = {
     "fly": "uav_bt.cli.fly:fly",
+    "serve-anafi": "uav_bt.cli.serve_anafi:serve_anafi",
     "new": "uav_bt.cli.new:new",
     "check": "uav_bt.cli.check:check",
     "nodes": "uav_bt.cli.nodes:nodes",
@@ -35,6 +36,7 @@ _COMMANDS: Final = {
     "report": "uav_bt.cli.report:report",
     "dataset": "uav_bt.cli.dataset:dataset",
     "train": "uav_bt.cli.train:train",
+    "export": "uav_bt.cli.export:export",
     "evaluate": "uav_bt.cli.evaluate:evaluate",
 }
 

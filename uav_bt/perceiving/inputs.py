@@ -12,7 +12,7 @@ import numpy as np
 
 from perception.camera_file import load_camera
 from perception.depth.footage import Footage, read_footage
-from perception.depth.runtime import load_depth_estimator
+from perception.depth.runtime import SHIPPED_DEPTHS, load_depth_estimator
 from perception.pipeline import Pipeline
 from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
@@ -38,8 +38,8 @@ class PerceiveOptions:
     height_m: float = 1.5  # of the camera above the carpet, where no telemetry tells
     gimbal_pitch_rad: float = math.radians(-30)  # likewise
     telemetry: Path | None = None  # footage file of the same flight
-    model: str = "depth"  # "depth", an ONNX file, or "footing" (no network)
-    segmentation: str = "unet"  # "unet", "teacher" or an ONNX file
+    model: str = "depth"  # a shipped one's name, an ONNX file, or "footing" (no network)
+    segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
     classes: Path | None = None  # class-mapping file of a foreign segmentation
     every: int = 1  # pictures a step; 1 looks at all
     longest_s: float | None = None  # of the source's time; None: to its end
@@ -181,12 +181,14 @@ def _all_of(first: Picture, others: Pictures) -> Pictures:
 
 def _segmenter(options: PerceiveOptions) -> Segmenter:
     name = options.segmentation
-    if name == "unet":
-        return runtime.shipped_unet(threads=options.threads)
+    if name in runtime.SHIPPED_UNETS:
+        return runtime.shipped_unet(name, threads=options.threads)
     if name == "teacher":
         return runtime.shipped_teacher()
     if not name.lower().endswith(".onnx"):
-        raise UnknownNameError("segmentation", name, ("unet", "teacher", "FILE.onnx"))
+        raise UnknownNameError(
+            "segmentation", name, (*runtime.SHIPPED_UNETS, "teacher", "FILE.onnx")
+        )
     mapping = None if options.classes is None else read_mapping(options.classes)
     return runtime.OnnxSegmenter(Path(name), mapping=mapping, threads=options.threads)
 
@@ -194,6 +196,7 @@ def _segmenter(options: PerceiveOptions) -> Segmenter:
 def _network(options: PerceiveOptions) -> DepthEstimator | None:
     if options.model == _FOOTING:
         return None
-    if options.model != "depth" and not options.model.lower().endswith(".onnx"):
-        raise UnknownNameError("depth model", options.model, ("depth", _FOOTING, "FILE.onnx"))
+    if options.model not in SHIPPED_DEPTHS and not options.model.lower().endswith(".onnx"):
+        known = (*SHIPPED_DEPTHS, _FOOTING, "FILE.onnx")
+        raise UnknownNameError("depth model", options.model, known)
     return load_depth_estimator(options.model, threads=options.threads)

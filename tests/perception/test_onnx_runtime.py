@@ -1,0 +1,97 @@
+"""What all networks are run with: pictures in, class numbers out, no instruction that kills."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from onnx import TensorProto, helper
+
+from perception.networks import onnx_runtime as runtime
+
+FLOAT = TensorProto.FLOAT
+
+
+def _network(shape: list[int], *nodes: object) -> object:
+    graph = helper.make_graph(
+        list(nodes) or [helper.make_node("Identity", ["x"], ["y"])],
+        "net",
+        [helper.make_tensor_value_info("x", FLOAT, shape)],
+        [helper.make_tensor_value_info("y", FLOAT, shape)],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    return runtime.model_of_bytes(model.SerializeToString())
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+def test_colours_are_shifted_scaled_and_ordered_as_the_network_wants() -> None:
+    model = runtime.taking_pictures(
+        _network([1, 3, 8, 16]), mean=(10.0, 0.0, 0.0), scale=(2.0, 1.0, 4.0), colours="bgr"
+    )
+    rgb = np.full((1, 8, 16, 3), (30, 40, 50), dtype=np.uint8)
+    seen = runtime.compile_model(model, 1)(rgb)[0]
+    assert seen.shape == (1, 3, 8, 16)
+    assert seen[0, :, 2, 5].tolist() == [12.5, 40.0, 10.0]
+
+
+def test_a_channels_last_network_gets_its_channels_last() -> None:
+    model = runtime.taking_pictures(_network([1, 8, 16, 3]), planar=False)
+    rgb = np.full((1, 8, 16, 3), (0, 51, 255), dtype=np.uint8)
+    seen = runtime.compile_model(model, 1)(rgb)[0]
+    np.testing.assert_allclose(seen[0, 2, 5], [0.0, 0.2, 1.0], rtol=1e-6)
+
+
+# --- class numbers --------------------------------------------------------------------------------
+
+
+def _numbers(scores: np.ndarray) -> tuple[np.ndarray, bool]:
+    network = runtime.compile_model(runtime.class_numbers(_network(list(scores.shape))), 1)
+    best, sound = network(scores).values()
+    return best, bool(sound)
+
+
+def test_the_best_class_is_the_one_numpy_finds() -> None:
+    scores = np.random.default_rng(0).normal(size=(1, 17, 12, 20)).astype(np.float32)
+    best, sound = _numbers(scores)
+    np.testing.assert_array_equal(best[0, 0], scores[0].argmax(axis=0))
+    assert sound
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_one_score_that_is_no_number_is_told(bad: float) -> None:
+    scores = np.random.default_rng(0).normal(size=(1, 17, 12, 20)).astype(np.float32)
+    scores[0, 9, 3, 4] = bad
+    assert not _numbers(scores)[1]
+
+
+# --- processors -----------------------------------------------------------------------------------
+
+WITH_TILES = "flags\t\t: fpu avx2 avx512_vnni amx_bf16 amx_tile amx_int8\n"
+
+
+def _environment(tmp_path: Path, info: str, **before: str) -> dict[str, str]:
+    path = tmp_path / "cpuinfo"
+    path.write_text(info, encoding="utf-8")
+    environment = dict(before)
+    runtime._spare_amx(environment, path)
+    return environment
+
+
+def test_tile_instructions_are_left_out_where_they_are_announced(tmp_path: Path) -> None:
+    capped = _environment(tmp_path, WITH_TILES)
+    assert capped == {"ONEDNN_MAX_CPU_ISA": "AVX512_CORE_FP16"}
+
+
+@pytest.mark.parametrize("info", ["flags\t\t: fpu avx2 avx_vnni\n", "Features : asimd\n", ""])
+def test_a_processor_without_tiles_is_not_limited(tmp_path: Path, info: str) -> None:
+    """With a cap, one that has VNNI but no AVX-512 would lose it."""
+    assert _environment(tmp_path, info) == {}
+    environment: dict[str, str] = {}
+    runtime._spare_amx(environment, tmp_path / "no such file")
+    assert environment == {}
+
+
+@pytest.mark.parametrize("name", ["ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA"])
+def test_what_a_person_has_set_stays(tmp_path: Path, name: str) -> None:
+    assert _environment(tmp_path, WITH_TILES, **{name: "AVX2"}) == {name: "AVX2"}

@@ -1,0 +1,125 @@
+"""Networks made ready to fly, and the shipped ones on pictures of the twin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from click.testing import CliRunner
+
+from perception.depth.runtime import load_depth_estimator
+from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
+from perception.weights_io import SHIPPED_WEIGHTS
+from uav_bt.cli.root import uav_bt
+from uav_bt.errors import UnknownNameError
+from uav_bt.exporting import CALIBRATION_VIEWS, export_depth, export_segmentation
+from uav_bt.training import SHIPPED_UNET, TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, twin_views
+
+
+@pytest.fixture(scope="module")
+def pictures() -> list[np.ndarray]:
+    """Pictures that no network was trained or calibrated on."""
+    plan = ViewPlan(scenes=VALIDATION_SCENES, views=8, size_px=(640, 360), truth_size_px=(32, 18))
+    return [rgb for _, rgb, _ in twin_views(plan)]
+
+
+# --- what ships -----------------------------------------------------------------------------------
+
+
+def test_the_unet_that_flies_sees_what_the_one_in_floats_sees(pictures: list[np.ndarray]) -> None:
+    flies, floats = shipped_unet(), shipped_unet("unet-fp32")
+    agreeing = np.array([(flies.ids(rgb) == floats.ids(rgb)).mean() for rgb in pictures])
+    assert agreeing.mean() > 0.999
+    assert agreeing.min() > 0.99
+
+
+def test_the_depth_network_that_flies_says_what_the_one_in_floats_says(
+    pictures: list[np.ndarray],
+) -> None:
+    flies, floats = load_depth_estimator("depth"), load_depth_estimator("depth-fp32")
+    off = np.stack([np.abs(flies.depth(rgb) / floats.depth(rgb) - 1.0) for rgb in pictures])
+    assert off.mean() < 0.01
+    assert np.quantile(off, 0.99) < 0.04
+
+
+@pytest.mark.parametrize("name", ["unet", "depth"])
+def test_the_shipped_pair_was_made_from_the_same_weights(name: str) -> None:
+    notes = []
+    for end in ("", "-fp32"):
+        model = onnx.load(SHIPPED_WEIGHTS / f"{name}{end}.onnx")
+        notes.append({each.key: each.value for each in model.metadata_props})
+    assert [note.pop("precision") for note in notes] == ["int8", "fp32"]
+    assert notes[0] == notes[1]
+
+
+# --- making them ----------------------------------------------------------------------------------
+
+
+def test_calibration_keeps_to_the_training_scenes() -> None:
+    assert set(CALIBRATION_VIEWS.scenes) == set(TRAINING_SCENES)
+
+
+def test_a_unet_is_calibrated_on_the_pictures_of_the_plan(
+    tmp_path: Path, pictures: list[np.ndarray]
+) -> None:
+    """A few pictures of one scene do, and the same ones always give the same file."""
+    plan = replace(CALIBRATION_VIEWS, scenes=("train-a",), views=4)
+    told: list[tuple[str, int, int]] = []
+    for name in ("one.onnx", "two.onnx"):
+        export_segmentation(
+            SHIPPED_UNET, tmp_path / name, views=plan, advance=lambda *now: told.append(now)
+        )
+    assert told[:4] == [("calibration", done, 4) for done in range(1, 5)]
+    assert (tmp_path / "one.onnx").read_bytes() == (tmp_path / "two.onnx").read_bytes()
+    mine, floats = OnnxSegmenter(tmp_path / "one.onnx"), shipped_unet("unet-fp32")
+    assert np.mean([mine.ids(rgb) == floats.ids(rgb) for rgb in pictures[:4]]) > 0.98
+
+
+def test_floats_need_no_pictures(tmp_path: Path) -> None:
+    export_depth(
+        SHIPPED_WEIGHTS / "depth.safetensors",
+        tmp_path / "depth.onnx",
+        precision="fp32",
+        views=replace(CALIBRATION_VIEWS, scenes=("no such scene",)),
+    )
+    shipped = SHIPPED_WEIGHTS / "depth-fp32.onnx"
+    assert (tmp_path / "depth.onnx").stat().st_size == shipped.stat().st_size
+
+
+def test_an_unknown_precision_gets_a_suggestion(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown precision 'int9'; did you mean 'int8'"):
+        export_depth(SHIPPED_UNET, tmp_path / "x.onnx", precision="int9")  # type: ignore[arg-type]
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+def test_the_command_writes_a_network(tmp_path: Path) -> None:
+    out = tmp_path / "net.onnx"
+    arguments = ["export", "depth", "--out", str(out), "--scene", "train-a", "--views", "1"]
+    result = CliRunner().invoke(uav_bt, arguments)
+    assert result.exit_code == 0, result.output
+    assert f"network in int8: {out}, 1.0 MB" in result.output
+    assert load_depth_estimator(out).size_px == (320, 256)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["segmentation", "--out", "net.xml"], "must end in .onnx"),
+        (["segmentation", "--precision", "int4"], "'int4' is not one of"),
+        (["depth", "--weights", "absent.safetensors"], "absent.safetensors"),
+        (["depth", "--weights", str(SHIPPED_UNET)], "expected weights of kind 'depth-network'"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused(
+    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(uav_bt, ["export", *arguments])
+    assert result.exit_code == 2
+    assert message in result.output
+    assert not list(tmp_path.rglob("*.onnx"))
