@@ -76,10 +76,14 @@ class Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet a client, or send it away where there are too many."""
         self._transport = cast("asyncio.Transport", transport)
+        peer = self._transport.get_extra_info("peername")
+        if peer is None:  # gone already, as port scanners are
+            self._transport.abort()
+            return
         if len(self._studio.connections) >= MAX_CONNECTIONS:
             self._end(RtspError(453, f"at most {MAX_CONNECTIONS} clients are served at once"))
             return
-        self._host = self._transport.get_extra_info("peername")[0]
+        self._host = peer[0]
         self._studio.connections.add(self)
         self.touch()
         self._wait()

@@ -79,6 +79,7 @@ async def serve_video(
     identity: StreamIdentity | None = None,
     now: Callable[[], float] = time.monotonic,
     random: Random | None = None,
+    finish: Callable[[], None] | None = None,
 ) -> VideoServer:
     """Serve a source's pictures at rtsp://HOST:PORT/live, as an ANAFI does.
 
@@ -93,6 +94,8 @@ async def serve_video(
         identity: what clients are told about the sender.
         now: the monotonic clock of the pictures' times.
         random: where streams and sessions begin; unpredictable unless given.
+        finish: called once by `close`, on the thread on which the source was asked; for what may
+            be let go of only there, such as an OpenGL context.
 
     Raises:
         DroneError: the port is taken or may not be used.
@@ -118,7 +121,7 @@ async def serve_video(
     except OSError as error:
         raise _cannot_listen(error, host, port) from error
     studio = Studio(
-        streamer=Streamer(source, config, now=now, failed=failed),
+        streamer=Streamer(source, config, now=now, failed=failed, finish=finish),
         datagrams=datagrams,
         identity=identity or StreamIdentity(),
         sets=sets,
@@ -128,7 +131,6 @@ async def serve_video(
     try:
         listening = await loop.create_server(lambda: Connection(studio), host, port)
     except OSError as error:
-        await studio.streamer.close()
         datagrams.close()
         raise _cannot_listen(error, host, port) from error
     return VideoServer(studio, listening)

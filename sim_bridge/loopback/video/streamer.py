@@ -105,6 +105,7 @@ class Streamer:
         config: of the encoder.
         now: the monotonic clock of the pictures' times.
         failed: told when the source or the encoder raised; nobody plays any more then.
+        finish: called once, in the end, on the thread on which the source was asked.
     """
 
     def __init__(
@@ -114,11 +115,13 @@ class Streamer:
         *,
         now: Callable[[], float],
         failed: Callable[[Exception], None],
+        finish: Callable[[], None] | None = None,
     ) -> None:
         self._source = source
         self._config = config
         self._now = now
         self._failed = failed
+        self._finish = finish
         self._players: list[Player] = []
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="loopback-video")
         self._encoder: Encoder | None = None  # the thread's
@@ -159,11 +162,14 @@ class Streamer:
         )
 
     async def close(self) -> None:
-        """Stop; a picture under way is finished first."""
+        """Stop; a picture under way is finished first. Safe to call twice."""
         self._closing.set()
         self._players.clear()
         if self._task is not None:
             await self._task
+        finish, self._finish = self._finish, None
+        if finish is not None:
+            await asyncio.get_running_loop().run_in_executor(self._thread, finish)
         self._thread.shutdown()
 
     async def _run(self) -> None:

@@ -38,8 +38,12 @@ class Sink:
         return [nal_type(u) for u in reassemble(parse_rtp(p).payload for p in packets)]
 
 
-def make(source: FrameSource, failed: Callable[[Exception], None] | None = None) -> Streamer:
-    return Streamer(source, CONFIG, now=lambda: 100.0, failed=failed or _unexpected)
+def make(
+    source: FrameSource,
+    failed: Callable[[Exception], None] | None = None,
+    finish: Callable[[], None] | None = None,
+) -> Streamer:
+    return Streamer(source, CONFIG, now=lambda: 100.0, failed=failed or _unexpected, finish=finish)
 
 
 def _unexpected(error: Exception) -> None:
@@ -191,11 +195,15 @@ def test_a_source_that_fails_ends_the_video_and_says_why(caplog: pytest.LogCaptu
     assert "its source or its encoder failed" in caplog.text
 
 
-def test_the_source_is_asked_on_a_thread_of_its_own_and_always_the_same() -> None:
+def test_the_source_is_asked_and_finished_on_one_thread_of_its_own() -> None:
     class Where(Pictures):
         def __init__(self) -> None:
             super().__init__()
             self.threads: set[int] = set()
+            self.finished: list[int] = []
+
+        def finish(self) -> None:
+            self.finished.append(threading.get_ident())
 
         def newest(self) -> VideoFrame:
             self.threads.add(threading.get_ident())
@@ -203,7 +211,7 @@ def test_the_source_is_asked_on_a_thread_of_its_own_and_always_the_same() -> Non
 
     async def work() -> None:
         source, sink = Where(), Sink()
-        streamer = make(source)
+        streamer = make(source, finish=source.finish)
         only = player(sink)
         streamer.add(only)
         await sink.pictures.get()
@@ -211,6 +219,8 @@ def test_the_source_is_asked_on_a_thread_of_its_own_and_always_the_same() -> Non
         streamer.add(only)
         await sink.pictures.get()
         await streamer.close()
+        await streamer.close()
+        assert source.finished == list(source.threads)
         assert len(source.threads) == 1
         assert threading.get_ident() not in source.threads
 
