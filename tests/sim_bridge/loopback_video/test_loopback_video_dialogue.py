@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from loopback_video_client import Answer, parse_answer, seeded
 
 from sim_bridge.loopback.video.dialogue import Dialogue
@@ -131,6 +133,28 @@ def test_a_wrong_request_gets_one_clear_refusal(
     assert found.headers["content-type"] == "text/plain"
     assert found.body.endswith(b"\n")
     assert client.stage.done == []
+
+
+WORDS = ["RTP/AVP", "TCP", "unicast", "client_port=", "interleaved=", "1-2", "65536", ";", ",", "="]
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["OPTIONS", "DESCRIBE", "SETUP", "PLAY", "PAUSE", "TEARDOWN", "X"]),
+            st.sampled_from([URL, f"{URL}/stream=0", "*", "rtsp://", "rtsp://[x]/live"])
+            | st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=20),
+            st.lists(st.sampled_from(WORDS), max_size=8).map("".join) | st.just(UDP),
+            st.sampled_from(["", "0"]) | st.text(max_size=5),
+        ),
+        max_size=8,
+    )
+)
+def test_any_requests_in_any_order_are_answered(asked: list[tuple[str, str, str, str]]) -> None:
+    client = Client()
+    for method, url, transport, session in asked:
+        given_headers = {"transport": transport} | ({"session": session} if session else {})
+        assert client.ask(method, url, **given_headers).status in {200, *range(400, 552)}
 
 
 def test_unknown_parameters_are_said_to_be_unknown(client: Client) -> None:
