@@ -2,6 +2,7 @@
 
     python benchmarks/depth_pipeline.py
     python benchmarks/depth_pipeline.py --depth footing --frames 200 --json pipeline.json
+    python benchmarks/depth_pipeline.py --segmentation unet-fp32 --depth depth-fp32
 
 Class map, relative depth, metric depth (footing and scale), corridor and helipad of every frame,
 one after the other as the leaves ask for them; `whole` is their sum, frame by frame. The frames are
@@ -30,7 +31,7 @@ from perception.depth.ground import view_of
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.runtime import load_depth_estimator
 from perception.helipad import HelipadDetector, locate
-from perception.segmentation.runtime import shipped_unet
+from perception.segmentation.runtime import SHIPPED_UNETS, shipped_unet
 from sim_bridge.twin.camera import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
@@ -70,9 +71,9 @@ def frames(count: int) -> Iterator[Frame]:
 class Pipeline:
     """The stages as the leaves of a mission run them, with a stop-watch."""
 
-    def __init__(self, depth: str, source: str, threads: int) -> None:
+    def __init__(self, segmentation: str, depth: str, source: str, threads: int) -> None:
         self._camera = anafi_camera(640, 360)
-        self._segmenter = shipped_unet(threads=threads)
+        self._segmenter = shipped_unet(segmentation, threads=threads)
         footing = depth == "footing"
         self._network = None if footing else load_depth_estimator(depth, threads=threads)
         self._maker = MetricDepthMaker(
@@ -116,10 +117,12 @@ class Pipeline:
         return result
 
 
-def measure(pictures: list[Frame], depth: str, source: str, threads: int) -> dict[str, list[float]]:
+def measure(
+    pictures: list[Frame], options: argparse.Namespace, threads: int
+) -> dict[str, list[float]]:
     """Return median and 95th percentile by stage, milliseconds."""
     cv2.setNumThreads(threads)
-    pipeline = Pipeline(depth, source, threads)
+    pipeline = Pipeline(options.segmentation, options.depth, options.source, threads)
     for frame in pictures:
         pipeline.see(frame)
     times = {stage: np.array(ms[WARM_UP:]) for stage, ms in pipeline.times_ms.items()}
@@ -133,7 +136,10 @@ def measure(pictures: list[Frame], depth: str, source: str, threads: int) -> dic
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--depth", default="depth", help="'depth', an ONNX file, or 'footing'")
+    parser.add_argument("--segmentation", default="unet", choices=SHIPPED_UNETS)
+    parser.add_argument(
+        "--depth", default="depth", help="'depth', 'depth-fp32', an ONNX file, or 'footing'"
+    )
     parser.add_argument("--source", default="fused", choices=("fused", "network"))
     parser.add_argument("--frames", type=int, default=120)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
@@ -148,7 +154,7 @@ def main() -> None:
     print(f"{'threads':<9}" + "".join(f"{stage:>16}" for stage in (*STAGES, "whole")))
     results = {}
     for threads in arguments.threads:
-        figures = measure(pictures, arguments.depth, arguments.source, threads)
+        figures = measure(pictures, arguments, threads)
         results[str(threads)] = figures
         cells = (f"{p50:.2f} ({p95:.2f})" for p50, p95 in figures.values())
         print(f"{threads:<9}" + "".join(f"{cell:>16}" for cell in cells))

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from onnx import TensorProto, helper
@@ -40,6 +41,31 @@ def test_a_channels_last_network_gets_its_channels_last() -> None:
     rgb = np.full((1, 8, 16, 3), (0, 51, 255), dtype=np.uint8)
     seen = runtime.compile_model(model, 1)(rgb)[0]
     np.testing.assert_allclose(seen[0, 2, 5], [0.0, 0.2, 1.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", [(224, 112), (320, 256), (256, 256), (160, 96), (500, 300)])
+def test_a_smaller_picture_shows_the_means_of_what_it_covers(size: tuple[int, int]) -> None:
+    """Sharp borders and noise, as a rendered box against a wall has."""
+    rng = np.random.default_rng(1)
+    rgb = np.full((360, 640, 3), 90, dtype=np.uint8)
+    rgb[100:300, 200:420] = (200, 120, 40)
+    rgb[150:170] = 20
+    rgb = np.clip(rgb + rng.normal(0.0, 5.0, rgb.shape), 0, 255).astype(np.uint8)
+    exact = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA).astype(int)
+    off = np.abs(runtime.shrunk(rgb, size) - exact)
+    assert off.mean() < 1.0
+
+
+def test_a_picture_of_the_right_size_is_left_alone() -> None:
+    rgb = np.zeros((12, 20, 3), dtype=np.uint8)
+    assert runtime.shrunk(rgb, (20, 12)) is rgb
+
+
+def test_a_small_picture_is_made_larger() -> None:
+    rgb = np.full((90, 160, 3), 77, dtype=np.uint8)
+    larger = runtime.shrunk(rgb, (224, 112))
+    assert larger.shape == (112, 224, 3)
+    assert (larger == 77).all()
 
 
 # --- class numbers --------------------------------------------------------------------------------
