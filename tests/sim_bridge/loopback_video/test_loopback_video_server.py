@@ -31,7 +31,13 @@ from loopback_video_client import (
     unpack_metadata,
 )
 
-from sim_bridge.loopback.video import EncoderConfig, FrameSource, VideoServer, serve_video
+from sim_bridge.loopback.video import (
+    EncoderConfig,
+    FrameSource,
+    VideoServer,
+    connection,
+    serve_video,
+)
 from sim_bridge.loopback.video.connection import MAX_CONNECTIONS
 from uav_bt.errors import DroneError, ValueRangeError
 
@@ -217,6 +223,46 @@ def test_garbage_on_the_port_harms_nobody(seed: int, caplog: pytest.LogCaptureFi
 
     run(work())
     assert caplog.messages == []  # asyncio logs what its callbacks raise
+
+
+def test_a_silent_client_is_told_goodbye(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A host that vanished without closing its connection is not sent to for ever."""
+    monkeypatch.setattr(connection, "SESSION_TIMEOUT_S", 0.2)
+
+    async def work() -> None:
+        async with serving() as server:
+            client = await RtspClient.connect(server.url)
+            await client.set_up(TCP)
+            await client.ask("PLAY")
+            last = await client.last_packet()
+            assert (last[0], GOODBYE in parse_rtcp(last[1])) == (1, True)
+            assert server.stats().playing == 0
+            await client.close()
+
+    run(work())
+
+
+def test_reports_of_a_client_keep_its_session_alive(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard: asyncio.Queue[connection.Connection] = asyncio.Queue()
+
+    def touched(one: connection.Connection) -> None:
+        heard.put_nowait(one)
+
+    async def work() -> None:
+        async with serving() as server:
+            client = await RtspClient.connect(server.url)
+            other = await RtspClient.connect(server.url)
+            control, _box, port = await open_inbox()
+            await client.set_up(f"RTP/AVP;unicast;client_port={port - 1}-{port}")
+            await other.ask("OPTIONS")
+            monkeypatch.setattr(connection.Connection, "touch", touched)
+            control.sendto(b"\x81\xc9\x00\x01" + bytes(4), ("127.0.0.1", server.media_ports[1]))
+            assert (await heard.get())._report_address == ("127.0.0.1", port)
+            for one in (client, other):
+                await one.close()
+            control.close()
+
+    run(work())
 
 
 def test_too_many_clients_are_sent_away_with_a_reason() -> None:
