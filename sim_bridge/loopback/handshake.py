@@ -42,6 +42,7 @@ class ConnectionRequest:
 
     events_port: int  # UDP, on the client's side
     controller: str = ""
+    version: int = 1  # of the frames: the newest that both sides speak
 
 
 def announcement(identity: Identity, control_port: int) -> bytes:
@@ -74,13 +75,19 @@ def parse_request(data: bytes) -> ConnectionRequest:
     port = request.get("d2c_port") if isinstance(request, dict) else None
     if not isinstance(port, int) or isinstance(port, bool) or not 0 < port < 65536:
         raise WireError(f"a request for a link names d2c_port, a UDP port, got {data[:80]!r}")
-    return ConnectionRequest(events_port=port, controller=str(request.get("controller_name", "")))
+    newest = request.get("proto_v_max", 1)
+    return ConnectionRequest(
+        events_port=port,
+        controller=str(request.get("controller_name", "")),
+        version=2 if isinstance(newest, int) and newest >= 2 else 1,
+    )
 
 
-def accepted(commands_port: int) -> bytes:
+def accepted(request: ConnectionRequest, commands_port: int) -> bytes:
     """Return the answer that opens a link.
 
     Args:
+        request: what was asked.
         commands_port: where the client's commands go (UDP).
     """
     return _line(
@@ -90,7 +97,7 @@ def accepted(commands_port: int) -> bytes:
             "c2d_update_port": 51,
             "c2d_user_port": 21,
             "qos_mode": 0,
-            "proto_v": 1,
+            "proto_v": request.version,
         }
     )
 

@@ -14,9 +14,10 @@ from sim_bridge.loopback.frames import (
     EVENTS_WITHOUT_ACK,
     PING,
     PONG,
+    VERSION_1,
     FrameType,
+    Framing,
     WireFrame,
-    parse_frames,
 )
 
 __all__ = ["Link", "LinkTiming"]
@@ -34,13 +35,14 @@ class LinkTiming:
 
 
 class Link:
-    """Sends events and takes commands; each acknowledged event follows the one before it."""
+    """Sends events and takes commands; what must be acknowledged keeps its order."""
 
     def __init__(
         self,
         transmit: Callable[[bytes], None],
         now_s: float,
         *,
+        framing: Framing = VERSION_1,
         timing: LinkTiming | None = None,
     ) -> None:
         """Open the link.
@@ -48,14 +50,17 @@ class Link:
         Args:
             transmit: sends a datagram; may lose it.
             now_s: the time.
+            framing: the version that the client speaks.
             timing: when it repeats itself.
         """
         self._transmit = transmit
+        self._framing = framing
         self._timing = timing or LinkTiming()
         self._heard_s = now_s
         self._pinged_s = now_s
         self._waiting: deque[bytes] = deque()
         self._in_flight: WireFrame | None = None
+        self._packed = 0  # how many events are in it
         self._sent_s = now_s
         self._sequences: dict[int, int] = {}  # of what is sent, by buffer
         self._received: dict[int, int] = {}  # the last taken, by buffer
@@ -68,7 +73,7 @@ class Link:
     @property
     def pending(self) -> int:
         """How many events wait for their acknowledgement."""
-        return len(self._waiting) + (self._in_flight is not None)
+        return len(self._waiting) + self._packed
 
     def dead(self, now_s: float) -> bool:
         """Return whether the client has been silent for too long."""
@@ -80,7 +85,7 @@ class Link:
             self._waiting.append(payload)
             self._launch(now_s)
         else:
-            self._send_frame(FrameType.DATA, EVENTS_WITHOUT_ACK, payload)
+            self._send_frame(FrameType.DATA, EVENTS_WITHOUT_ACK, self._framing.pack([payload]))
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
         """Take a datagram.
@@ -88,8 +93,8 @@ class Link:
         Returns:
             The commands in it that were not taken before.
         """
-        commands = []
-        for frame in parse_frames(datagram):
+        commands: list[bytes] = []
+        for frame in self._framing.parse(datagram):
             self._heard_s = now_s
             if frame.type is FrameType.ACK:
                 self._acknowledged(frame, now_s)
@@ -98,17 +103,17 @@ class Link:
             elif frame.buffer != PONG:
                 if frame.type is FrameType.DATA_WITH_ACK:
                     # Also when it is a double: the first acknowledgement may have been lost.
-                    answer = bytes([frame.sequence])
+                    answer = self._framing.sequence_bytes(frame.sequence)
                     self._send_frame(FrameType.ACK, frame.buffer + ACK_OFFSET, answer)
                 if self._is_new(frame):
-                    commands.append(frame.payload)
+                    commands += self._framing.unpack(frame.payload)
         return commands
 
     def poll(self, now_s: float) -> None:
         """Repeat what was not acknowledged, and ping when it is time."""
         if self._in_flight is not None and now_s - self._sent_s >= self._timing.repeat_s:
             self._sent_s = now_s
-            self._transmit(self._in_flight.to_bytes())
+            self._transmit(self._framing.to_bytes(self._in_flight))
         if now_s - self._pinged_s >= self._timing.ping_s:
             self.ping(now_s)
 
@@ -123,7 +128,8 @@ class Link:
     def _is_new(self, frame: WireFrame) -> bool:
         last = self._received.get(frame.buffer)
         if last is not None:
-            ahead = (frame.sequence - last + 128) % 256 - 128
+            half = self._framing.sequences // 2
+            ahead = (frame.sequence - last + half) % self._framing.sequences - half
             if -_BEHIND < ahead <= 0:
                 return False
         self._received[frame.buffer] = frame.sequence
@@ -131,23 +137,26 @@ class Link:
 
     def _acknowledged(self, frame: WireFrame, now_s: float) -> None:
         ours = self._in_flight
-        if ours is None or frame.buffer != ours.buffer + ACK_OFFSET or not frame.payload:
+        if ours is None or frame.buffer != ours.buffer + ACK_OFFSET:
             return
-        if frame.payload[0] == ours.sequence:
+        if frame.payload == self._framing.sequence_bytes(ours.sequence):
             self._in_flight = None
+            self._packed = 0
             self._launch(now_s)
 
     def _launch(self, now_s: float) -> None:
         if self._in_flight is None and self._waiting:
-            self._sent_s = now_s
-            self._in_flight = self._send_frame(
-                FrameType.DATA_WITH_ACK, EVENTS, self._waiting.popleft()
-            )
+            pack = [self._waiting.popleft()]
+            while self._waiting and self._framing.fits(pack, self._waiting[0]):
+                pack.append(self._waiting.popleft())
+            self._sent_s, self._packed = now_s, len(pack)
+            payload = self._framing.pack(pack)
+            self._in_flight = self._send_frame(FrameType.DATA_WITH_ACK, EVENTS, payload)
 
     def _send_frame(self, kind: FrameType, buffer: int, payload: bytes) -> WireFrame:
         buffer %= 256
-        sequence = (self._sequences.get(buffer, -1) + 1) % 256
+        sequence = (self._sequences.get(buffer, -1) + 1) % self._framing.sequences
         self._sequences[buffer] = sequence
         frame = WireFrame(type=kind, buffer=buffer, sequence=sequence, payload=payload)
-        self._transmit(frame.to_bytes())
+        self._transmit(self._framing.to_bytes(frame))
         return frame

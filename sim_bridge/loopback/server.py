@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from sim_bridge.loopback.codec import WireError, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
+from sim_bridge.loopback.frames import VERSION_1, VERSION_2
 from sim_bridge.loopback.handshake import (
     MAX_REQUEST_BYTES,
     ConnectionRequest,
@@ -24,7 +25,7 @@ from sim_bridge.loopback.handshake import (
 from sim_bridge.loopback.link import Link, LinkTiming
 from sim_bridge.loopback.messages import Buffer, MessageTable, MessageType
 from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
-from uav_bt.errors import InputError
+from uav_bt.errors import DroneError, InputError
 
 __all__ = ["LoopbackServer", "PortTakenError", "Ports", "ServerOptions"]
 
@@ -95,6 +96,8 @@ class LoopbackServer:
         self._timer: asyncio.TimerHandle | None = None
         self._admission = asyncio.Lock()
         self._heard = asyncio.Event()
+        self._broken = asyncio.Event()
+        self._failure: DroneError | None = None
 
     @property
     def ports(self) -> Ports:
@@ -125,6 +128,16 @@ class LoopbackServer:
             discovery=discovery, control=control, commands=commands, http=http, rtsp=wanted.rtsp
         )
         self._schedule()
+
+    async def wait(self) -> None:
+        """Serve until the body that is flown fails.
+
+        Raises:
+            DroneError: it did.
+        """
+        await self._broken.wait()
+        if self._failure is not None:
+            raise self._failure
 
     async def close(self) -> None:
         """Hang up; safe to call twice."""
@@ -209,7 +222,7 @@ class LoopbackServer:
                 writer.write(refused())
             else:
                 self._admit(host, request)
-                writer.write(accepted(self._ports.commands))
+                writer.write(accepted(request, self._ports.commands))
             await writer.drain()
 
     async def _probe(self) -> None:
@@ -233,7 +246,8 @@ class LoopbackServer:
         def transmit(datagram: bytes) -> None:
             udp.sendto(datagram, address)
 
-        link = Link(transmit, self._now(), timing=self._options.timing)
+        framing = VERSION_2 if request.version == 2 else VERSION_1
+        link = Link(transmit, self._now(), framing=framing, timing=self._options.timing)
         name = f"{request.controller or 'a client'} at {host}:{request.events_port}"
         self._client = _Client(link=link, address=address, name=name)
         _LOG.info("connected: %s", name)
@@ -247,7 +261,8 @@ class LoopbackServer:
         if self._client is not None:
             _LOG.info("disconnected: %s (%s)", self._client.name, why)
             self._client = None
-            self._anafi.disconnected()
+            if self._failure is None:
+                self._anafi.disconnected()
 
     # --- what it says -----------------------------------------------------------------------------
 
@@ -262,7 +277,7 @@ class LoopbackServer:
         for payload in commands:
             try:
                 self._anafi.obey(decode(payload, self._table))
-            except WireError as error:
+            except (WireError, DroneError) as error:
                 _LOG.debug("ignored: %s", error)
 
     def _schedule(self) -> None:
@@ -270,7 +285,12 @@ class LoopbackServer:
         self._timer = loop.call_later(self._options.update_s, self._update)
 
     def _update(self) -> None:
-        self._anafi.update()
+        try:
+            self._anafi.update()
+        except DroneError as error:
+            self._failure = error
+            self._broken.set()
+            return
         client, now_s = self._client, self._now()
         if client is not None:
             client.link.poll(now_s)

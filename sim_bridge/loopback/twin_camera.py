@@ -1,10 +1,14 @@
-"""The twin's camera as the video's source: draws the newest view when somebody watches."""
+"""The twin's camera as the video's source: draws the newest view when somebody watches.
+
+A GL context belongs to one thread, so all drawing happens on a thread of its own.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 from sim_bridge.loopback.earth import place
@@ -25,7 +29,7 @@ _SATELLITES: Final = 14
 
 
 class TwinCamera:
-    """Makes the pictures of a `TwinWorld`, always on the same thread."""
+    """Makes the pictures of a `TwinWorld`."""
 
     def __init__(
         self,
@@ -54,6 +58,7 @@ class TwinCamera:
         self._battery = battery
         self._utc_offset_s = time.time() - clock.now()
         self._age_s = max(0.0, world.profile.video_latency_s - _PIPELINE_S)
+        self._painter = ThreadPoolExecutor(max_workers=1, thread_name_prefix="twin-camera")
         self._renderer: Renderer | None = None
         self._last: VideoFrame | None = None
 
@@ -68,14 +73,15 @@ class TwinCamera:
             return self._last
         capture, captured_s = found
         if self._last is None or captured_s > self._last.captured_s:
-            self._last = self._frame(capture, captured_s)
+            self._last = self._painter.submit(self._frame, capture, captured_s).result()
         return self._last
 
     def close(self) -> None:
-        """Free what draws; call it when nobody asks any more."""
+        """Free what draws; call it when nobody asks any more. Safe to call twice."""
         if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+            renderer, self._renderer = self._renderer, None
+            self._painter.submit(renderer.close).result()
+        self._painter.shutdown()
 
     def _frame(self, capture: Capture, captured_s: float) -> VideoFrame:
         if self._renderer is None:

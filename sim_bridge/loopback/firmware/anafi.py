@@ -15,7 +15,7 @@ from sim_bridge.loopback.firmware.homecoming import Homecoming
 from sim_bridge.loopback.firmware.identity import tell_identity
 from sim_bridge.loopback.firmware.moves import Moves
 from sim_bridge.loopback.firmware.part import Handler, Part
-from sim_bridge.loopback.firmware.piloting import Piloting, Sticks
+from sim_bridge.loopback.firmware.piloting import Piloting
 from sim_bridge.loopback.firmware.places import Places
 from sim_bridge.loopback.firmware.settings import SETTINGS, Settings
 from sim_bridge.loopback.firmware.telemetry import Telemetry
@@ -135,9 +135,8 @@ class Anafi:
         self._home.interrupted()
         self._travel.interrupt(state)
 
-    def _sticks_may_fly(self, sticks: Sticks) -> bool:
+    def _sticks_may_fly(self) -> bool:
         """Let pushed sticks interrupt a moveBy and the way home, but not a moveTo."""
-        del sticks
         if self._places.running:
             return False
         self._stop_moving()

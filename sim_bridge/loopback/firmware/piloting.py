@@ -70,13 +70,13 @@ def velocity_of(sticks: Sticks, settings: Settings, limits: WorldLimits) -> Velo
 class Piloting:
     """Follows the sticks where nothing else moves the drone, or where they interrupt it."""
 
-    def __init__(self, world: World, settings: Settings, claims: Callable[[Sticks], bool]) -> None:
+    def __init__(self, world: World, settings: Settings, claims: Callable[[], bool]) -> None:
         """Leave the sticks centred.
 
         Args:
             world: what flies.
             settings: the greatest tilt, speeds and altitude.
-            claims: told pushed sticks; whether these may move the drone now.
+            claims: whether pushed sticks may move the drone now; ends what else moves it.
         """
         self._world = world
         self._settings = settings
@@ -108,7 +108,7 @@ class Piloting:
 
     def _pcmd(self, values: Values, state: WorldState) -> None:
         moving = bool(values["flag"])
-        self._sticks = Sticks(
+        sticks = Sticks(
             roll=_percent(values["roll"]) if moving else 0,
             pitch=_percent(values["pitch"]) if moving else 0,
             yaw=_percent(values["yaw"]),
@@ -117,12 +117,12 @@ class Piloting:
         self._heard_s = state.time_s
         if state.flying not in AIRBORNE:
             return
-        if self._sticks.centred:
+        if sticks.centred:
             if self._steering:
-                self._steering = False
+                self.release()
                 self._world.move(Hover())
-        elif self._steering or self._claims(self._sticks):
-            self._steering = True
+        elif self._steering or self._claims():
+            self._steering, self._sticks = True, sticks
             self._steer(state)
 
     def _steer(self, state: WorldState) -> None:

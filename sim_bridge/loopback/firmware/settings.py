@@ -219,9 +219,12 @@ def _within(held: Mapping[str, Any], name: str, value: Any) -> Any:
     """Return a value within the bounds that its event names; NaN leaves it as it was."""
     if isinstance(value, float) and math.isnan(value):
         return held[name]
-    for low, top in (("min", "max"), ("min_bound", "max_bound")):
-        lowest = held.get(name.replace("current", low))
-        highest = held.get(name.replace("current", top))
-        if isinstance(lowest, (int, float)) and isinstance(highest, (int, float)):
-            return max(lowest, min(highest, value))
+    bounds = [(f"{name}_min", f"{name}_max"), ("min", "max")]
+    if "current" in name:
+        bounds.insert(
+            0, (name.replace("current", "min_bound"), name.replace("current", "max_bound"))
+        )
+    for low, top in bounds:
+        if low in held and top in held:
+            return max(held[low], min(held[top], value))
     return value

@@ -1,0 +1,130 @@
+"""A whole loopback ANAFI: the twin that flies, the firmware, the command link and the video."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from sim_bridge.loopback.firmware.anafi import Anafi
+from sim_bridge.loopback.firmware.battery import BatteryOptions
+from sim_bridge.loopback.messages import message_table
+from sim_bridge.loopback.server import LoopbackServer, Ports, PortTakenError, ServerOptions
+from sim_bridge.loopback.twin_camera import TwinCamera
+from sim_bridge.loopback.twin_world import TwinWorld
+from sim_bridge.loopback.video.encoder import EncoderConfig
+from sim_bridge.loopback.video.server import VideoServer, serve_video
+from sim_bridge.loopback.video.streamer import VideoStats
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import Scene
+from uav_bt.clock import WallClock
+from uav_bt.errors import DroneError
+
+__all__ = ["DroneSetup", "LoopbackDrone"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroneSetup:
+    """What a loopback ANAFI is like."""
+
+    scene: Scene | None = None  # None: the open field
+    profile: Profile = field(default_factory=Profile)
+    seed: int = 0  # of everything random
+    server: ServerOptions = field(default_factory=ServerOptions)
+    battery: BatteryOptions = field(default_factory=BatteryOptions)
+    image_size_px: tuple[int, int] = (640, 360)  # 16:9; what two cores sustain beside a mission
+    video_rate_hz: float = 30.0  # frames a second at most, the drone's
+    video: bool = True
+
+
+class LoopbackDrone:
+    """One drone on the network; start it, wait, close it."""
+
+    def __init__(self, setup: DroneSetup) -> None:
+        """Build the lab; nothing is bound and no time passes before `start`.
+
+        Args:
+            setup: what it is like.
+
+        Raises:
+            MissingDependencyError: MuJoCo or OpenGL does not work here.
+            ValueRangeError: the picture's size is not 16:9.
+        """
+        self._setup = setup
+        self._clock = WallClock()
+        self._world = TwinWorld(
+            setup.scene, profile=setup.profile, seed=setup.seed, clock=self._clock
+        )
+        table = message_table()
+        self._anafi = Anafi(
+            self._world, table, identity=setup.server.identity, battery=setup.battery
+        )
+        self._camera = TwinCamera(
+            self._world,
+            image_size_px=setup.image_size_px,
+            seed=setup.seed,
+            clock=self._clock,
+            battery=lambda: self._anafi.battery,
+        )
+        self._server = LoopbackServer(self._anafi, table, setup.server)
+        self._video: VideoServer | None = None
+
+    @property
+    def ports(self) -> Ports:
+        """Where it really listens."""
+        ports = self._server.ports
+        return ports if self._video is None else replace(ports, rtsp=self._video.address[1])
+
+    @property
+    def lost_s(self) -> float:
+        """How much flight time was given up because the machine was too slow."""
+        return self._world.lost_s
+
+    def video_stats(self) -> VideoStats | None:
+        """Return what the video has done so far, None where there is none."""
+        return None if self._video is None else self._video.stats()
+
+    async def start(self) -> None:
+        """Bind the ports and let time pass.
+
+        Raises:
+            PortTakenError: a port is taken or may not be used.
+            MissingDependencyError: there is no H.264 encoder.
+        """
+        setup = self._setup
+        try:
+            if setup.video:
+                self._video = await self._start_video()
+            self._world.start()
+            await self._server.start()
+        except BaseException:
+            await self.close()
+            raise
+
+    async def wait(self) -> None:
+        """Serve until the simulation or the video fails.
+
+        Raises:
+            DroneError: it did.
+        """
+        await self._server.wait()
+
+    async def close(self) -> None:
+        """Hang up and switch off; safe to call twice."""
+        await self._server.close()
+        if self._video is not None:
+            await self._video.close()
+        self._world.stop()
+        self._camera.close()
+
+    async def _start_video(self) -> VideoServer:
+        setup, options = self._setup, self._setup.server
+        encoder = EncoderConfig(size_px=setup.image_size_px, rate_hz=setup.video_rate_hz)
+        try:
+            return await serve_video(
+                self._camera,
+                host=options.address,
+                port=options.ports.rtsp,
+                encoder=encoder,
+                now=self._clock.now,
+            )
+        except DroneError as error:
+            raise PortTakenError(str(error)) from error

@@ -1,0 +1,174 @@
+"""`uav-bt serve-anafi`: a drone made of software for clients of the ANAFI."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+import click
+
+from uav_bt.cli.options import image_size_option, profile_option, seed_option
+
+if TYPE_CHECKING:
+    from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
+
+__all__ = ["serve_anafi"]
+
+
+def _port(name: str, default: int, what: str) -> click.Option:
+    return click.Option(
+        [f"--{name}-port"],
+        type=click.IntRange(0, 65_535),
+        default=default,
+        show_default=True,
+        help=f"{what}; 0 takes a free one.",
+    )
+
+
+@click.command()
+@click.option(
+    "--scene",
+    metavar="SCENE",
+    help="Fly in this lab: a shipped scene or a YAML file. Without it the drone has an open field "
+    "and an outdoor drone's pace, as scripts for the ANAFI expect.",
+)
+@seed_option()
+@profile_option()
+@click.option(
+    "--address",
+    default="127.0.0.1",
+    show_default=True,
+    help="Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... Whoever can reach "
+    "another address than 127.x.x.x can fly the drone.",
+)
+@image_size_option()
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=click.FloatRange(0.1, 240.0),
+    default=30.0,
+    show_default=True,
+    help="Frames of video a second, at most.",
+)
+@click.option("--no-video", is_flag=True, help="Serve no video.")
+@click.option(
+    "--battery",
+    "battery_percent",
+    type=click.IntRange(0, 100),
+    default=100,
+    show_default=True,
+    help="The battery's charge at first, per cent.",
+)
+@click.option("--name", default="ANAFI-loopback", show_default=True, help="Its product name.")
+@click.option("--verbose", is_flag=True, help="Tell what clients do that is not simulated, too.")
+def serve_anafi(
+    *,
+    scene: str | None,
+    seed: int,
+    profile: str,
+    address: str,
+    image_size: tuple[int, int],
+    rate_hz: float,
+    no_video: bool,
+    battery_percent: int,
+    name: str,
+    verbose: bool,
+    **ports: int,
+) -> None:
+    """Serve a loopback ANAFI until Ctrl-C.
+
+    A process that speaks the ANAFI's protocol and streams video from the twin, so that scripts
+    written for Parrot's Olympe fly it unchanged: olympe.Drone("127.0.0.1"). It needs neither a
+    drone nor Olympe. The drone's own web and video ports, 80 and 554, need root; without it choose
+    others, such as --http-port 8080 --rtsp-port 8554, and tell the script.
+    """
+    import asyncio  # noqa: PLC0415 - `--help` need not wait for it
+
+    from sim_bridge.loopback.drone import DroneSetup  # noqa: PLC0415
+    from sim_bridge.loopback.firmware.battery import BatteryOptions  # noqa: PLC0415
+    from sim_bridge.loopback.handshake import Identity  # noqa: PLC0415
+    from sim_bridge.loopback.server import Ports, ServerOptions  # noqa: PLC0415
+    from sim_bridge.twin.profile import Profile  # noqa: PLC0415
+    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
+
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(message)s"
+    )
+    setup = DroneSetup(
+        scene=None if scene is None else load_scene(scene),
+        profile=Profile.named(profile),
+        seed=seed,
+        server=ServerOptions(
+            address=address,
+            ports=Ports(**{key.removesuffix("_port"): port for key, port in ports.items()}),
+            identity=Identity(name=name),
+        ),
+        battery=BatteryOptions(charge=battery_percent / 100.0),
+        image_size_px=image_size,
+        video_rate_hz=rate_hz,
+        video=not no_video,
+    )
+    asyncio.run(_serve(setup))
+
+
+serve_anafi.params += [
+    _port("discovery", 44445, "TCP, where clients find it"),
+    _port("control", 44444, "TCP, where clients ask for a link"),
+    _port("commands", 2233, "UDP, where commands go"),
+    _port("http", 80, "TCP, its web server"),
+    _port("rtsp", 554, "TCP, its video"),
+]
+
+
+async def _serve(setup: DroneSetup) -> None:
+    """Serve until a signal asks for the end.
+
+    Raises:
+        DroneError: the simulation failed.
+    """
+    import asyncio  # noqa: PLC0415
+    import signal  # noqa: PLC0415
+
+    from sim_bridge.loopback.drone import LoopbackDrone  # noqa: PLC0415
+
+    loop = asyncio.get_running_loop()
+    drone = LoopbackDrone(setup)
+    await drone.start()
+    try:
+        served = asyncio.create_task(drone.wait())
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, served.cancel)
+        click.echo(_greeting(setup, drone))
+        try:
+            await served
+        except asyncio.CancelledError:
+            click.echo(_farewell(drone))
+    finally:
+        await drone.close()
+
+
+def _greeting(setup: DroneSetup, drone: LoopbackDrone) -> str:
+    address, ports = setup.server.address, drone.ports
+    lab = "an open field" if setup.scene is None else f"lab '{setup.scene.name}'"
+    width, height = setup.image_size_px
+    video = "no video"
+    if setup.video:
+        video = f"video {width}x{height} at rtsp://{address}:{ports.rtsp}/live"
+    return (
+        f"'{setup.server.identity.name}' stands in {lab}, at {address}: discovery "
+        f"{ports.discovery}, control {ports.control}, commands {ports.commands}, "
+        f"http {ports.http}; {video}. Ctrl-C ends it."
+    )
+
+
+def _farewell(drone: LoopbackDrone) -> str:
+    lines = []
+    stats = drone.video_stats()
+    if stats is not None:
+        lines.append(
+            f"video: {stats.frames_encoded} frames made, {stats.rate_hz:.1f} a second lately, "
+            f"{stats.frames_late} slots missed"
+        )
+    if drone.lost_s > 0.0:
+        lines.append(f"the machine was too slow: {drone.lost_s:.1f} s of flight were left out")
+    return "\n".join([*lines, "landed and gone"])
