@@ -9,7 +9,9 @@ from itertools import product
 from behaviours.heading import HeadingController
 from behaviours.steering import FLIGHT_HEIGHT, FLOWING, POLICY, SteeringLeaf
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE
+from uav_bt.errors import UnknownNameError
 from uav_bt.mission.context import MissionContext
+from uav_bt.protocols import Decision
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, GimbalTo, HelipadFix, Velocity
 
@@ -50,6 +52,11 @@ _UNPLACED_MIN = 2
 # What stands this much before the pad's centre, or behind it, is not in the way to it.
 _BEFORE_PAD_M = 0.35
 _DETOUR_STEPS = 2
+_APPROACHES = ("memory", "policy")
+# Under a policy: so much less room than the way to the pad needs is an obstacle before it.
+_LEAST_FREE_M = 0.3
+# So long the pad is turned to without a view that the policy has judged, then the drone waits.
+_JUDGED_S = 0.6
 # Nearer than about a metre the pad is below the forward view: a search that lasts looks there.
 _FIRST_GLANCE_S = 12.0
 _NEXT_GLANCE_S = 30.0
@@ -65,6 +72,13 @@ class _Phase(enum.Enum):
     OVERFLY = "overfly"  # the pad is below the view: the last metre goes by the track
 
 
+def _room_ahead(decision: Decision) -> float:
+    """Return how far a policy finds the way ahead free of obstacles, wherever the carpet ends."""
+    if decision.free_m is not None:
+        return decision.free_m
+    return 0.0 if decision.blocked and not decision.carpet_ends else math.inf
+
+
 class ReturnToBase(SteeringLeaf):
     """Search for the helipad under a leaf policy and approach it; SUCCESS above it."""
 
@@ -74,12 +88,22 @@ class ReturnToBase(SteeringLeaf):
         FLOWING,
         Port("gimbal_deg", float, default=-30.0, doc="camera pitch while searching, degrees"),
         Port("arrive_m", float, default=0.12, doc="horizontal distance that counts as above, m"),
+        Port(
+            "approach",
+            str,
+            default="memory",
+            doc="who finds the way to the pad: 'memory' of obstacles, or the 'policy'",
+        ),
     )
     reads = (*SteeringLeaf.reads, HELIPAD)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the heading controller."""
         super().on_setup(mission)
+        approach = self.port_value("approach")
+        if approach not in _APPROACHES:
+            raise UnknownNameError("approach", approach, _APPROACHES)
+        self._by_policy = approach == "policy"
         self._heading = HeadingController()
 
     def initialise(self) -> None:
@@ -114,6 +138,7 @@ class ReturnToBase(SteeringLeaf):
 
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
+        self._judged_s, self._room_m = -math.inf, math.inf
         self._heading.reset()
         self.look_afresh()
         searching = phase in {_Phase.SEARCH, _Phase.GLANCE}
@@ -185,6 +210,9 @@ class ReturnToBase(SteeringLeaf):
         if unseen_s > _TRACK_S:
             self._enter(_Phase.SEARCH)
             return
+        if self._by_policy:
+            self._approach_by_policy(fix)
+            return
         heading_rad = self._free_heading(fix)
         if heading_rad is None or (
             heading_rad != fix.bearing_rad and self._carpet_ends(heading_rad)
@@ -193,10 +221,25 @@ class ReturnToBase(SteeringLeaf):
             return
         self._steer(fix, heading_rad)
 
-    def _steer(self, fix: HelipadFix, heading_rad: float) -> None:
+    def _approach_by_policy(self, fix: HelipadFix) -> None:
+        """Turn to the pad and fly straight to it for as long as the policy finds the way free."""
+        wanted_m = min(_LEAST_FREE_M, fix.range_m - _BEFORE_PAD_M)
+        if abs(fix.bearing_rad) < _AHEAD_RAD:
+            decision = self.decide()
+            if decision is not None:
+                self._judged_s = self.clock.now()
+                self._room_m = _room_ahead(decision)
+            if self._room_m < wanted_m:
+                self._enter(_Phase.DETOUR)
+                return
+        # A way that was judged lately, facing the pad, and nothing else is flown along.
+        judged = self.clock.now() - self._judged_s <= _JUDGED_S
+        self._steer(fix, fix.bearing_rad, most_m=self._room_m if judged else 0.0)
+
+    def _steer(self, fix: HelipadFix, heading_rad: float, *, most_m: float = math.inf) -> None:
         yaw_rate = self._heading.update(heading_rad, self.clock.now())
         ahead = abs(heading_rad) < _AHEAD_RAD and not self._is_blocked_ahead()
-        speed = min(_APPROACH_MPS, _SLOW_DOWN_PER_S * fix.range_m) if ahead else 0.0
+        speed = min(_APPROACH_MPS, _SLOW_DOWN_PER_S * min(fix.range_m, most_m)) if ahead else 0.0
         self.feedback_message = f"helipad {fix.range_m:.1f} m"
         self.propose(Velocity(forward_mps=speed, yaw_rate_radps=yaw_rate))
 
@@ -228,6 +271,8 @@ class ReturnToBase(SteeringLeaf):
 
     def _is_blocked_ahead(self) -> bool:
         """Return whether something of unknown range stands ahead."""
+        if self._by_policy:
+            return False  # the policy has judged what it sees
         obstacles = self.read(OBSTACLES).value
         return (
             self._phase is not _Phase.OVERFLY
@@ -261,7 +306,7 @@ class ReturnToBase(SteeringLeaf):
         passed = fix.forward_m < 0.0 and fix.range_m < _PASSED_M
         if fix.range_m < self.port_value("arrive_m") or passed:
             return Status.SUCCESS
-        heading_rad = self._free_heading(fix)
+        heading_rad = fix.bearing_rad if self._by_policy else self._free_heading(fix)
         if heading_rad is None:
             self._enter(_Phase.DETOUR)
             return Status.RUNNING

@@ -14,12 +14,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from behaviours.movement import MovingLeaf
-from uav_bt.board import CAMERA, CLASS_MAP, CORRIDOR, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
+from behaviours.views import VIEW_KEYS, current_view, policy_view
+from uav_bt.board import FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.mission.blackboard import Key
 from uav_bt.mission.context import MissionContext
-from uav_bt.protocols import Decision, LeafPolicy, PolicyView
+from uav_bt.protocols import Decision, LeafPolicy
 from uav_bt.tree import Port
-from uav_bt.types import ClassMap, DroneState, Frame, HeldTurn, Velocity
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
 
 __all__ = ["FLIGHT_HEIGHT", "FLOWING", "POLICY", "SteeringLeaf"]
 
@@ -50,15 +51,7 @@ class SteeringLeaf(MovingLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT)
-    reads: ClassVar[tuple[Key[Any], ...]] = (
-        STATE,
-        FRAME,
-        CLASS_MAP,
-        CAMERA,
-        CORRIDOR,
-        OBSTACLES,
-        HELD_TURN,
-    )
+    reads: ClassVar[tuple[Key[Any], ...]] = (STATE, *VIEW_KEYS)
     writes = (PHASE, HELD_TURN)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -209,37 +202,19 @@ class SteeringLeaf(MovingLeaf):
 
     # --- looking ----------------------------------------------------------------------------------
 
-    def current_view(self) -> tuple[Frame, ClassMap] | None:
-        """Return the frame and its class map when they show what lies ahead *now*."""
-        frame, class_map = self.read(FRAME).value, self.read(CLASS_MAP).value
-        if frame is None or class_map is None:
-            return None
-        # Pitch and height belong to the frame that the class map was made from.
-        if class_map.captured_s != frame.captured_s or frame.captured_s < self._view_from_s:
-            return None
-        return frame, class_map
+    def current_view(self) -> tuple[Frame, ClassMap, CameraModel] | None:
+        """Return the frame, its class map and camera when they show what lies ahead *now*."""
+        view = current_view(self)
+        return None if view is None or view[0].captured_s < self._view_from_s else view
 
     def decide(self) -> Decision | None:
         """Ask the policy about the present view; None while there is no view of it."""
-        view, camera = self.current_view(), self.read(CAMERA).value
-        if view is None or camera is None:
+        view = self.current_view()
+        if view is None:
             self.feedback_message = "waiting for a view"
             return None
-        frame, class_map = view
-        height_px, width_px = class_map.ids.shape
-        held = self.held_turn
         decision = self._policy.decide(
-            PolicyView(
-                class_map=class_map,
-                camera=camera.resized(width_px, height_px),
-                gimbal_pitch_rad=frame.gimbal_pitch_rad,
-                height_above_carpet_m=frame.height_above_carpet_m,
-                corridor=self.read(CORRIDOR).value,
-                obstacles=self.read(OBSTACLES).value,
-                turning=held.direction,
-                full_turns=held.full_turns,
-                coin=float(self._rng.random()),
-            )
+            policy_view(self, *view, held=self.held_turn, coin=float(self._rng.random()))
         )
         self.feedback_message = decision.reason
         return decision

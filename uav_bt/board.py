@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from uav_bt.mission.blackboard import Key
+from uav_bt.protocols import Advice
 from uav_bt.types import (
     CameraModel,
     ClassMap,
@@ -15,9 +16,11 @@ from uav_bt.types import (
     HeldTurn,
     HelipadFix,
     ObstaclePoints,
+    RecentViews,
 )
 
 __all__ = [
+    "ADVICE",
     "CAMERA",
     "CLASS_MAP",
     "CORRIDOR",
@@ -30,6 +33,7 @@ __all__ = [
     "MISSION_KEYS",
     "OBSTACLES",
     "PHASE",
+    "RECENT_VIEWS",
     "RELATIVE_DEPTH",
     "STATE",
 ]
@@ -112,6 +116,21 @@ HELD_TURN: Final = Key(
     writer="Explore, Avoid, ReturnToBase",
 )
 
+RECENT_VIEWS: Final = Key(
+    "recent_views",
+    RecentViews,
+    "frames of the last seconds, and where they were captured",
+    writer="RememberViews",
+    max_age_s=_FRAME_MAX_AGE_S,
+)
+ADVICE: Final = Key(
+    "advice",
+    Advice,
+    "what a policy says of the newest view, whoever flies",
+    writer="Advise",
+    max_age_s=_FRAME_MAX_AGE_S,
+)
+
 MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     FRAME,
     STATE,
@@ -126,4 +145,6 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     OBSTACLES,
     PHASE,
     HELD_TURN,
+    RECENT_VIEWS,
+    ADVICE,
 )

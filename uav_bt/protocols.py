@@ -17,10 +17,12 @@ from uav_bt.types import (
     Frame,
     Observation,
     ObstaclePoints,
+    RecentViews,
     Truth,
 )
 
 __all__ = [
+    "Advice",
     "Clock",
     "Decision",
     "DepthEstimator",
@@ -152,6 +154,7 @@ class PolicyView:
     height_above_carpet_m: float  # when the frame was captured
     obstacles: ObstaclePoints | None = None  # remembered, also those out of view
     corridor: Corridor | None = None
+    recent: RecentViews | None = None  # the pixels, and those of the last seconds
     turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
     full_turns: int = 0  # full turns in a row that found no free way: time to ask for less
     coin: float = 0.5  # a uniform draw from [0, 1), so that policies stay pure
@@ -165,11 +168,31 @@ class Decision:
     yaw_rad: float = 0.0  # clockwise positive
     carpet_ends: bool = False  # the flight area ends ahead
     reason: str = ""  # one word or two, for the status line and the records
+    # How far the way ahead is free of obstacles, wherever the carpet ends, up to the policy's
+    # longest step; None where the policy does not tell.
+    free_m: float | None = None
 
     @property
     def blocked(self) -> bool:
         """True when the way ahead is not free."""
         return self.forward_m <= 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """What a policy says of one view, whoever flies: a label for others to learn from."""
+
+    frame_index: int
+    captured_s: float  # of the frame
+    x_m: float  # where the body was then: `RecentViews`' frame
+    y_m: float
+    yaw_rad: float
+    height_above_carpet_m: float
+    gimbal_pitch_rad: float
+    turning: int  # the turn under way when the policy was asked, as in `PolicyView`
+    full_turns: int
+    decision: Decision  # with that turn under way
+    fresh: Decision  # what it would say of the same view with none
 
 
 @runtime_checkable

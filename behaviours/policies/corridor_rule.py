@@ -108,25 +108,31 @@ class CorridorRule:
         cfg = self.config
         relief_m = cfg.margin_relief_m * min(view.full_turns, cfg.max_full_turns)
         if view.corridor is None:
-            return Decision(yaw_rad=self._held(view, view.coin - 0.5), reason="no depth")
+            return Decision(
+                yaw_rad=self._held(view, view.coin - 0.5), reason="no depth", free_m=0.0
+            )
         groups = group_of(view.class_map.ids)
         reach_m = carpet_reach(groups, view, cfg) + view.camera.forward_offset_m
         by_carpet_m = reach_m - cfg.edge_margin_m + relief_m
         by_corridor_m = view.corridor.free_distance_m - cfg.front_margin_m + relief_m
         least_m = cfg.shortest_step_m + (cfg.hysteresis_m if view.turning else 0.0)
         carpet_ends = by_carpet_m < least_m
+        margin_m = cfg.side_margin_m - relief_m
+        free_m = self._beside(view, max(0.0, min(cfg.longest_step_m, by_corridor_m)), margin_m)
         step_m = min(cfg.longest_step_m, by_carpet_m, by_corridor_m)
         if step_m >= least_m:
-            step_m = self._beside(view, step_m, cfg.side_margin_m - relief_m)
+            step_m = self._beside(view, step_m, margin_m)
         if step_m >= cfg.shortest_step_m and not carpet_ends and by_corridor_m >= least_m:
-            return Decision(forward_m=step_m, reason="clear")
+            return Decision(forward_m=step_m, reason="clear", free_m=free_m)
         if carpet_ends:
             side = self._more(groups, view, GROUP_CARPET)
             reason = "edge" if by_corridor_m >= least_m else "corner"
         else:
             side = self._away(groups, view)
             reason = "obstacle"
-        return Decision(yaw_rad=self._held(view, side), carpet_ends=carpet_ends, reason=reason)
+        return Decision(
+            yaw_rad=self._held(view, side), carpet_ends=carpet_ends, reason=reason, free_m=free_m
+        )
 
     def _beside(self, view: PolicyView, step_m: float, margin_m: float) -> float:
         """Return the longest step up to this one that the memory of obstacles allows, or zero."""

@@ -35,6 +35,7 @@ class FlightTask:
     exact_masks: bool
     policies: dict[str, str]  # by node
     record: str | None = None  # where to write the flight's record
+    record_quality: str = "lossless"  # of its pictures
 
     @property
     def key(self) -> FlightKey:
@@ -65,6 +66,7 @@ class CampaignPlan:
     exact_masks: bool = False  # fly on the referee's masks instead of a network
     policies: dict[str, str] = field(default_factory=dict)  # by node
     record: bool = False  # keep a record of every flight
+    record_quality: str = "lossless"  # of its pictures
     # Wall time of one flight. A flight of 300 s takes two minutes on a busy core; what takes longer
     # than this hangs.
     timeout_s: float = 900.0
@@ -108,6 +110,7 @@ class CampaignPlan:
                         image_size_px=self.image_size_px,
                         exact_masks=self.exact_masks,
                         policies=self.policies,
+                        record_quality=self.record_quality,
                     )
 
     def differences(self, before: CampaignPlan) -> list[str]:

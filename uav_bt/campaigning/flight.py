@@ -36,6 +36,7 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
         image_size_px=task.image_size_px,
         exact_masks=task.exact_masks,
         record=None if task.record is None else Path(task.record),
+        record_quality=task.record_quality,  # type: ignore[arg-type]  # the plan's maker checked it
     )
     keeper = PathKeeper()
 

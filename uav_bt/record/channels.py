@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from uav_bt.errors import MissingDependencyError
+from uav_bt.protocols import Advice
 from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote, TreeNote
 from uav_bt.record.values import dump, json_schema
 from uav_bt.types import Corridor, DroneState, HelipadFix, ObstaclePoints, Truth
 
 __all__ = [
+    "ADVICE",
     "BOARD",
     "CALIBRATION",
     "CAMERA_FRAME",
@@ -92,6 +94,7 @@ TRUTH: Final = Channel(topic="/drone/truth", content=Truth)
 TICK: Final = Channel(topic="/mission/tick", content=TickNote)
 COMMANDS: Final = Channel(topic="/mission/commands", content=CommandNote)
 BOARD: Final = Channel(topic="/mission/board", content=None)
+ADVICE: Final = Channel(topic="/mission/advice", content=Advice)
 TREE: Final = Channel(topic="/tree/nodes", content=TreeNote)
 TREE_STATUS: Final = Channel(topic="/tree/status", content=StatusNote)
 LOG: Final = Channel(topic="/log", content="Log")
@@ -102,7 +105,7 @@ CHANNELS: Final[dict[str, Channel]] = {
         *(CAMERA_IMAGE, CAMERA_FRAME, CALIBRATION),
         *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, OBSTACLES),
         *(STATE, POSE, TRANSFORM, TRUTH),
-        *(TICK, COMMANDS, BOARD, TREE, TREE_STATUS, LOG),
+        *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
     )
 }
 PICTURES: Final = frozenset(topic for topic, channel in CHANNELS.items() if channel.picture)

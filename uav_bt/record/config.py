@@ -9,14 +9,16 @@ from uav_bt.errors import ValueRangeError
 
 __all__ = ["Quality", "RecordConfig"]
 
-Quality = Literal["lossless", "high"]
+Quality = Literal["lossless", "high", "small"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordConfig:
     """What is kept, and what happens when the disk does not keep up."""
 
-    quality: Quality = "lossless"  # of camera pictures; only lossless ones replay exactly
+    # Of camera pictures; only lossless ones replay exactly. A small record has pictures of 320
+    # pixels' width and no maps: for networks that look at less than that.
+    quality: Quality = "lossless"
     # So far the file may lag behind the flight before pictures are left out: with `flush_s` it is
     # what a killed flight loses, less than a second.
     lag_s: float = 0.5

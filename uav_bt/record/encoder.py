@@ -27,6 +27,7 @@ _VALUES: Final = {
     keys.CORRIDOR.name: channels.CORRIDOR,
     keys.HELIPAD.name: channels.HELIPAD,
     keys.OBSTACLES.name: channels.OBSTACLES,
+    keys.ADVICE.name: channels.ADVICE,
 }
 _MAPS: Final = {
     keys.CLASS_MAP.name: channels.CLASS_MAP,
@@ -34,7 +35,13 @@ _MAPS: Final = {
     keys.METRIC_DEPTH.name: channels.METRIC_DEPTH,
 }
 # Whole in channels of their own; the board's says of all others when they were captured.
-_ELSEWHERE: Final = frozenset({keys.FRAME.name, keys.STATE.name, keys.CAMERA.name})
+_ELSEWHERE: Final = frozenset(
+    {
+        *(keys.FRAME.name, keys.STATE.name, keys.CAMERA.name),
+        # Frames that stand in the record already, each in its tick.
+        *(keys.RECENT_VIEWS.name, keys.ADVICE.name),
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +131,12 @@ class MomentEncoder:
 
     def _is_kept(self, channel: Channel) -> bool:
         # Relative depth says nothing to a person and compresses badly; small files go without.
-        return self._config.quality == "lossless" or channel is not channels.RELATIVE_DEPTH
+        left_out = {
+            "lossless": frozenset[Channel](),
+            "high": frozenset({channels.RELATIVE_DEPTH}),
+            "small": frozenset(_MAPS.values()),
+        }
+        return channel not in left_out[self._config.quality]
 
     def _truth(self, tick: TickRecord, now_ns: int) -> Iterator[tuple[Channel, bytes]]:
         truth, state = tick.truth, tick.observation.state

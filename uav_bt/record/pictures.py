@@ -35,7 +35,9 @@ _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 90]
 _SUFFIXES: Final[dict[str, tuple[str, list[int]]]] = {
     "lossless": (".png", _PNG),
     "high": (".jpg", _JPEG),
+    "small": (".jpg", _JPEG),
 }
+_SMALL_WIDTH_PX: Final = 320
 
 # What foxglove.RawImage calls our pixels, and how many millimetres fit the smallest of them.
 _DTYPES: Final[dict[str, np.dtype[Any]]] = {
@@ -54,12 +56,16 @@ def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str
 
     Args:
         image: (H, W, 3), RGB.
-        quality: "lossless" is PNG; "high" is JPEG at 90.
+        quality: "lossless" is PNG; "high" is JPEG at 90; "small" is that, at most 320 wide.
 
     Raises:
         InputError: OpenCV cannot encode it.
     """
     suffix, options = _SUFFIXES[quality]
+    if quality == "small" and image.shape[1] > _SMALL_WIDTH_PX:
+        height_px = max(1, round(image.shape[0] * _SMALL_WIDTH_PX / image.shape[1]))
+        small = cv2.resize(image, (_SMALL_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA)
+        image = np.asarray(small, dtype=np.uint8)
     good, data = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     if not good:
         raise InputError(f"a picture of {image.shape} cannot be encoded as {suffix}")
