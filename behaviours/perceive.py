@@ -43,6 +43,10 @@ class Segment(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError or FileError when it cannot be."""
         self._segmenter = mission.segmenter or self._load(mission.inference_threads)
+        if mission.ground:
+            from perception.ground import CountedAsCarpet  # noqa: PLC0415 - late, as below
+
+            self._segmenter = CountedAsCarpet(self._segmenter, mission.ground)
         self._timer = StageTimer(mission, "segmentation")
         self._last_index = -1
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, field
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -30,10 +30,13 @@ from uav_bt.mission.blackboard import Blackboard
 from uav_bt.mission.context import MissionContext
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
+from uav_bt.preflight import Check, check_drone, refuse_faults
 from uav_bt.protocols import Drone, DroneOptions, LeafPolicy, Referee, Segmenter
 from uav_bt.record.channels import need_extra
 from uav_bt.record.config import Quality
+from uav_bt.rehearsal import RehearsedDrone
 from uav_bt.report.flight_report import FlightLog, FlightReport, write_report
+from uav_bt.site_file import Site
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree_files import resolve_tree
 from uav_bt.types import ClassMap, Frame
@@ -68,9 +71,14 @@ class FlightOptions:
     exact_masks: bool = False  # simulated drones: fly on the referee's masks instead of a network
     record: Path | None = None  # where the flight's record goes, an MCAP file; None keeps none
     record_quality: Quality = "lossless"  # of its pictures; only lossless ones replay exactly
-    limits: Limits = field(default_factory=Limits)
+    site: Site | None = None  # the place: heights, camera, classes, limits; from a site file
+    rehearse: bool = False  # watch and think, but fly in numbers only
+    limits: Limits = field(default_factory=Limits)  # the site's, where there is one
     runner: RunnerConfig = field(default_factory=RunnerConfig)
     judge: JudgeConfig = field(default_factory=JudgeConfig)
+
+
+_CEILING_SLACK_M = 0.6  # of the drone's own ceiling above the mission's
 
 
 class ExactSegmenter:
@@ -89,10 +97,19 @@ class ExactSegmenter:
 def make_policy(name: str) -> LeafPolicy:
     """Return a leaf policy by its registered name.
 
+    Args:
+        name: NAME, or NAME:ARGUMENT for one that takes a text: `student:FILE.onnx`.
+
     Raises:
         UnknownNameError: nobody registered it.
+        InputError: it takes no argument, or refuses this one.
     """
-    policy = plugins.load(plugins.POLICIES, name)()
+    registered, colon, argument = name.partition(":")
+    factory = plugins.load(plugins.POLICIES, registered)
+    try:
+        policy = factory(argument) if colon else factory()
+    except TypeError as error:
+        raise InputError(f"policy '{registered}' cannot be made of '{name}': {error}") from error
     if not isinstance(policy, LeafPolicy):
         raise InputError(f"policy '{name}' has no `decide`: {policy!r}")
     return policy
@@ -105,19 +122,62 @@ def make_drone(options: FlightOptions) -> Drone:
         UnknownNameError: nobody registered the drone.
         InputError: the drone refuses the options.
     """
-    name, _, address = options.drone.partition(":")
+    name, colon, address = options.drone.partition(":")
     factory = plugins.load(plugins.DRONES, name)
+    site, limits = options.site or Site(), _limits(options)
     drone: Drone = factory(
         DroneOptions(
-            address=address or None,
+            address=address if colon else None,
             scene=options.scene,
             seed=options.seed,
             profile=options.profile,
             image_size_px=options.image_size_px,
             realtime=options.realtime,
+            http_port=site.http_port,
+            rtsp_port=site.rtsp_port,
+            speed_limit_mps=limits.speed_mps,
+            climb_limit_mps=limits.climb_mps,
+            yaw_rate_limit_radps=limits.yaw_rate_radps,
+            # The drone's own ceiling counts from where it takes off, and lies above the mission's.
+            altitude_limit_m=limits.ceiling_m - site.take_off_surface_m + _CEILING_SLACK_M,
+            take_off_surface_m=site.take_off_surface_m,
+            video_latency_s=site.video_latency_s,
         )
     )
-    return drone if options.camera is None else CalibratedDrone(drone, options.camera)
+    camera = options.camera or site.camera
+    if camera is not None:
+        drone = CalibratedDrone(drone, camera)
+    return RehearsedDrone(drone) if options.rehearse else drone
+
+
+def _limits(options: FlightOptions) -> Limits:
+    return options.limits if options.site is None else options.site.limits
+
+
+def _load_mission(path: Path, options: FlightOptions) -> MissionTree:
+    """Load a tree with what options and site replace in it."""
+    overrides = {node: {"policy": policy} for node, policy in options.policies.items()}
+    mission = load_tree(path, overrides=overrides)
+    replaced = {} if options.site is None else _site_overrides(mission, options.site)
+    if not replaced:
+        return mission
+    for node, attributes in overrides.items():
+        replaced[node] = {**replaced.get(node, {}), **attributes}
+    return load_tree(path, overrides=replaced)
+
+
+def _site_overrides(mission: MissionTree, site: Site) -> dict[str, dict[str, str]]:
+    """Return attributes by node's path."""
+    network = {"model": site.model, "classes": None if site.classes is None else str(site.classes)}
+    height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
+    asked = {"Segment": network, "TakeOff": {"height_m": height_m}}
+    found: dict[str, dict[str, str]] = {}
+    for leaf in mission.leaves():
+        wanted = asked.get(leaf.node_id, {})
+        attributes = {name: value for name, value in wanted.items() if value is not None}
+        if attributes:
+            found[leaf.path] = attributes
+    return found
 
 
 def check(tree: str | Path, registry: NodeRegistry | None = None) -> MissionTree:
@@ -161,8 +221,13 @@ def fly(
     report: Path | None = None,
     listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None = None,
     tree_listeners: Callable[[MissionTree, MissionContext], Sequence[TickListener]] | None = None,
+    told: Callable[[Check], None] | None = None,
+    controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
 ) -> FlightReport:
     """Fly a mission and return its report.
+
+    Before a real drone (its attribute `live` says so) takes off, it is looked at: battery, link,
+    telemetry, video.
 
     Args:
         tree: a tree file, or the name of a shipped mission.
@@ -172,16 +237,18 @@ def fly(
             with the connected drone.
         tree_listeners: makes what follows the tree node by node (Groot2, logs); called with the
             tree when it is set up.
+        told: hears each line of the check before take-off.
+        controls: what a person has at hand while the mission flies, a keyboard for instance.
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
+        DroneError: the drone cannot be reached, or is not ready to take off.
         NodeFailedError: a leaf raised; the drone was landed and the report written, as it is when
             the drone or a listener raises.
     """
     options = options or FlightOptions()
     path = resolve_tree(tree)
-    overrides = {node: {"policy": policy} for node, policy in options.policies.items()}
-    mission = load_tree(path, overrides=overrides)
+    mission = _load_mission(path, options)
     unknown = unknown_policies(mission, path)
     if unknown:
         raise TreeError(path, [str(finding) for finding in unknown])
@@ -205,6 +272,8 @@ def fly(
             record=record,
             listeners=listeners,
             tree_listeners=tree_listeners,
+            told=told,
+            controls=controls,
         )
         if record is not None:
             record.conclude(flown)
@@ -232,6 +301,8 @@ def _fly_connected(
     record: FlightRecord | None,
     listeners: Callable[[Drone, MissionContext], Sequence[TickListener]] | None,
     tree_listeners: Callable[[MissionTree, MissionContext], Sequence[TickListener]] | None,
+    told: Callable[[Check], None] | None,
+    controls: Callable[[MissionRunner], AbstractContextManager[None]] | None,
 ) -> FlightReport:
     context = MissionContext(
         board=Blackboard(drone.clock, MISSION_KEYS),
@@ -241,8 +312,11 @@ def _fly_connected(
         seed=options.seed,
         inference_threads=options.inference_threads,
         segmenter=_exact_segmenter(drone) if options.exact_masks else None,
+        ground=() if options.site is None else options.site.ground,
     )
     mission.setup(context)
+    if getattr(drone, "live", False) and not options.rehearse:
+        _check_before_take_off(drone, options.site or Site(), told)
     log = FlightLog()
     followers = [
         log,
@@ -255,8 +329,8 @@ def _fly_connected(
         mission,
         context,
         Judge(options.judge),
-        limits=options.limits,
-        config=options.runner,
+        limits=_limits(options),
+        config=_paced(options.runner, drone),
         listeners=followers,
     )
 
@@ -277,14 +351,28 @@ def _fly_connected(
         return result
 
     try:
-        with _landing_on_interrupt(runner):
+        with _landing_on_interrupt(runner), controls(runner) if controls else nullcontext():
             verdict = runner.run()
     except Exception as error:
-        told = isinstance(error, UavBtError)
-        reason = str(error) if told else f"{type(error).__name__}: {error}"
+        ours = isinstance(error, UavBtError)
+        reason = str(error) if ours else f"{type(error).__name__}: {error}"
         finish(Verdict(outcome=Outcome.ERROR, reason=reason))
         raise
     return finish(verdict)
+
+
+def _check_before_take_off(drone: Drone, site: Site, told: Callable[[Check], None] | None) -> None:
+    checks = check_drone(drone, site.preflight)
+    for check_ in checks:
+        if told is not None:
+            told(check_)
+    refuse_faults(checks)
+
+
+def _paced(config: RunnerConfig, drone: Drone) -> RunnerConfig:
+    """Return the config at the pace of a drone that ticks with its frames."""
+    tick_s: float | None = getattr(drone, "tick_s", None)
+    return config if tick_s is None else replace(config, tick_s=tick_s)
 
 
 def _scene_name(drone: Drone) -> str | None:

@@ -54,6 +54,17 @@ class CalibratedDrone:
         """The inner drone's scene, where it is a simulated one."""
         return getattr(self._drone, "scene", None)
 
+    @property
+    def live(self) -> bool:
+        """Whether the inner drone is a real one."""
+        return bool(getattr(self._drone, "live", False))
+
+    @property
+    def tick_s(self) -> float | None:
+        """The inner drone's shortest tick, where it has one."""
+        tick_s: float | None = getattr(self._drone, "tick_s", None)
+        return tick_s
+
     def connect(self) -> None:
         """Connect the drone and read the camera file.
 

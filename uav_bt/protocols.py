@@ -51,7 +51,11 @@ class Clock(Protocol):
 
 @runtime_checkable
 class Drone(Protocol):
-    """Anything that flies. Nothing external happens before `connect`."""
+    """Anything that flies. Nothing external happens before `connect`.
+
+    A drone may have two attributes more: `live`, true for one that is checked before it takes off,
+    and `tick_s`, the length of a tick where its own pace should count, in seconds.
+    """
 
     @property
     def clock(self) -> Clock:
@@ -99,6 +103,15 @@ class DroneOptions:
     profile: str = "lab"  # how imperfect a simulated drone is
     image_size_px: tuple[int, int] = (640, 360)  # width, height
     realtime: bool = False  # a simulated drone paces itself by the wall clock
+    http_port: int | None = None  # of a real drone's web interface; its own when None
+    rtsp_port: int | None = None  # of a real drone's video; its own when None
+    # What a real drone is told to keep by itself, beneath whatever the mission's limits let through.
+    speed_limit_mps: float = 1.0  # horizontal
+    climb_limit_mps: float = 0.6
+    yaw_rate_limit_radps: float = 1.6
+    altitude_limit_m: float = 3.0  # above the take-off point
+    take_off_surface_m: float = 0.0  # what a real drone takes off from is so high above the carpet
+    video_latency_s: float = 0.15  # least time from a real camera's exposure to the frame's arrival
 
 
 class DroneFactory(Protocol):

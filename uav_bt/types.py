@@ -184,6 +184,7 @@ class DroneState:
     height_above_carpet_m: float = 0.0
     gimbal_pitch_rad: float = 0.0
     battery: float = 1.0  # 0 to 1
+    link: float = 1.0  # quality of the radio link as the drone rates it, 0 to 1
     movement: MovementStatus | None = None
     pilot_has_control: bool = False  # a person took over
 

@@ -38,7 +38,19 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     metavar="NAME[:ADDRESS]",
     default="twin",
     show_default=True,
-    help="The drone that flies.",
+    help="The drone that flies: twin, anafi[:HOST[:PORT]], sphinx[:HOST[:PORT]], or another "
+    "that is installed.",
+)
+@click.option(
+    "--site",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="A site file: heights, camera, classes and limits of the place.",
+)
+@click.option(
+    "--rehearse",
+    is_flag=True,
+    help="Motors off: perception and tree see the live video, and show what would be sent.",
 )
 @profile_option()
 @policy_option()
@@ -91,6 +103,8 @@ def fly(
     profile: str,
     policies: dict[str, str],
     camera: Path | None,
+    site: Path | None,
+    rehearse: bool,
     report: Path | None,
     record: Path | None,
     quality: Literal["lossless", "high"],
@@ -107,7 +121,9 @@ def fly(
     """Fly a mission.
 
     TREE is a tree file, or the name of a mission that ships with uav-bt. Ctrl-C lands the drone and
-    the report is still written. Exits with 0 when the mission succeeded, 1 when it did not, and 2
+    the report is still written. At a terminal m takes over (the drone hovers, the mission waits)
+    and hands back, l lands, and X cuts the motors in flight. A real drone is checked before it
+    takes off. Exits with 0 when the mission succeeded, 1 when it did not, and 2
     when nothing was flown because something given was refused.
     """
     written = {
@@ -124,9 +140,11 @@ def fly(
     from rich.console import Console  # noqa: PLC0415 - `--help` need not wait for all of these
 
     from uav_bt import app, watching  # noqa: PLC0415
+    from uav_bt.cli.keys import pilot_keys  # noqa: PLC0415
     from uav_bt.footage import flight_footage  # noqa: PLC0415
     from uav_bt.live import GrootConfig, watched_live  # noqa: PLC0415
     from uav_bt.mission.judge import Outcome  # noqa: PLC0415
+    from uav_bt.site_file import load_site  # noqa: PLC0415
     from uav_bt.view.status import summary  # noqa: PLC0415
     from uav_bt.viewing.live import live_view  # noqa: PLC0415
 
@@ -138,6 +156,8 @@ def fly(
         policies=policies,
         image_size_px=image_size,
         camera=camera,
+        site=None if site is None else load_site(site),
+        rehearse=rehearse,
         realtime=realtime,
         inference_threads=threads,
         record=record,
@@ -172,6 +192,8 @@ def fly(
             report=report,
             listeners=watching.all_of(*watchers),
             tree_listeners=watching.all_of_trees(*tree_watchers),
+            told=click.echo,
+            controls=pilot_keys,
         )
         if film is not None:
             film.conclude(flown)

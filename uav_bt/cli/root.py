@@ -17,6 +17,7 @@ __all__ = ["Commands", "uav_bt"]
 # Name, and where it stands. Nothing is imported for the commands that are not run.
 _COMMANDS: Final = {
     "fly": "uav_bt.cli.fly:fly",
+    "doctor": "uav_bt.cli.doctor:doctor",
     "serve-anafi": "uav_bt.cli.serve_anafi:serve_anafi",
     "new": "uav_bt.cli.new:new",
     "check": "uav_bt.cli.check:check",

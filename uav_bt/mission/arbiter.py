@@ -1,55 +1,19 @@
 """One command per tick: leaves propose, the arbiter yields.
 
-Overrides come first, in the order of `Override`; then the leaves' proposals; nothing proposed means
-hover. Limits clamp what is left.
+Overrides come first, in the order of the safety table; then the leaves' proposals; nothing proposed
+means hover. Limits clamp what is left.
 """
 
 from __future__ import annotations
 
-import enum
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from uav_bt.errors import ProposalConflictError, ValueRangeError
-from uav_bt.types import (
-    Command,
-    DroneState,
-    FlyingState,
-    GimbalTo,
-    Hover,
-    Land,
-    MoveBy,
-    Movement,
-    Release,
-    Velocity,
-)
+from uav_bt.errors import ProposalConflictError
+from uav_bt.mission.safety import Circumstances, Limits, Override, rule_in_force
+from uav_bt.types import Command, DroneState, GimbalTo, Hover, MoveBy, Movement, Velocity
 
 __all__ = ["Arbiter", "Limits", "Override", "Proposals"]
-
-
-class Override(enum.Enum):
-    """Why the leaves were not asked, strongest first."""
-
-    MANUAL = "manual take-over"
-    ABORT = "abort"
-    BATTERY = "critical battery"
-    STALE_FRAME = "stale frame"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """What no leaf may exceed."""
-
-    speed_mps: float = 1.0  # horizontal; a lab is 5 m long
-    climb_mps: float = 0.6
-    yaw_rate_radps: float = 1.6
-    ceiling_m: float = 2.4  # above the carpet
-    critical_battery: float = 0.1  # land below this
-    stale_frame_s: float = 1.0  # hover when the newest frame is older
-
-    def __post_init__(self) -> None:
-        if min(self.speed_mps, self.climb_mps, self.yaw_rate_radps, self.ceiling_m) <= 0:
-            raise ValueRangeError(f"speed, climb, yaw-rate and ceiling must be positive: {self}")
 
 
 class Proposals:
@@ -118,7 +82,15 @@ class Arbiter:
         self.override: Override | None = None  # the one in force since the last decision
 
     def decide(
-        self, proposals: Proposals, state: DroneState, *, frame_age_s: float, abort: bool = False
+        self,
+        proposals: Proposals,
+        state: DroneState,
+        *,
+        frame_age_s: float,
+        state_age_s: float = 0.0,
+        abort: bool = False,
+        manual: bool = False,
+        cut: bool = False,
     ) -> Command:
         """Return this tick's command.
 
@@ -126,33 +98,26 @@ class Arbiter:
             proposals: what the leaves asked for in this tick.
             state: the newest drone state.
             frame_age_s: age of the newest frame, inf before the first.
+            state_age_s: since the drone was last heard.
             abort: an operator or a fault wants the drone on the ground.
+            manual: a person at this machine took over.
+            cut: a person wants the motors off.
         """
-        self.override = self._find_override(state, frame_age_s=frame_age_s, abort=abort)
-        if self.override is None:
+        now = Circumstances(
+            state=state,
+            frame_age_s=frame_age_s,
+            state_age_s=state_age_s,
+            manual=manual,
+            abort=abort,
+            cut=cut,
+        )
+        rule = rule_in_force(now, self._limits)
+        self.override = None if rule is None else rule.override
+        if rule is None:
             movement = proposals.movement or Hover()
             return Command(movement=self._clamp(movement, state), gimbal=proposals.gimbal)
-        match self.override:
-            case Override.MANUAL:
-                return Command(movement=Release())
-            case Override.ABORT | Override.BATTERY:
-                return Command(movement=Land())
-            case Override.STALE_FRAME:
-                return Command(movement=Hover(), gimbal=proposals.gimbal)
-
-    def _find_override(
-        self, state: DroneState, *, frame_age_s: float, abort: bool
-    ) -> Override | None:
-        if state.pilot_has_control:
-            return Override.MANUAL
-        if abort:
-            return Override.ABORT
-        airborne = state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
-        if airborne and state.battery < self._limits.critical_battery:
-            return Override.BATTERY
-        if airborne and frame_age_s > self._limits.stale_frame_s:
-            return Override.STALE_FRAME
-        return None
+        gimbal = proposals.gimbal if rule.gimbal_too else None
+        return Command(movement=rule.movement, gimbal=gimbal)
 
     def _clamp(self, movement: Movement, state: DroneState) -> Movement:
         limits = self._limits

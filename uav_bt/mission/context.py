@@ -26,6 +26,8 @@ class MissionContext:
     inference_threads: int = 1  # one in a campaign, so that results do not depend on the load
     # Replaces the network of every Segment leaf; evaluations fly on exact masks with it.
     segmenter: Segmenter | None = None
+    # Names of the classes that count as ground besides the carpet, for every Segment leaf.
+    ground: tuple[str, ...] = ()
     # Time each perception stage takes, seconds by stage name, of this mission.
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
     # `--policy NODE=NAME`: replaces the policy that the tree file names for a node.

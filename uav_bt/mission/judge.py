@@ -90,7 +90,7 @@ class Judge:
         if violation is not None:
             return violation
         if abort_reason is not None:
-            if landed:
+            if landed or state.flying is FlyingState.EMERGENCY:  # motors cut: it will not land
                 return Verdict(outcome=Outcome.ABORTED, reason=abort_reason)
             return None
         if tree_status in (Status.SUCCESS, Status.FAILURE):

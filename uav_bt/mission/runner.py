@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, PHASE, STATE
-from uav_bt.errors import ValueRangeError
+from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.arbiter import Arbiter, Limits, Override
 from uav_bt.mission.context import MissionContext
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf
-from uav_bt.types import Command, FlyingState, Observation, TakeOff, Truth
+from uav_bt.types import Command, DroneState, FlyingState, Observation, TakeOff, Truth
 
 __all__ = ["MissionRunner", "RunnerConfig", "TickListener", "TickRecord"]
 
@@ -95,13 +95,17 @@ class MissionRunner:
         self._tree = tree
         self._context = context
         self._judge = judge
-        self._arbiter = Arbiter(limits or Limits())
+        self._limits = limits or Limits()
+        self._arbiter = Arbiter(self._limits)
         self._config = config or RunnerConfig()
         self._listeners = tuple(listeners)
         self._timer = timer
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
+        self._manual = False
+        self._cut = False
+        self._override_since: tuple[Override | None, float] = (None, 0.0)
 
     @property
     def slow_leaves_s(self) -> dict[str, float]:
@@ -115,6 +119,24 @@ class MissionRunner:
         """
         if self._abort_reason is None:
             self._abort_reason = reason
+
+    def set_manual(self, *, manual: bool) -> None:
+        """Let a person take over, or hand back; safe to call from another thread.
+
+        From the next tick on nothing is sent and the tree rests; handed back, it goes on where it
+        was. A pilot at the drone's own remote control does the same by taking it.
+        """
+        self._manual = manual
+
+    @property
+    def manual(self) -> bool:
+        """Whether a person at this machine took over."""
+        return self._manual
+
+    def cut_motors(self, reason: str) -> None:
+        """Stop the motors with the next tick, wherever the drone is; there is no way back."""
+        self._cut = True
+        self.request_abort(reason)
 
     def run(self) -> Verdict:
         """Fly until the mission has ended and return how.
@@ -144,7 +166,8 @@ class MissionRunner:
         self._context.proposals.clear()
 
         began_s = self._timer()
-        status = self._tick_tree()
+        rests = self._rests(observation.state)
+        status = Status.RUNNING if rests else self._tick_tree()
         compute_s = self._timer() - began_s
         if self._abort_reason is not None:
             self._tree.halt()
@@ -182,21 +205,47 @@ class MissionRunner:
         if self._arbiter.override is Override.BATTERY:
             # The arbiter's word holds for one tick; a landing must not be taken back on the way.
             self.request_abort(f"critical battery: {100 * observation.state.battery:.0f} %")
+        self._escalate(start_s)
         if verdict is None:
             clock.sleep_until(start_s + self._config.tick_s)
         return verdict
+
+    def _rests(self, state: DroneState) -> bool:
+        """Return whether the mission waits because a person flies."""
+        return self._abort_reason is None and (self._manual or state.pilot_has_control)
 
     def _tick_tree(self) -> Status:
         return self._tree.tick() if self._abort_reason is None else Status.INVALID
 
     def _decide(self, observation: Observation, now_s: float) -> Command:
-        frame = observation.frame
+        frame, state = observation.frame, observation.state
         return self._arbiter.decide(
             self._context.proposals,
-            observation.state,
+            state,
             frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
+            state_age_s=now_s - state.captured_s,
             abort=self._abort_reason is not None,
+            manual=self._manual,
+            cut=self._cut,
         )
+
+    def _escalate(self, now_s: float) -> None:
+        """See to what does not pass: blind for long is a landing, unheard for long is the end.
+
+        Raises:
+            DroneError: the drone has not been heard for too long.
+        """
+        override = self._arbiter.override
+        if override is not self._override_since[0]:
+            self._override_since = (override, now_s)
+        lasting_s = now_s - self._override_since[1]
+        if override is Override.STALE_FRAME and lasting_s > self._limits.blind_s:
+            self.request_abort(f"no new frame for {lasting_s:.0f} s")
+        if override is Override.LINK and lasting_s > self._limits.link_lost_s:
+            raise DroneError(
+                f"nothing heard from the drone for {lasting_s:.0f} s: it hovers, lands or returns "
+                "by its own rules; take it over with its remote control"
+            )
 
     def _write_board(self, observation: Observation, now_s: float) -> None:
         board = self._context.board
@@ -225,6 +274,13 @@ class MissionRunner:
             if state.flying is FlyingState.LANDED:
                 return
             self._drone.send(
-                self._arbiter.decide(self._context.proposals, state, frame_age_s=0.0, abort=True)
+                self._arbiter.decide(
+                    self._context.proposals,
+                    state,
+                    frame_age_s=0.0,
+                    abort=True,
+                    manual=self._manual,
+                    cut=self._cut,
+                )
             )
             clock.sleep_until(now_s + self._config.tick_s)

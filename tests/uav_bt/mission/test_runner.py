@@ -571,6 +571,91 @@ def test_an_abort_does_not_take_the_drone_from_a_pilot() -> None:
     assert flight.sent == ["TakeOff", "Velocity", "Release", "Land"]
 
 
+def test_a_person_at_this_machine_takes_over_and_hands_back() -> None:
+    """The mission rests meanwhile: its leaf has as many ticks left as before."""
+    flight = Flight('<Sequence><Up/><Drift ticks="15"/><Down/></Sequence>')
+    take = At(8, lambda: flight.runner.set_manual(manual=True))
+    back = At(28, lambda: flight.runner.set_manual(manual=False))
+    flight.runner = with_listeners(flight, take, back)
+    assert flight.runner.run().outcome is Outcome.SUCCESS
+    taken = [record for record in flight.records if record.override is Override.MANUAL]
+    assert len(taken) == 20
+    assert flight.sent == ["TakeOff", "Velocity", "Release", "Velocity", "Land", "Hover"]
+    steered = [c for c in flight.drone.commands if isinstance(c.movement, Velocity)]
+    assert len(steered) == 15
+
+
+def test_cut_motors_come_before_everything() -> None:
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>")
+    manual = At(8, lambda: flight.runner.set_manual(manual=True))
+    cut = At(12, lambda: flight.runner.cut_motors("a person cut the motors"))
+    flight.runner = with_listeners(flight, manual, cut)
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.ABORTED
+    assert verdict.reason == "a person cut the motors"
+    assert flight.sent[:4] == ["TakeOff", "Velocity", "Release", "CutMotors"]
+
+
+def with_listeners(flight: Flight, *listeners: TickListener) -> MissionRunner:
+    return MissionRunner(
+        flight.drone,
+        flight.tree,
+        flight.context,
+        Judge(None),
+        config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
+        listeners=(flight.records, *listeners),
+    )
+
+
+class Blind(ScriptedDrone):
+    """The video stops after a second."""
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        frame = seen.frame
+        if frame is not None and frame.captured_s > 1.0:
+            frame = replace(frame, captured_s=1.0)
+        return replace(seen, frame=frame)
+
+
+def test_blind_for_long_is_a_landing() -> None:
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=Blind())
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.ABORTED
+    assert verdict.reason == "no new frame for 15 s"
+    assert flight.sent == ["TakeOff", "Velocity", "Hover", "Land"]
+    assert flight.landed
+
+
+class Unheard(ScriptedDrone):
+    """Nothing comes from the drone any more, for a while or for ever."""
+
+    def __init__(self, until_s: float) -> None:
+        super().__init__()
+        self.until_s = until_s
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        if 1.0 < self.clock.now() < self.until_s:
+            return replace(seen, state=replace(seen.state, captured_s=1.0))
+        return seen
+
+
+def test_a_link_that_comes_back_lets_the_mission_go_on() -> None:
+    flight = Flight(
+        '<Sequence><Up/><Drift ticks="40"/><Down/></Sequence>', drone=Unheard(until_s=5.0)
+    )
+    assert flight.runner.run().outcome is Outcome.SUCCESS
+    assert Override.LINK in {record.override for record in flight.records}
+
+
+def test_a_link_lost_for_long_is_the_end() -> None:
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=Unheard(until_s=math.inf))
+    with pytest.raises(DroneError, match="nothing heard from the drone for 10 s: it hovers"):
+        flight.runner.run()
+    assert flight.sent == ["TakeOff", "Velocity", "Hover", "Land"]
+
+
 # --- the record -----------------------------------------------------------------------------------
 
 

@@ -1,0 +1,124 @@
+"""Parrot's SDK. This module alone imports it, and alone knows how its versions differ.
+
+Differences met between parrot-olympe 7.7.5 and 8.5.0:
+
+- the web interface's port is `media_port`, then `http_port`; the discovery port cannot be chosen,
+  then can;
+- the callback for decoded frames is given by `set_callbacks` before `play`, then to `play` itself
+  (where `set_callbacks` gives no frame and no error);
+- `subscribe` names the expectation as an option, then demands it;
+- `connect` takes 6 s at most, then never less than 45 s.
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import sys
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from sim_bridge.olympe.config import DISCOVERY_PORT, OlympeConfig
+from uav_bt.errors import InputError, MissingDependencyError
+
+__all__ = ["Sdk", "load_sdk"]
+
+_NEW_API: Final = 8
+_LOUD: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
+_TOLD_AS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sdk:
+    """The SDK as this project uses it."""
+
+    version: tuple[int, ...]
+    classes: Any  # has Drone and SkyController3
+    message: Callable[[str], Any]  # a command's or an event's class by its full name
+
+    def drone(self, config: OlympeConfig) -> Any:
+        """Return a fresh SDK object for a drone: the same one twice fails to connect now and then.
+
+        Raises:
+            InputError: this version cannot be told the ports that were asked for.
+        """
+        kind = self.classes.SkyController3 if config.through_skycontroller else self.classes.Drone
+        if self.version >= (_NEW_API,):
+            return kind(
+                config.host, http_port=config.http_port, discovery_port=config.discovery_port
+            )
+        if config.discovery_port != DISCOVERY_PORT:
+            told = ".".join(map(str, self.version))
+            raise InputError(
+                f"parrot-olympe {told} always discovers on port {DISCOVERY_PORT}, asked for "
+                f"{config.discovery_port}: give the drone an address of its own (127.0.0.2, ...) "
+                "or install parrot-olympe 8"
+            )
+        return kind(config.host, media_port=config.http_port, media_autoconnect=False)
+
+    def play(self, streaming: Any, config: OlympeConfig, on_frame: Callable[[Any], None]) -> bool:
+        """Start the video; frames then come on a thread of the SDK.
+
+        Args:
+            streaming: the connected drone's.
+            config: says the port.
+            on_frame: is given the SDK's frame, which lives as long as the call.
+        """
+        port = None if config.through_skycontroller else config.rtsp_port
+        if self.version >= (_NEW_API,):
+            return bool(streaming.play(port=port, timeout=config.video_limit_s, raw_cb=on_frame))
+        streaming.set_callbacks(raw_cb=on_frame)
+        return bool(streaming.play(port=port, timeout=config.video_limit_s))
+
+
+def load_sdk() -> Sdk:
+    """Import the SDK and make its log ours.
+
+    Raises:
+        MissingDependencyError: it is not installed, or does not run with this Python.
+    """
+    disabled = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)  # it logs while it is imported, before anybody can stop it
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of packages it draws in, at every start
+            olympe = importlib.import_module("olympe")
+        version = tuple(int(part) for part in str(olympe.__version__).split(".")[:3])
+    except Exception as error:
+        python = f"{sys.version_info.major}.{sys.version_info.minor}"
+        cure = (
+            "it runs with Python 3.10 to 3.12 on Linux x86-64"
+            if sys.version_info >= (3, 13) or sys.platform != "linux"
+            else "install it with `pip install 'uav-bt[olympe]'`"
+        )
+        raise MissingDependencyError(
+            f"Parrot's SDK cannot be imported with Python {python} "
+            f"({type(error).__name__}: {error}); {cure}"
+        ) from error
+    finally:
+        logging.disable(disabled)
+    _tame()
+    return Sdk(version=version, classes=olympe, message=_message)
+
+
+def _message(name: str) -> Any:
+    module, _, message = name.rpartition(".")
+    return getattr(importlib.import_module(f"olympe.messages.{module}"), message)
+
+
+class _Ours(logging.Handler):
+    """Hands the SDK's records to a logger of ours, quieter: it cries wolf."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        logging.getLogger(f"{__name__}.{record.name}").log(
+            _TOLD_AS.get(record.levelno, logging.DEBUG), "%s", record.getMessage()
+        )
+
+
+def _tame() -> None:
+    for name in _LOUD:
+        logger = logging.getLogger(name)
+        logger.handlers = [_Ours()]
+        logger.propagate = False

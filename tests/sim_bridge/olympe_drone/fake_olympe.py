@@ -1,0 +1,223 @@
+"""A scripted SDK: what a drone would answer, without a drone and without Olympe."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
+from typing import Any, Self
+
+import numpy as np
+
+from sim_bridge.olympe.config import OlympeConfig, olympe_config
+from sim_bridge.olympe.drone import OlympeDrone
+from sim_bridge.olympe.pace import FrameClock
+from sim_bridge.olympe.sdk import Sdk
+from uav_bt.protocols import DroneOptions
+
+LEVEL = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
+
+
+class Kind(enum.Enum):
+    CMD = 0
+    EVT = 1
+
+
+class Time:
+    """A wall clock and a condition of which waiting takes no time but the clock's."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.on_wait: Callable[[], None] | None = None  # what wakes who waits
+
+    def __call__(self) -> float:
+        return self.now_s
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def notify_all(self) -> None:
+        return
+
+    def wait(self, timeout: float) -> None:
+        if self.on_wait is not None:
+            self.on_wait()
+        else:
+            self.now_s += max(timeout, 1e-6)  # as a real wait, never nothing at all
+
+
+class Answer:
+    def __init__(self, *, good: bool) -> None:
+        self._good = good
+
+    def wait(self, _timeout: float) -> Answer:
+        return self
+
+    def success(self) -> bool:
+        return self._good
+
+
+class FakeFrame:
+    """The SDK's frame: empty before `ref`, gone after `unref`."""
+
+    def __init__(
+        self, planes: np.ndarray, meta: Mapping[str, Any] | None = None, **info: Any
+    ) -> None:
+        self.references = 0
+        self._planes = planes
+        self._meta = dict(meta or {})
+        self._info = {
+            "raw": {
+                "frame": {
+                    "format": info.get("format", "YUV420/ABCD/LINEAR/8/PLANAR/HIGH/BE/8"),
+                    "info": {
+                        "full_range": info.get("full_range", False),
+                        "matrix_coefs": info.get("matrix_coefs", "BT709"),
+                    },
+                }
+            },
+            "ntp_raw_timestamp": info.get("ntp_raw_timestamp", 0),
+        }
+
+    def ref(self) -> None:
+        self.references += 1
+
+    def unref(self) -> None:
+        self.references -= 1
+
+    def info(self) -> Mapping[str, Any]:
+        return self._info
+
+    def as_ndarray(self) -> np.ndarray | None:
+        return self._planes if self.references else None
+
+    def vmeta(self) -> tuple[int, Mapping[str, Any]]:
+        return 6, self._meta
+
+
+class FakeStreaming:
+    def __init__(self, drone: FakeSdkDrone) -> None:
+        self._drone = drone
+        self.given: dict[str, Any] = {}
+        self.callbacks: dict[str, Any] = {}
+
+    def set_callbacks(self, **callbacks: Any) -> None:
+        self.callbacks = callbacks
+
+    def play(self, **given: Any) -> bool:
+        self.given = given
+        return self._drone.world.video
+
+    def stop(self) -> bool:
+        self._drone.closed.append("stop video")
+        return True
+
+    @property
+    def raw_cb(self) -> Callable[[Any], None]:
+        callback: Callable[[Any], None] = self.given.get("raw_cb") or self.callbacks["raw_cb"]
+        return callback
+
+
+class FakeSdkDrone:
+    """An object of the SDK's `Drone`: notes what it is told."""
+
+    def __init__(self, world: FakeWorld, host: str, **given: Any) -> None:
+        self.world, self.host, self.given = world, host, given
+        self.connected = False
+        self.told: list[tuple[str, dict[str, Any]]] = []
+        self.streaming = FakeStreaming(self)
+        self.closed: list[str] = []
+        self._listeners: list[Callable[[Any, Any], None]] = []
+        world.made.append(self)
+
+    def subscribe(self, callback: Callable[[Any, Any], None], expectation: None) -> None:
+        assert expectation is None
+        self._listeners.append(callback)
+
+    def connect(self) -> bool:
+        self.world.on_connect(self)
+        self.connected = self.world.answers
+        return self.connected
+
+    def disconnect(self) -> bool:
+        self.closed.append("disconnect")
+        return True
+
+    def destroy(self) -> None:
+        self.closed.append("destroy")
+
+    def __call__(self, message: tuple[str, dict[str, Any]]) -> Answer:
+        self.told.append(message)
+        self.event(message[0], kind=Kind.CMD, **message[1])
+        return Answer(good=message[0] not in self.world.refused)
+
+    def piloting(self, roll: int, pitch: int, yaw: int, gaz: int, piloting_time: float) -> bool:
+        self.told.append(("piloting", {"sticks": (roll, pitch, yaw, gaz), "for_s": piloting_time}))
+        return self.world.steers
+
+    def stop_piloting(self) -> bool:
+        self.told.append(("stop_piloting", {}))
+        return True
+
+    def event(self, name: str, kind: Kind = Kind.EVT, **args: Any) -> None:
+        message = SimpleNamespace(fullName=name, message_type=kind)
+        for listener in self._listeners:
+            listener(SimpleNamespace(message=message, args=args), None)
+
+    def names(self) -> list[str]:
+        return [name.rpartition(".")[2] for name, _ in self.told]
+
+
+class FakeWorld:
+    """What the SDK meets: a drone that answers or not, gives video or not."""
+
+    def __init__(self, version: tuple[int, ...] = (8, 5, 0)) -> None:
+        self.answers = True
+        self.video = True
+        self.steers = True
+        self.refused: set[str] = set()
+        self.made: list[FakeSdkDrone] = []
+        self.on_connect: Callable[[FakeSdkDrone], None] = lambda _: None
+        self.sdk = Sdk(
+            version=version,
+            classes=SimpleNamespace(
+                Drone=lambda host, **given: FakeSdkDrone(self, host, **given),
+                SkyController3=lambda host, **given: FakeSdkDrone(self, host, sky=True, **given),
+            ),
+            message=lambda name: lambda **args: (name, args),
+        )
+
+    @property
+    def drone(self) -> FakeSdkDrone:
+        return self.made[-1]
+
+
+class InTurn:
+    """A courier that runs each job at once."""
+
+    def __init__(self) -> None:
+        self.closed = False
+
+    def give(self, job: Callable[[], object]) -> None:
+        job()
+
+    def close(self, limit_s: float) -> None:
+        self.closed = limit_s > 0.0
+
+
+def config(**changes: Any) -> OlympeConfig:
+    return olympe_config("anafi", DroneOptions(address="127.0.0.1", **changes))
+
+
+def bridge(world: FakeWorld, time: Time | None = None, **changes: Any) -> OlympeDrone:
+    time = time or Time()
+    return OlympeDrone(
+        config(**changes),
+        sdk=lambda: world.sdk,
+        probe_first=lambda _: None,
+        clock=FrameClock(monotonic=time, condition=time),  # type: ignore[arg-type]
+        courier=InTurn,
+    )

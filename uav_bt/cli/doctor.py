@@ -1,0 +1,74 @@
+"""`uav-bt doctor`: what is installed, and what can be reached when asked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from uav_bt.errors import UavBtError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from uav_bt.preflight import Check
+
+__all__ = ["doctor"]
+
+
+@click.command()
+@click.option(
+    "--drone",
+    metavar="NAME[:ADDRESS]",
+    help="Connect to this drone, too, and check it as before a take-off. Without this option "
+    "nothing is sent anywhere.",
+)
+@click.pass_context
+def doctor(ctx: click.Context, *, drone: str | None) -> None:
+    """Tell what is installed and what works.
+
+    Exits with 1 when something that uav-bt needs is wrong; extras are a choice.
+    """
+    from uav_bt.doctor import examine  # noqa: PLC0415 - `--help` need not wait for it
+
+    bad = 0
+    for check in examine(_draws):
+        click.echo(str(check))
+        bad += not check.good
+    if drone is not None:
+        for check in _drone_checks(drone):
+            click.echo(str(check))
+            bad += not check.good
+    if bad:
+        ctx.exit(UavBtError.exit_code)
+
+
+def _draws() -> str:
+    """Draw a small picture of the lab.
+
+    Raises:
+        UavBtError: it cannot be drawn here.
+    """
+    from sim_bridge.twin import create_drone  # noqa: PLC0415
+    from uav_bt.protocols import DroneOptions  # noqa: PLC0415
+
+    twin = create_drone(DroneOptions(image_size_px=(160, 90)))
+    twin.connect()
+    try:
+        twin.clock.sleep_until(0.5)
+        frame = twin.observe().frame
+    finally:
+        twin.disconnect()
+    return "OpenGL works" if frame is not None else "OpenGL works, but no frame came"
+
+
+def _drone_checks(drone: str) -> Iterator[Check]:
+    from uav_bt import app  # noqa: PLC0415
+    from uav_bt.preflight import check_drone  # noqa: PLC0415
+
+    flown = app.make_drone(app.FlightOptions(drone=drone))
+    flown.connect()
+    try:
+        yield from check_drone(flown)
+    finally:
+        flown.disconnect()

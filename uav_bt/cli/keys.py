@@ -1,0 +1,64 @@
+"""Keys for whoever watches a flight at a terminal: take over, hand back, land, cut the motors."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from uav_bt.mission.runner import MissionRunner
+
+__all__ = ["KEYS_HELP", "obey", "pilot_keys"]
+
+KEYS_HELP: Final = "Keys: m takes over and hands back, l lands, X (shift) cuts the motors."
+
+
+def obey(key: str, runner: MissionRunner) -> None:
+    """Do what a key stands for; others do nothing."""
+    if key == "m":
+        runner.set_manual(manual=not runner.manual)
+    elif key == "l":
+        runner.set_manual(manual=False)
+        runner.request_abort("a person pressed l")
+    elif key == "X":
+        runner.cut_motors("a person cut the motors")
+
+
+@contextmanager
+def pilot_keys(runner: MissionRunner) -> Iterator[None]:
+    """Obey keys while a mission flies; where there is no terminal there are none."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    stop_read, stop_write = os.pipe()
+    reader = threading.Thread(
+        target=_read, args=(terminal, stop_read, runner), name="keys", daemon=True
+    )
+    try:
+        tty.setcbreak(terminal)  # keys without Enter; Ctrl-C still is a signal
+        reader.start()
+        yield
+    finally:
+        os.write(stop_write, b".")
+        reader.join()
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        os.close(stop_read)
+        os.close(stop_write)
+
+
+def _read(terminal: int, stop: int, runner: MissionRunner) -> None:
+    while stop not in (ready := select.select([terminal, stop], [], [])[0]):
+        if terminal in ready:
+            pressed = os.read(terminal, 1)
+            if not pressed:  # the terminal went away
+                return
+            obey(pressed.decode("latin-1"), runner)

@@ -1,0 +1,127 @@
+"""What comes before the mission, in one fixed order: the table that the arbiter walks.
+
+The strongest rule that holds decides the tick; the leaves are asked only when none does. What lasts
+too long becomes an abort, which is a landing. A test walks the table, rule by rule.
+
+After all this the drone has rules of its own: an ANAFI that hears nothing from a program centres
+its sticks and hovers at once, and lands or returns as its settings say when the link stays lost or
+its battery is empty. No process that dies can take that away.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import CutMotors, DroneState, FlyingState, Hover, Land, Movement, Release
+
+__all__ = ["SAFETY", "Circumstances", "Limits", "Override", "SafetyRule", "rule_in_force"]
+
+_AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
+
+
+class Override(enum.Enum):
+    """Why the leaves were not asked, strongest first."""
+
+    CUT = "motors cut"
+    MANUAL = "manual take-over"
+    ABORT = "abort"
+    BATTERY = "critical battery"
+    LINK = "link lost"
+    STALE_FRAME = "stale frame"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What no leaf may exceed."""
+
+    speed_mps: float = 1.0  # horizontal; a lab is 5 m long
+    climb_mps: float = 0.6
+    yaw_rate_radps: float = 1.6
+    ceiling_m: float = 2.4  # above the carpet
+    critical_battery: float = 0.1  # land below this
+    stale_frame_s: float = 1.0  # hover when the newest frame is older
+    stale_state_s: float = 1.5  # hover when nothing was heard for longer; telemetry comes at 5 Hz
+    blind_s: float = 15.0  # land after so long without a fresh frame
+    link_lost_s: float = 10.0  # give up after so long without a word: the drone has its own rules
+
+    def __post_init__(self) -> None:
+        if min(self.speed_mps, self.climb_mps, self.yaw_rate_radps, self.ceiling_m) <= 0:
+            raise ValueRangeError(f"speed, climb, yaw-rate and ceiling must be positive: {self}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circumstances:
+    """What the rules look at."""
+
+    state: DroneState
+    frame_age_s: float = 0.0  # inf before the first frame
+    state_age_s: float = 0.0  # since the drone was last heard
+    manual: bool = False  # a person at this machine took over
+    abort: bool = False  # Ctrl-C, SIGTERM, a crashed mission, or a rule that lasted too long
+    cut: bool = False  # a person wants the motors off, whatever falls
+
+    @property
+    def airborne(self) -> bool:
+        """Whether it flies and would do what it is told."""
+        return self.state.flying in _AIRBORNE
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyRule:
+    """One line of the table."""
+
+    override: Override
+    holds: Callable[[Circumstances, Limits], bool]
+    movement: Movement
+    gimbal_too: bool = False  # whether the leaves still point the camera
+    why: str  # for people and for the docs
+
+
+SAFETY: Final = (
+    SafetyRule(
+        override=Override.CUT,
+        holds=lambda now, _: now.cut,
+        movement=CutMotors(),
+        why="a person decided that falling is better",
+    ),
+    SafetyRule(
+        override=Override.MANUAL,
+        holds=lambda now, _: now.manual or now.state.pilot_has_control,
+        movement=Release(),
+        why="a pilot flies: nothing is sent and the mission waits, whatever else is wrong",
+    ),
+    SafetyRule(
+        override=Override.ABORT,
+        holds=lambda now, _: now.abort,
+        movement=Land(),
+        why="Ctrl-C, SIGTERM, a mission that crashed or ended in the air",
+    ),
+    SafetyRule(
+        override=Override.BATTERY,
+        holds=lambda now, limits: now.airborne and now.state.battery < limits.critical_battery,
+        movement=Land(),
+        why="the next thing the battery does is to land by itself, wherever that is",
+    ),
+    SafetyRule(
+        override=Override.LINK,
+        holds=lambda now, limits: now.airborne and now.state_age_s > limits.stale_state_s,
+        movement=Hover(),
+        why="what gets through should hold it still until it is heard again",
+    ),
+    SafetyRule(
+        override=Override.STALE_FRAME,
+        holds=lambda now, limits: now.airborne and now.frame_age_s > limits.stale_frame_s,
+        movement=Hover(),
+        gimbal_too=True,
+        why="it flies by sight, and sees nothing new",
+    ),
+)
+
+
+def rule_in_force(now: Circumstances, limits: Limits) -> SafetyRule | None:
+    """Return the strongest rule that holds, None when the leaves have the word."""
+    return next((rule for rule in SAFETY if rule.holds(now, limits)), None)
