@@ -18,7 +18,12 @@ class CorridorClear(Leaf):
     ports = (
         Port("ahead_m", float, default=0.6, doc="room ahead of the body's centre, m"),
         Port("impact_s", float, default=0.8, doc="least time to impact at the present speed, s"),
-        Port("beside_m", float, default=0.4, doc="room to remembered obstacles along that way, m"),
+        # Shorter than the rules' shortest step, narrower than their margins: where a rule finds the
+        # way free this finds it free, too, and the two never take turns for ever.
+        Port(
+            "way_m", float, default=0.3, doc="way that must keep clear of remembered obstacles, m"
+        ),
+        Port("beside_m", float, default=0.4, doc="room to them along that way, m"),
     )
     reads = (CORRIDOR, OBSTACLES)
 
@@ -37,7 +42,7 @@ class CorridorClear(Leaf):
         if corridor.time_to_impact_s < self.port_value("impact_s"):
             return f"impact in {corridor.time_to_impact_s:.1f} s"
         if obstacles is not None and not obstacles.allows(
-            ahead_m, margin_m=self.port_value("beside_m"), assumed=False
+            self.port_value("way_m"), margin_m=self.port_value("beside_m"), assumed=False
         ):
             return f"obstacle {obstacles.nearest_m:.2f} m away"
         return ""

@@ -22,11 +22,14 @@ FLOOR_FOUR = {
     for name in (
         *("app", "calibrated_drone", "campaigning", "cli", "viewing", "watching"),
         *("depth_evaluation", "depth_training", "exporting", "footage", "perceiving", "training"),
-        *("dataset", "recording", "replaying"),
+        *("dataset", "recording", "replaying", "collecting", "student_training"),
     )
 }
 # Networks are made and trained there; what flies them needs no torch.
-TRAINERS = ("perception.segmentation", "perception.depth", "perception.networks.torch_state")
+TRAINERS = (
+    *("perception.segmentation", "perception.depth", "perception.control"),
+    "perception.networks.torch_state",
+)
 
 
 class Import(NamedTuple):

@@ -84,8 +84,9 @@ def unknown_policies(mission: MissionTree, path: Path) -> tuple[Finding, ...]:
         if port is None or leaf.reference(port) is not None or isinstance(leaf, PaletteLeaf):
             continue
         name = str(leaf.port_value(POLICY_PORT))
-        if name not in known:
-            message = str(UnknownNameError("policy", name, known))
+        registered = name.partition(":")[0]  # what follows is the policy's own business
+        if registered not in known:
+            message = str(UnknownNameError("policy", registered, known))
             place = places.get(name, Position(1, 1))
             findings[Finding(str(path), place, message, leaf.path)] = None
     return tuple(sorted(findings))

@@ -164,8 +164,9 @@ def _weights(missions: Iterable[MissionTree]) -> dict[str, str]:
 def _files_meant(value: object) -> list[Path]:
     if not isinstance(value, str) or not value:
         return []
-    if Path(value).is_file():
-        return [Path(value)]
+    for name in (value, value.partition(":")[2]):  # of a policy: NAME:FILE
+        if name and Path(name).is_file():
+            return [Path(name)]
     # A network's name; what flies is the ONNX file, where there is one.
     shipped = [SHIPPED_WEIGHTS / f"{value}{suffix}" for suffix in (".onnx", ".safetensors")]
     return [file for file in shipped if file.is_file()][:1]

@@ -1,0 +1,119 @@
+"""The control student as a leaf policy: it looks at pixels, not at what perception makes of them.
+
+`policy="student"` flies on the network that comes with the package, `policy="student:FILE.onnx"` on
+another one. The tree needs `<RememberViews/>` ahead of its mission.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.control.runtime import SHIPPED_STUDENT, ControlEstimate, OnnxControlStudent
+from perception.control.situation import Standing, situation
+from perception.tracking import OdometryPose
+from uav_bt.errors import MissionError, ValueRangeError
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.types import PastView
+
+__all__ = ["StudentPolicy", "StudentPolicyConfig"]
+
+_KEPT: Final = 48  # pictures at the network's size: those of 4 s at 10 frames a second, and more
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudentPolicyConfig:
+    """How what the network says becomes a movement."""
+
+    advance_at: float = 0.5  # the share of "go on" above which the drone goes on
+    # Less of it after each full turn without a free way, as the rules ask for less then.
+    relief: float = 0.1
+    max_full_turns: int = 3  # of relief
+    shortest_step_m: float = 0.3  # the rules' steps, which it learnt from
+    longest_step_m: float = 1.0
+    turn_rad: float = math.radians(30)  # one correction, as the rules'
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest_step_m <= self.longest_step_m:
+            raise ValueRangeError(f"steps must be positive and in order, got {self}")
+        if not 0.0 <= self.relief * self.max_full_turns < self.advance_at < 1.0:
+            raise ValueRangeError(f"the way must not be free by relief alone, got {self}")
+
+
+class StudentPolicy:
+    """The network as a leaf policy. Pure: it keeps pictures it has shrunk, and nothing else."""
+
+    def __init__(self, weights: str = "", *, config: StudentPolicyConfig | None = None) -> None:
+        """Load the network.
+
+        Args:
+            weights: its ONNX file; the shipped one if not given.
+            config: how what it says becomes a movement.
+
+        Raises:
+            WeightsError: the file cannot be used.
+        """
+        self._config = config or StudentPolicyConfig()
+        self._student = OnnxControlStudent(Path(weights) if weights else SHIPPED_STUDENT)
+        self._pictures: OrderedDict[tuple[int, float], NDArray[np.uint8]] = OrderedDict()
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Return an advance or a turn. A turn under way keeps its direction until it worked.
+
+        Raises:
+            MissionError: nobody remembers views for it.
+            WeightsError: the network answered with something that is not a number.
+        """
+        if view.recent is None:
+            raise MissionError(
+                "policy 'student' needs the pixels of the last second, and none are on the board: "
+                "put <RememberViews/> ahead of the leaves that fly"
+            )
+        views = [view.recent.ago(age_s) for age_s in self._student.config.ages_s]
+        standing = Standing(
+            height_above_carpet_m=view.height_above_carpet_m,
+            gimbal_pitch_rad=view.gimbal_pitch_rad,
+            turning=view.turning,
+            full_turns=view.full_turns,
+        )
+        said = self._student.estimate(
+            [self._picture(past) for past in views],
+            situation(standing, [_pose(past) for past in views]),
+        )
+        return self._decision(said, view)
+
+    def _decision(self, said: ControlEstimate, view: PolicyView) -> Decision:
+        cfg = self._config
+        wanted = cfg.advance_at - cfg.relief * min(view.full_turns, cfg.max_full_turns)
+        free_m = min(max(said.free_m, 0.0), cfg.longest_step_m)
+        ends = said.carpet_ends > 0.5
+        if said.advance > wanted:
+            step_m = min(max(said.step_m, cfg.shortest_step_m), cfg.longest_step_m)
+            return Decision(
+                forward_m=step_m,
+                carpet_ends=ends,
+                reason=f"clear {said.advance:.2f}",
+                free_m=free_m,
+            )
+        yaw_rad = math.copysign(cfg.turn_rad, view.turning or said.clockwise - 0.5)
+        reason = f"{'edge' if ends else 'obstacle'} {said.advance:.2f}"
+        return Decision(yaw_rad=yaw_rad, carpet_ends=ends, reason=reason, free_m=free_m)
+
+    def _picture(self, past: PastView) -> NDArray[np.uint8]:
+        """Return a view's picture at the network's size; each is shrunk once."""
+        key = (past.frame.index, past.frame.captured_s)
+        if key not in self._pictures:
+            self._pictures[key] = self._student.looked_at(past.frame.image)
+            if len(self._pictures) > _KEPT:
+                self._pictures.popitem(last=False)
+        return self._pictures[key]
+
+
+def _pose(past: PastView) -> OdometryPose:
+    return OdometryPose(past.frame.captured_s, past.x_m, past.y_m, past.yaw_rad)

@@ -1,0 +1,1 @@
+"""The control student: one small network from pixels to the next movement."""
