@@ -15,8 +15,8 @@ __all__ = ["RememberViews"]
 class RememberViews(Leaf):
     """Keep the frames of the last seconds and where they were captured; SUCCESS always."""
 
-    # A second back, and the frame's rhythm beside it.
-    ports = (Port("keep_s", float, default=1.2, doc="how long frames are kept, s"),)
+    # As far back as any network of ours looks, twice two seconds, and the frames' rhythm beside it.
+    ports = (Port("keep_s", float, default=4.2, doc="how long frames are kept, s"),)
     reads = (STATE, FRAME)
     writes = (RECENT_VIEWS,)
 

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from uav_bt.errors import UnknownNameError
 from uav_bt.training import Advance, ViewPlan, twin_views
 
-__all__ = ["CALIBRATION_VIEWS", "PRECISIONS", "Precision", "export_depth", "export_segmentation"]
+__all__ = [
+    "CALIBRATION_VIEWS",
+    "PRECISIONS",
+    "Precision",
+    "export_depth",
+    "export_segmentation",
+    "export_student",
+]
 
 Precision = Literal["int8", "fp32"]
 PRECISIONS: Final[tuple[Precision, ...]] = ("int8", "fp32")
@@ -66,6 +73,20 @@ def export_depth(
     from perception.depth.export import export_depth_onnx  # noqa: PLC0415
 
     export_depth_onnx(weights, out, calibration=_calibration(precision, views, advance))
+
+
+def export_student(
+    weights: Path,
+    out: Path,
+    *,
+    precision: Precision = "int8",
+    views: ViewPlan = CALIBRATION_VIEWS,
+    advance: Advance = _silent,
+) -> None:
+    """Write the ONNX file of a control student; as `export_segmentation` does."""
+    from perception.control.export import export_control_onnx  # noqa: PLC0415
+
+    export_control_onnx(weights, out, calibration=_calibration(precision, views, advance))
 
 
 def _calibration(

@@ -35,7 +35,14 @@ from uav_bt.report.flight_report import FlightReport
 from uav_bt.tree import MissionTree
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 
-__all__ = ["SCENE_FILE", "TREE_FOLDER", "FlightRecord", "conclusion", "flight_facts"]
+__all__ = [
+    "SCENE_FILE",
+    "TREE_FOLDER",
+    "FlightRecord",
+    "conclusion",
+    "flight_facts",
+    "scene_text",
+]
 
 TREE_FOLDER: Final = "tree/"  # attachments below are the tree's files, as they lie beside it
 SCENE_FILE: Final = "scene.yaml"
@@ -198,15 +205,20 @@ def _elements(root: Element) -> Iterator[Element]:
         yield from _elements(child)
 
 
-def _scene_file(scene: Scene) -> Attachment:
-    """Return a scene as a scene file."""
+def scene_text(scene: Scene) -> str:
+    """Return a scene as the text of a scene file."""
     values, start = _plain(asdict(scene)), scene.take_off
     spot = "helipad" if start.position_m is None else list(start.position_m)
     values["take_off"] = (
         {"from": "random"} if start.random else {"from": spot, "yaw_deg": start.yaw_deg}
     )
-    text = yaml.safe_dump(values, sort_keys=False)
-    return Attachment(name=SCENE_FILE, media_type="application/yaml", data=text.encode())
+    return yaml.safe_dump(values, sort_keys=False)
+
+
+def _scene_file(scene: Scene) -> Attachment:
+    return Attachment(
+        name=SCENE_FILE, media_type="application/yaml", data=scene_text(scene).encode()
+    )
 
 
 def _weights(tree: MissionTree) -> dict[str, str]:

@@ -30,12 +30,7 @@ class ControlNetConfig:
 
     width_px: int = 160  # a box's base at 3 m is still seen to 5 cm
     height_px: int = 80
-    channels: tuple[int, ...] = (
-        24,
-        48,
-        96,
-        160,
-    )  # the segmentation U-Net's encoder, level by level
+    channels: tuple[int, ...] = (24, 48, 96, 160)  # by level: the segmentation U-Net's encoder
     narrow: int = 24  # channels that each place of the last level hands to the dense layers
     embedding: int = 192  # numbers a view comes down to
     hidden: int = 128  # of the layers that join the views

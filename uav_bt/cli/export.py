@@ -75,6 +75,17 @@ def depth(**options: Any) -> None:
     _export(export_depth, "depth", SHIPPED_DEPTH, **options)
 
 
+@export.command()
+@_network_options("student")
+def student(**options: Any) -> None:
+    """Make the ONNX file of a control student. All its shapes are fixed."""
+    need("train", "onnx")
+    from uav_bt.exporting import export_student  # noqa: PLC0415 - late, for --help
+    from uav_bt.student_training import SHIPPED_STUDENT  # noqa: PLC0415
+
+    _export(export_student, "student", SHIPPED_STUDENT, **options)
+
+
 def _export(
     write: Callable[..., None],
     name: str,

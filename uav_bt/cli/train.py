@@ -12,6 +12,7 @@ import click
 
 from uav_bt.cli.options import output_option, seed_option, views_option
 from uav_bt.cli.progress import need, progress_bars
+from uav_bt.cli.train_student import student
 
 __all__ = ["train"]
 
@@ -21,6 +22,9 @@ _RUNS: Final = Path("runs")  # where results go by default; git does not look th
 @click.group()
 def train() -> None:
     """Train the networks that missions fly on."""
+
+
+train.add_command(student)
 
 
 @train.command()

@@ -1,0 +1,288 @@
+"""Labelled views of flights, kept small: what the control student learns from."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.control.config import ControlNetConfig
+from perception.control.situation import Standing, situation
+from perception.tracking import OdometryPose
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.protocols import Advice, Decision
+
+__all__ = [
+    "LABELS",
+    "Batch",
+    "ControlFlight",
+    "ControlSamples",
+    "FlightBuilder",
+    "SampleConfig",
+    "read_flight",
+    "write_flight",
+]
+
+LABELS: Final = ("forward_m", "yaw_rad", "carpet_ends", "free_m")
+"""What a label's numbers are: the rule's decision."""
+
+# At a network's size noise is gone already; these bytes are a sixth of a PNG's.
+_JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 95]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControlFlight:
+    """One flight: N labelled views in the order of time."""
+
+    size_px: NDArray[np.int64]  # (2,) width and height of the pictures
+    pictures: NDArray[np.uint8]  # (B,) JPEG files, one behind the other
+    ends: NDArray[np.int64]  # (N,) where each ends
+    poses: NDArray[np.float64]  # (N, 4) time, x, y, yaw: `OdometryPose`
+    standing: NDArray[np.float64]  # (N, 4) `Standing`'s fields
+    # (N, 2, 4) `LABELS`: with the turn under way, and as if there were none; free_m NaN if untold.
+    labels: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        """How many views there are."""
+        return len(self.ends)
+
+    def picture(self, place: int) -> NDArray[np.uint8]:
+        """Return a view's picture, (H, W, 3) RGB."""
+        begin = int(self.ends[place - 1]) if place else 0
+        bgr = cv2.imdecode(self.pictures[begin : int(self.ends[place])], cv2.IMREAD_COLOR)
+        if bgr is None:
+            raise ValueRangeError(f"picture {place} of a flight's samples is damaged")
+        return np.asarray(bgr[..., ::-1], dtype=np.uint8)
+
+    def pose(self, place: int) -> OdometryPose:
+        """Return where the body was when a view was captured."""
+        return OdometryPose(*(float(number) for number in self.poses[place]))
+
+
+class FlightBuilder:
+    """Collects a flight's labelled views.
+
+    Args:
+        size_px: width and height that pictures are kept at.
+    """
+
+    def __init__(self, size_px: tuple[int, int]) -> None:
+        self._size_px = size_px
+        self._pictures: list[NDArray[np.uint8]] = []
+        self._poses: list[tuple[float, ...]] = []
+        self._standing: list[tuple[float, ...]] = []
+        self._labels: list[list[tuple[float, ...]]] = []
+
+    def add(self, picture: NDArray[np.uint8], advice: Advice) -> None:
+        """Add a view.
+
+        Args:
+            picture: (H, W, 3) RGB, of the builder's size.
+            advice: what the rule says of it.
+        """
+        width, height = self._size_px
+        if picture.shape != (height, width, 3):
+            raise ShapeError("picture", expected=f"{height}x{width}x3", actual=picture.shape)
+        _, data = cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), _JPEG)
+        self._pictures.append(np.asarray(data, dtype=np.uint8).reshape(-1))
+        self._poses.append((advice.captured_s, advice.x_m, advice.y_m, advice.yaw_rad))
+        self._standing.append(
+            (
+                advice.height_above_carpet_m,
+                advice.gimbal_pitch_rad,
+                float(advice.turning),
+                float(advice.full_turns),
+            )
+        )
+        self._labels.append([_label(advice.decision), _label(advice.fresh)])
+
+    def __len__(self) -> int:
+        """How many views there are."""
+        return len(self._pictures)
+
+    def flight(self) -> ControlFlight:
+        """Return the flight.
+
+        Raises:
+            ValueRangeError: there is no view.
+        """
+        if not self._pictures:
+            raise ValueRangeError("a flight without a labelled view is none to learn from")
+        return ControlFlight(
+            size_px=np.array(self._size_px),
+            pictures=np.concatenate(self._pictures),
+            ends=np.cumsum([len(data) for data in self._pictures]),
+            poses=np.array(self._poses),
+            standing=np.array(self._standing),
+            labels=np.array(self._labels, dtype=np.float32),
+        )
+
+
+def _label(decision: Decision) -> tuple[float, ...]:
+    free_m = np.nan if decision.free_m is None else decision.free_m
+    return decision.forward_m, decision.yaw_rad, float(decision.carpet_ends), free_m
+
+
+def write_flight(path: Path, flight: ControlFlight) -> None:
+    """Write a flight's views; the file is replaced in one step."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"{path.name}.part")
+    with partial.open("wb") as file:
+        np.savez(file, **{item.name: getattr(flight, item.name) for item in fields(ControlFlight)})
+    partial.replace(path)
+
+
+def read_flight(path: Path) -> ControlFlight:
+    """Read a flight's views.
+
+    Raises:
+        FileError: the file is absent or damaged.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            return ControlFlight(
+                **{item.name: content[item.name] for item in fields(ControlFlight)}
+            )
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise FileError(path, f"is no file of labelled views ({error}); delete it") from error
+
+
+# --- windows --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleConfig:
+    """Which views are learnt from, and how often."""
+
+    # Views of the mission's middle: in flight, looking ahead.
+    heights_m: tuple[float, float] = (1.0, 2.2)
+    pitches_rad: tuple[float, float] = (-0.75, -0.25)
+    # Views with less free way than this are near an obstacle, and are drawn so much more often: the
+    # paper has them twice.
+    near_m: float = 0.7
+    near_weight: float = 2.0
+    # Share of views with a turn under way that are shown as if there were none, with what the rule
+    # would say then: few views show the beginning of a turn, where its side is chosen.
+    fresh: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (self.near_weight > 0.0 and 0.0 <= self.fresh <= 1.0):
+            raise ValueRangeError(
+                f"near_weight must be positive and fresh a share, got {self.near_weight} and "
+                f"{self.fresh}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Batch:
+    """Windows to learn from."""
+
+    frames: NDArray[np.uint8]  # (N, V, H, W, 3) RGB, the present view first
+    situation: NDArray[np.float32]  # (N, S)
+    labels: NDArray[np.float32]  # (N, 4) `LABELS`
+    turning: NDArray[np.float32]  # (N,) the turn under way
+
+
+class ControlSamples:
+    """All windows of some flights.
+
+    Args:
+        flights: their views, all of the network's size.
+        net: the network, for its size and the ages of its views.
+        config: which views are taken, and how often.
+
+    Raises:
+        ShapeError: pictures are of another size.
+        ValueRangeError: no view can be learnt from.
+    """
+
+    def __init__(
+        self,
+        flights: Sequence[ControlFlight],
+        net: ControlNetConfig,
+        config: SampleConfig | None = None,
+    ) -> None:
+        self.config = config or SampleConfig()
+        self._net = net
+        self._flights = tuple(flights)
+        wanted = (net.width_px, net.height_px)
+        for flight in self._flights:
+            if tuple(flight.size_px) != wanted:
+                raise ShapeError(
+                    "a flight's pictures",
+                    expected="x".join(map(str, wanted)),
+                    actual=flight.size_px,
+                )
+        taken = [self._taken(flight) for flight in self._flights]
+        counts = np.array([len(places) for places in taken], dtype=np.int64)
+        self._flight = np.repeat(np.arange(len(taken)), counts)
+        if not len(self._flight):
+            raise ValueRangeError(
+                f"{len(self._flights)} flights hold no view to learn from: none was captured "
+                f"{self.config.heights_m} m high with the camera at {self.config.pitches_rad} rad"
+            )
+        self._place = np.concatenate(taken)
+        near = np.array([self._is_near(at) for at in range(len(self))])
+        weights = np.where(near, self.config.near_weight, 1.0)
+        self._upto = np.cumsum(weights) / weights.sum()
+        self.near_share = float(near.mean())
+
+    def __len__(self) -> int:
+        """How many views can be learnt from."""
+        return len(self._flight)
+
+    def draw(self, rng: np.random.Generator, count: int) -> Batch:
+        """Return windows at random, those near obstacles more often."""
+        chosen = np.searchsorted(self._upto, rng.random(count), side="right")
+        fresh = rng.random(count) < self.config.fresh
+        return self._batch(np.minimum(chosen, len(self) - 1), fresh)
+
+    def window(self, places: Sequence[int]) -> Batch:
+        """Return windows by number, as they were flown."""
+        return self._batch(np.asarray(places), np.zeros(len(places), dtype=bool))
+
+    def _batch(self, chosen: NDArray[np.int64], fresh: NDArray[np.bool_]) -> Batch:
+        frames, told, labels, turning = [], [], [], []
+        for at, unturned in zip(chosen, fresh, strict=True):
+            flight, place = self._flights[self._flight[at]], int(self._place[at])
+            height_m, pitch_rad, turn, full_turns = flight.standing[place]
+            standing = Standing(
+                height_above_carpet_m=height_m,
+                gimbal_pitch_rad=pitch_rad,
+                turning=0 if unturned else int(turn),
+                full_turns=0 if unturned else int(full_turns),
+            )
+            views = self._views(flight, place)
+            frames.append(np.stack([flight.picture(view) for view in views]))
+            told.append(situation(standing, [flight.pose(view) for view in views]))
+            labels.append(flight.labels[place, int(unturned)])
+            turning.append(standing.turning)
+        return Batch(
+            frames=np.stack(frames),
+            situation=np.stack(told),
+            labels=np.stack(labels),
+            turning=np.array(turning, dtype=np.float32),
+        )
+
+    def _views(self, flight: ControlFlight, place: int) -> list[int]:
+        """Return the places of a window's views: as `RecentViews.ago` finds them in flight."""
+        times_s = flight.poses[: place + 1, 0]
+        return [
+            int(np.abs(times_s - (times_s[place] - age_s)).argmin()) for age_s in self._net.ages_s
+        ]
+
+    def _taken(self, flight: ControlFlight) -> NDArray[np.int64]:
+        (low_m, high_m), (down_rad, up_rad) = self.config.heights_m, self.config.pitches_rad
+        height_m, pitch_rad = flight.standing[:, 0], flight.standing[:, 1]
+        good = (height_m >= low_m) & (height_m <= high_m)
+        return np.flatnonzero(good & (pitch_rad >= down_rad) & (pitch_rad <= up_rad))
+
+    def _is_near(self, at: int) -> bool:
+        free_m = self._flights[self._flight[at]].labels[self._place[at], 1, 3]
+        return bool(free_m < self.config.near_m)

@@ -1,0 +1,97 @@
+"""How well a control student agrees with the rule, window by window. It imports without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.control.config import ControlNetConfig
+from perception.control.runtime import meaning
+from perception.control.samples import Batch, ControlSamples
+
+__all__ = ["ControlScore", "score_control"]
+
+_AT_ONCE: Final = 32  # windows
+
+Predict = Callable[[Batch], NDArray[np.float32]]
+"""Windows to the network's outputs, (N, 5)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlScore:
+    """Agreement with the rule; shares are of the windows that they can be told of."""
+
+    windows: int
+    missed: float  # share of ways the rule finds blocked that the student would take
+    stopped: float  # share of ways the rule finds free that it would not take
+    wrong_side: float  # share of turns to begin that go the other way
+    step_error_m: float  # mean absolute, where both advance
+    step_excess_m: float  # mean of what is too long, where both advance
+    wrong_end: float  # share of views where it errs on whether the carpet ends
+    free_error_m: float  # mean absolute, of the way free of obstacles
+    movement_mse: float  # the paper's: of forward metres and yaw radians
+
+
+def score_control(
+    predict: Predict, samples: ControlSamples, config: ControlNetConfig, *, most: int = 2000
+) -> ControlScore:
+    """Score a network on windows, evenly spread over all, as they were flown.
+
+    Args:
+        predict: the network.
+        samples: the windows.
+        config: the network's shape.
+        most: windows that are looked at.
+    """
+    rows = [row for batch in _batches(samples, most) for row in _rows(predict, batch, config)]
+    said = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    free, goes = said["forward_m"] > 0.0, said["advance"] > 0.5
+    begins, both = ~free & (said["turning"] == 0.0), free & goes
+    excess = said["step_m"] - said["forward_m"]
+    yaw_rad = np.where(goes, 0.0, np.where(said["clockwise"] > 0.5, 1.0, -1.0) * np.pi / 6.0)
+    step_m = np.where(goes, said["step_m"], 0.0)
+    squared = (step_m - said["forward_m"]) ** 2 + (yaw_rad - said["yaw_rad"]) ** 2
+    return ControlScore(
+        windows=len(rows),
+        missed=_mean(goes, ~free),
+        stopped=_mean(~goes, free),
+        wrong_side=_mean((said["clockwise"] > 0.5) != (said["yaw_rad"] > 0.0), begins),
+        step_error_m=_mean(np.abs(excess), both),
+        step_excess_m=_mean(np.maximum(excess, 0.0), both),
+        wrong_end=_mean((said["carpet_ends"] > 0.5) != (said["ends"] > 0.5)),
+        free_error_m=_mean(
+            np.abs(said["said_free_m"] - said["free_m"]), np.isfinite(said["free_m"])
+        ),
+        movement_mse=_mean(squared) / 2.0,
+    )
+
+
+def _batches(samples: ControlSamples, most: int) -> Iterator[Batch]:
+    chosen = np.unique(np.linspace(0, len(samples) - 1, min(most, len(samples))).astype(int))
+    for first in range(0, len(chosen), _AT_ONCE):
+        yield samples.window([int(at) for at in chosen[first : first + _AT_ONCE]])
+
+
+def _rows(predict: Predict, batch: Batch, config: ControlNetConfig) -> Iterator[dict[str, float]]:
+    outputs = predict(batch)
+    for numbers, label, turning in zip(outputs, batch.labels, batch.turning, strict=True):
+        said = meaning(numbers, config)
+        yield {
+            "advance": said.advance,
+            "clockwise": said.clockwise,
+            "step_m": said.step_m,
+            "carpet_ends": said.carpet_ends,
+            "said_free_m": said.free_m,
+            **dict(zip(("forward_m", "yaw_rad", "ends", "free_m"), map(float, label), strict=True)),
+            "turning": float(turning),
+        }
+
+
+def _mean(values: NDArray[Any], counts: NDArray[np.bool_] | None = None) -> float:
+    """Return the mean of those that count, NaN without any."""
+    chosen = values if counts is None else values[counts]
+    return float(np.mean(chosen)) if len(chosen) else float("nan")

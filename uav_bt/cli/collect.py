@@ -1,0 +1,121 @@
+"""`uav-bt collect`: flights for the control student to learn from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import click
+
+from uav_bt.cli.options import image_size_option, policy_option, seed_option
+from uav_bt.cli.progress import need
+from uav_bt.errors import MissionError
+
+__all__ = ["collect"]
+
+_FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
+
+
+@click.command()
+@click.argument("tree", metavar="TREE")
+@click.option(
+    "--flights",
+    type=click.IntRange(min=1),
+    default=96,
+    show_default=True,
+    help="At least so many in all, shared out evenly over scenes and profiles.",
+)
+@click.option(
+    "--scene",
+    "scenes",
+    metavar="NAME|FILE",
+    multiple=True,
+    help="Scenes to begin with. Repeatable. Default: all training scenes",
+)
+@click.option(
+    "--profile",
+    "profiles",
+    type=click.Choice(["ideal", "lab", "harsh"]),
+    multiple=True,
+    help="How imperfect the twin is. Repeatable. Default: lab and harsh",
+)
+@click.option(
+    "--layouts/--no-layouts",
+    default=True,
+    show_default=True,
+    help="Move the boxes of every second scene that is drawn, too; light is drawn for all.",
+)
+@click.option(
+    "--student",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Let this control student (ONNX) fly in place of the tree's policies.",
+)
+@seed_option()
+@image_size_option()
+@policy_option()
+@click.option("--workers", type=click.IntRange(min=1), help="Flights at a time. Default: all cores")
+@click.option(
+    "--out",
+    metavar="DIR",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Where flights and records are kept. Default: runs/collected-TREE",
+)
+@click.pass_context
+def collect(
+    ctx: click.Context,
+    *,
+    tree: str,
+    flights: int,
+    scenes: tuple[str, ...],
+    profiles: tuple[str, ...],
+    layouts: bool,
+    student: Path | None,
+    seed: int,
+    image_size: tuple[int, int],
+    policies: dict[str, str],
+    workers: int | None,
+    out: Path | None,
+) -> None:
+    """Fly a mission many times and keep records with the rule's word on every view.
+
+    TREE has an <Advise/> leaf: explore_and_land_advised, where the rule flies, or
+    explore_and_land_student_advised, where the student does and the rule says what it should have
+    done. `uav-bt train student DIR...` learns from the records. A collection that was stopped goes
+    on with the same command.
+    """
+    need("campaign", "joblib")
+    need("record", "mcap", "foxglove")
+    from uav_bt import collecting  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.campaign.runner import LocalBackend  # noqa: PLC0415
+    from uav_bt.cli.campaign_progress import campaign_progress  # noqa: PLC0415
+
+    if student is not None:
+        # Absolute: workers stand elsewhere.
+        policies = {**dict.fromkeys(_FLYING, f"student:{student.resolve()}"), **policies}
+    default = collecting.CollectionPlan(tree=tree)
+    plan = collecting.CollectionPlan(
+        tree=tree,
+        flights=flights,
+        scenes=scenes or default.scenes,
+        profiles=profiles or default.profiles,
+        layouts=layouts,
+        seed=seed,
+        policies=policies,
+        image_size_px=image_size,
+    )
+    folder = out or Path("runs") / f"collected-{Path(tree).stem}"
+    with campaign_progress(len(plan)) as progress:
+        try:
+            records = collecting.collect(
+                plan,
+                folder,
+                backend=LocalBackend(workers),
+                on_flight=progress.add,
+                on_note=progress.note,
+            )
+        except KeyboardInterrupt:
+            progress.note(f"stopped; the same command goes on from what is kept in {folder}")
+            ctx.exit(MissionError.exit_code)
+    size_mb = sum(record.stat().st_size for record in records) / 1e6
+    click.echo(f"{len(records)} records, {size_mb:.0f} MB: {folder}")

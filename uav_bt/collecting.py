@@ -1,0 +1,145 @@
+"""Flights to learn from: the rule flies, or the student does, and every view has the rule's word.
+
+plan = CollectionPlan(tree="explore_and_land_advised", flights=96)
+collect(plan, Path("runs/collected"))
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.variation import varied_scene
+from uav_bt import app, campaigning
+from uav_bt.campaign.runner import Backend
+from uav_bt.campaigning.campaign import Progress
+from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.recording import scene_text
+from uav_bt.training import TRAINING_SCENES
+
+__all__ = ["CollectionPlan", "collect"]
+
+_ADVISER: Final = "Advise"  # the leaf that writes the rule's word
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollectionPlan:
+    """Which flights are collected: shared out evenly over scenes and profiles."""
+
+    tree: str | Path
+    flights: int = 96  # at least, in all
+    scenes: tuple[str, ...] = TRAINING_SCENES
+    profiles: tuple[str, ...] = ("lab", "harsh")
+    # The first flight in each scene is in the scene as it is, all others under light of their own,
+    # and every second of those with its boxes elsewhere: four layouts would be learnt by heart.
+    layouts: bool = True
+    seed: int = 0  # of lights, layouts and flights
+    policies: Mapping[str, str] = field(default_factory=dict)  # by node
+    image_size_px: tuple[int, int] = (640, 360)  # width, height
+    timeout_s: float = 1800.0  # of one flight, wall time
+
+    def __post_init__(self) -> None:
+        if self.flights < 1 or not self.scenes or not self.profiles:
+            raise ValueRangeError(
+                "a collection needs flights, scenes and profiles, got "
+                f"{self.flights}, {self.scenes}, {self.profiles}"
+            )
+
+    @property
+    def each(self) -> int:
+        """How many flights there are in each scene under each profile."""
+        return -(-self.flights // (len(self.scenes) * len(self.profiles)))
+
+    def __len__(self) -> int:
+        return self.each * len(self.scenes) * len(self.profiles)
+
+
+def _silent(_flight: Mapping[str, Any], _now: bool) -> None:  # noqa: FBT001 - as `Progress` has it
+    """Tell nobody."""
+
+
+def collect(
+    plan: CollectionPlan,
+    folder: Path,
+    *,
+    backend: Backend | None = None,
+    on_flight: Progress = _silent,
+    on_note: Callable[[str], None] = lambda _: None,
+) -> list[Path]:
+    """Fly what a plan asks for and what its folder does not hold yet.
+
+    Args:
+        plan: which flights.
+        folder: a campaign for each profile goes there, and the scenes that were drawn.
+        backend: where flights are flown; the cores of this machine by default.
+        on_flight: told of every flight.
+        on_note: told what a person should know of the folder.
+
+    Returns:
+        The records.
+
+    Raises:
+        InputError: tree, scene or policy cannot be used, or nobody advises in the tree.
+    """
+    _check_adviser(plan.tree)
+    scenes = _scenes(plan, folder / "scenes")
+    records: list[Path] = []
+    for profile in plan.profiles:
+        flown = campaigning.make_plan(
+            [plan.tree],
+            scenes=scenes[profile],
+            flights=1,
+            policies=plan.policies,
+            seed_from=plan.seed,
+            profile=profile,
+            image_size_px=plan.image_size_px,
+            record=True,
+            record_quality="small",
+            timeout_s=plan.timeout_s,
+        )
+        home = folder / profile
+        result = campaigning.campaign(
+            flown, home, backend=backend, on_flight=on_flight, on_note=on_note
+        )
+        # A flight that crashed its process may have left no record, or half a one.
+        whole = [one for one in result.flights if one["outcome"] != "error"]
+        records += [home / one["record"] for one in whole if one.get("record")]
+    return [record for record in records if record.is_file()]
+
+
+def _check_adviser(tree: str | Path) -> None:
+    mission = app.check(tree)
+    if not any(leaf.node_id == _ADVISER for leaf in mission.leaves()):
+        raise InputError(
+            f"nobody says in '{tree}' what the rule would do, so its flights teach nothing: put "
+            f'<RememberViews/> and <{_ADVISER} policy="corridor"/> behind <BuildCorridor/>, as '
+            "explore_and_land_advised has it"
+        )
+
+
+def _scenes(plan: CollectionPlan, folder: Path) -> dict[str, list[str]]:
+    """Return the scenes of each profile; those that are drawn are written down."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found: dict[str, list[str]] = {profile: [] for profile in plan.profiles}
+    for name in plan.scenes:
+        scene = load_scene(name)
+        for profile in plan.profiles:
+            for number in range(plan.each):
+                if number == 0:
+                    found[profile].append(name)
+                    continue
+                called = f"{scene.name}-{profile}-{plan.seed}-{number}"
+                # By name, so that a scene does not depend on which others are drawn.
+                rng = np.random.default_rng(zlib.crc32(called.encode()))
+                layout = plan.layouts and number % 2 == 0
+                drawn = varied_scene(scene, rng, name=called, layout=layout)
+                path = folder / f"{called}.yaml"
+                path.write_text(scene_text(drawn), encoding="utf-8")
+                found[profile].append(str(path))
+    return found

@@ -1,0 +1,303 @@
+"""Training of the control student: records of advised flights in, weights out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.control.config import ControlNetConfig
+from perception.control.samples import (
+    ControlFlight,
+    ControlSamples,
+    FlightBuilder,
+    read_flight,
+    write_flight,
+)
+from perception.control.scoring import ControlScore, score_control
+from perception.networks.onnx_runtime import shrunk
+from perception.weights_io import SHIPPED_WEIGHTS
+from uav_bt.dataset.index_file import fingerprint
+from uav_bt.errors import FileError, InputError, WeightsError
+from uav_bt.protocols import Advice
+from uav_bt.record import channels
+from uav_bt.record.notes import FrameNote
+from uav_bt.record.pictures import decode_image, image_bytes
+from uav_bt.record.reader import RecordReader
+from uav_bt.record.values import decode
+from uav_bt.training import Advance
+from uav_bt.types import CameraModel
+
+__all__ = [
+    "SHIPPED_STUDENT",
+    "StudentDiary",
+    "first_weights",
+    "read_advised_flights",
+    "records_of",
+    "train_student",
+]
+
+SHIPPED_STUDENT: Final = SHIPPED_WEIGHTS / "student.safetensors"
+
+# The rule's reason when it saw nothing: that says something of the depth, and nothing of the view.
+_BLIND: Final = "no depth"
+
+
+def _silent(_stage: str, _done: int, _total: int) -> None:
+    """Tell nobody."""
+
+
+# --- records --------------------------------------------------------------------------------------
+
+
+def records_of(paths: Sequence[Path]) -> list[Path]:
+    """Return the records that paths stand for: files, and all below folders, each once.
+
+    Raises:
+        FileError: a path is neither, or a folder has none.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        records = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
+        if not records:
+            raise FileError(path, "there is no flight record in this folder")
+        found |= dict.fromkeys(records)
+    return list(found)
+
+
+def read_advised_flights(
+    records: Sequence[Path],
+    net: ControlNetConfig,
+    folder: Path,
+    *,
+    advance: Advance = _silent,
+) -> list[ControlFlight]:
+    """Read records of advised flights; what was read before is kept in a folder.
+
+    Args:
+        records: the files.
+        net: the network, for its size.
+        folder: where the views are kept, small.
+        advance: told after every record.
+
+    Raises:
+        FileError: a record is damaged, unfinished, of another camera, or nobody advised in it.
+    """
+    flights: list[ControlFlight] = []
+    camera: CameraModel | None = None
+    for done, path in enumerate(records, start=1):
+        reader = RecordReader(path)
+        camera = camera or reader.camera
+        if reader.camera != camera:
+            raise FileError(
+                path,
+                f"was flown with another camera than {records[0]} ({reader.camera} against "
+                f"{camera}); train on the flights of one camera",
+            )
+        flights.append(_kept(reader, net, folder))
+        advance("flights", done, len(records))
+    return flights
+
+
+def _kept(reader: RecordReader, net: ControlNetConfig, folder: Path) -> ControlFlight:
+    size_px = (net.width_px, net.height_px)
+    state = hashlib.sha256(fingerprint(reader.path).encode()).hexdigest()[:12]
+    file = folder / f"{reader.path.stem}-{state}-{size_px[0]}x{size_px[1]}.npz"
+    if file.is_file():
+        return read_flight(file)
+    made = _read(reader, size_px)
+    write_flight(file, made)
+    return made
+
+
+def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
+    path = reader.path
+    if not reader.finished:
+        raise FileError(
+            path, "the record was never finished; `uav-bt record repair` makes a whole one of it"
+        )
+    builder, advices, frame = FlightBuilder(size_px), dict[int, Advice](), -1
+    topics = (channels.ADVICE.topic, channels.CAMERA_FRAME.topic, channels.CAMERA_IMAGE.topic)
+    try:
+        for message in reader.messages(topics):
+            if message.topic == channels.ADVICE.topic:
+                advice = decode(Advice, json.loads(message.data))
+                advices = {advice.frame_index: advice}
+            elif message.topic == channels.CAMERA_FRAME.topic:
+                frame = decode(FrameNote, json.loads(message.data)).index
+            elif frame in advices and advices[frame].decision.reason != _BLIND:
+                image = decode_image(image_bytes(message.data))
+                builder.add(shrunk(image, size_px), advices[frame])
+    except (InputError, ValueError) as error:
+        raise FileError(path, f"a message of the record is damaged: {error}") from error
+    if not len(builder):
+        raise FileError(
+            path,
+            "nobody advised in this flight, so there is nothing to learn from it: fly "
+            "explore_and_land_advised, or put <Advise/> into the tree",
+        )
+    return builder.flight()
+
+
+# --- training -------------------------------------------------------------------------------------
+
+
+def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
+    """Return weights to begin with: a control student's, or a segmentation U-Net's encoder.
+
+    Raises:
+        WeightsError: the file holds neither.
+    """
+    from perception.control.export import load_control_tensors  # noqa: PLC0415 - as below
+    from perception.segmentation.export import load_unet_tensors  # noqa: PLC0415
+
+    try:
+        return load_control_tensors(path)[0]
+    except WeightsError as no_student:
+        try:
+            tensors, _ = load_unet_tensors(path)
+        except WeightsError:
+            raise no_student from None
+    return {name: tensor for name, tensor in tensors.items() if name.startswith("down.")}
+
+
+def train_student(
+    flights: Sequence[ControlFlight],
+    weights: Path,
+    *,
+    config: Any = None,
+    net_config: ControlNetConfig | None = None,
+    start: Path | None = None,
+    checkpoint: Path | None = None,
+    held_out: Sequence[ControlFlight] = (),
+    validate_every: int = 500,
+    diary: StudentDiary | None = None,
+    advance: Advance = _silent,
+) -> ControlScore | None:
+    """Train the control student and write its safetensors and, beside them, the ONNX file.
+
+    Args:
+        flights: what to learn from.
+        weights: the safetensors file; the ONNX file has the same name.
+        config: a `perception.control.training.ControlTrainingConfig`; None for its defaults.
+        net_config: the network's shape; None for its defaults.
+        start: weights to begin with; None for random ones.
+        checkpoint: the state of a run to go on from, and to keep.
+        held_out: flights that are not learnt from, to measure on.
+        validate_every: steps.
+        diary: keeps losses, scores and curves.
+        advance: told after every step, with the loss in the stage's name.
+
+    Returns:
+        The score at the end, None without flights to measure on.
+    """
+    # Imported here: torch is large and only training needs it.
+    from perception.control import export, training  # noqa: PLC0415
+    from perception.control.network import parameter_count  # noqa: PLC0415
+
+    settings = training.ControlTrainingConfig() if config is None else config
+    shape = net_config or ControlNetConfig()
+    samples = ControlSamples(flights, shape, settings.samples)
+    others = ControlSamples(held_out, shape, settings.samples) if held_out else None
+    losses: list[float] = []
+
+    def score(net: Any) -> ControlScore | None:
+        if others is None:
+            return None
+        return score_control(lambda batch: training.predict_control(net, batch), others, shape)
+
+    def follow(now: Any, net: Any) -> None:
+        losses.append(now.loss)
+        advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
+        if diary is not None and (now.step % validate_every == 0 or now.step == now.steps):
+            diary.note(now.step, float(np.mean(losses)), score(net))
+            losses.clear()
+
+    net = training.train_control(
+        samples,
+        settings,
+        shape,
+        start=None if start is None else first_weights(start),
+        checkpoint=checkpoint,
+        progress=follow,
+    )
+    final = score(net)
+    notes = {
+        "training": asdict(settings),
+        "start": None if start is None else start.name,
+        "flights": len(flights),
+        "windows": len(samples),
+        "near_share": round(samples.near_share, 4),
+        "parameters": parameter_count(net),
+        "validation": None if final is None else asdict(final),
+    }
+    export.save_control_net(weights, net, notes=notes)
+    export.export_control_onnx(weights, weights.with_suffix(".onnx"))
+    return final
+
+
+# --- curves ---------------------------------------------------------------------------------------
+
+_CURVES: Final = ("loss", "missed", "stopped", "wrong_side", "step_error_m", "free_error_m")
+_PANE_PX: Final = (320, 200)  # width, height
+_BLACK, _BLUE = (40, 40, 40), (180, 90, 20)  # blue green red
+
+
+class StudentDiary:
+    """What a run keeps beside its checkpoint: a line for each validation, and curves.
+
+    Args:
+        folder: `scores.jsonl` and `curves.png` go there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def note(self, step: int, loss: float, score: ControlScore | None) -> None:
+        """Add a line, and draw the curves anew."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        told = {} if score is None else asdict(score)
+        plain = {name: value if np.isfinite(value) else None for name, value in told.items()}
+        with (self._folder / "scores.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"step": step, "loss": loss, **plain}) + "\n")
+        self._draw()
+
+    def lines(self) -> list[dict[str, Any]]:
+        """Return what was noted; of a step that was noted twice, the later line."""
+        file = self._folder / "scores.jsonl"
+        lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+        by_step = {line["step"]: line for line in lines}
+        return [by_step[step] for step in sorted(by_step)]
+
+    def _draw(self) -> None:
+        lines = self.lines()
+        panes = [_pane(name, lines) for name in _CURVES]
+        sheet = np.vstack([np.hstack(panes[:3]), np.hstack(panes[3:])])
+        path = self._folder / "curves.png"
+        done, content = cv2.imencode(".png", sheet)
+        if not done:
+            raise FileError(path, "the picture cannot be written")
+        path.write_bytes(content.tobytes())
+
+
+def _pane(name: str, lines: Sequence[Mapping[str, Any]]) -> NDArray[np.uint8]:
+    """Return a curve over the steps, from nought to its most."""
+    width, height = _PANE_PX
+    pane = np.full((height, width, 3), 255, dtype=np.uint8)
+    points = [(line["step"], line[name]) for line in lines if line.get(name) is not None]
+    label = f"{name}  {points[-1][1]:.3f} at {points[-1][0]}" if points else f"{name}: none"
+    cv2.putText(pane, label, (8, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.42, _BLACK, 1, cv2.LINE_AA)
+    if points:
+        steps, values = np.array(points, dtype=np.float64).T
+        x = 8 + (width - 16) * steps / steps.max()
+        y = height - 8 - (height - 36) * values / max(values.max(), 1e-9)
+        curve = np.rint(np.stack([x, y], axis=1)).astype(np.int32)
+        cv2.polylines(pane, [curve.reshape(-1, 1, 2)], False, _BLUE, 2, cv2.LINE_AA)
+    return pane
