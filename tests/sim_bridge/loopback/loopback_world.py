@@ -111,10 +111,10 @@ class FakeWorld:
             turn = done[3] / step_s
         self._shift(velocity, turn, step_s)
         told = self._state.movement
-        if isinstance(order, MoveBy) and told is not None and not self.stuck:
-            if max(map(abs, self._left)) < 1e-9:
-                self._set(movement=replace(told, state=MovementState.DONE))
-                self._order = Hover()
+        arrived = max(map(abs, self._left)) < 1e-9 and not self.stuck
+        if isinstance(order, MoveBy) and told is not None and arrived:
+            self._set(movement=replace(told, state=MovementState.DONE))
+            self._order = Hover()
         still = not isinstance(self._order, (MoveBy, Velocity))
         self._set(flying=FlyingState.HOVERING if still else FlyingState.FLYING)
 
@@ -152,6 +152,7 @@ class Bench:
         self.anafi.connected(self._hear)
 
     def _hear(self, message: MessageType, payload: bytes) -> None:
+        assert message.event
         self.told.append(decode(payload, message_table()))
 
     def send(self, name: str, /, **values: Any) -> None:

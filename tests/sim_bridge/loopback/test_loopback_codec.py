@@ -19,21 +19,18 @@ TABLE = message_table()
 
 
 def _value(argument: Argument) -> st.SearchStrategy[Any]:
-    if argument.kind is Kind.TEXT:
-        return st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20)
-    if argument.kind is Kind.BINARY:
-        return st.binary(max_size=20)
-    if argument.kind is Kind.CHOICE:
-        return st.sampled_from(argument.values)
-    if argument.kind is Kind.BITS:
-        size = 8 * struct.calcsize(argument.layout)
-        return st.frozensets(st.sampled_from(argument.values[:size]))
-    if argument.kind is Kind.FLOAT:
-        return st.floats(width=32 if argument.layout == "f" else 64, allow_nan=False)
-    size = 8 * struct.calcsize(argument.layout)
-    if argument.layout.isupper():
-        return st.integers(0, 2**size - 1)
-    return st.integers(-(2 ** (size - 1)), 2 ** (size - 1) - 1)
+    size = 8 * struct.calcsize(argument.layout) if argument.layout else 0
+    if argument.kind is Kind.INTEGER:
+        low = 0 if argument.layout.isupper() else -(2 ** (size - 1))
+        return st.integers(low, low + 2**size - 1)
+    by_kind: dict[Kind, st.SearchStrategy[Any]] = {
+        Kind.TEXT: st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20),
+        Kind.BINARY: st.binary(max_size=20),
+        Kind.CHOICE: st.sampled_from(argument.values or ("",)),
+        Kind.BITS: st.frozensets(st.sampled_from(argument.values[:size] or ("",))),
+        Kind.FLOAT: st.floats(width=32 if argument.layout == "f" else 64, allow_nan=False),
+    }
+    return by_kind[argument.kind]
 
 
 @st.composite

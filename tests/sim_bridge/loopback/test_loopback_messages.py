@@ -23,7 +23,7 @@ from uav_bt.errors import UnknownNameError
     ],
 )
 def test_numbers_and_directions_are_those_of_the_sdk(
-    name: str, number: tuple[int, int, int], event: bool, buffer: Buffer
+    name: str, number: tuple[int, int, int], *, event: bool, buffer: Buffer
 ) -> None:
     message = message_table().named(name)
     assert (message.number, message.event, message.buffer) == (number, event, buffer)
@@ -47,5 +47,5 @@ def test_choices_bits_and_memory_are_read() -> None:
 
 
 def test_an_unknown_name_gets_a_suggestion() -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'ardrone3.Piloting.TakeOff'"):
+    with pytest.raises(UnknownNameError, match=r"did you mean 'ardrone3\.Piloting\.TakeOff'"):
         message_table().named("ardrone3.Piloting.Takeoff")

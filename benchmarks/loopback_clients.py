@@ -1,0 +1,121 @@
+"""Flies the loopback ANAFI with unmodified Olympe scripts, one process each.
+
+Run from the repository, with the Python of an environment that has Olympe::
+
+    python benchmarks/loopback_clients.py --python /path/to/venv/bin/python
+
+The scripts are those of ``benchmarks/olympe_clients``, and with ``--examples`` those that Olympe's
+wheel brings. They find the drone at its own ports, so that 80 and 554 must be free and allowed
+(root); elsewhere ``--http-port 8080 --rtsp-port 8554`` serves all but the media list.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+SCRIPTS = Path(__file__).parent / "olympe_clients"
+# Olympe's own, by the folder in which its releases keep them; those of other drones, of their media
+# and with windows are left out.
+EXAMPLES = (
+    *("takeoff", "takeoff_if_necessary_1", "takeoff_if_necessary_2", "moveby", "moveby2"),
+    *("moveby_edit", "maxtilt", "maxtiltget", "maxtilt_get", "maxtilt_set", "enums", "bitfields"),
+    *("subscriber", "physical_drone"),
+)
+TIMEOUT_S = 180.0
+
+
+@contextmanager
+def served(address: str, ports: list[str]) -> Iterator[subprocess.Popen[str]]:
+    """Run a loopback ANAFI."""
+    command = [sys.executable, "-m", "uav_bt.cli", "serve-anafi", "--address", address, *ports]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603 - ours
+        if server.stdout is None or not server.stdout.readline().startswith("'ANAFI"):
+            raise SystemExit("the loopback ANAFI did not start")
+        try:
+            yield server
+        finally:
+            server.send_signal(signal.SIGINT)
+
+
+def examples_of(python: str) -> list[Path]:
+    """Return the chosen examples of the Olympe that a Python has."""
+    code = "import importlib.util as u; print(u.find_spec('olympe').submodule_search_locations[0])"
+    found = subprocess.run(  # noqa: S603 - the Python that was asked for
+        [python, "-c", code], check=True, capture_output=True, text=True
+    )
+    home = Path(found.stdout.strip())
+    folders = [home / "examples", home / "doc" / "examples"]
+    paths = [folder / f"{name}.py" for name in EXAMPLES for folder in folders]
+    return [path for path in paths if path.is_file()]
+
+
+def fly(python: str, script: Path, address: str, ports: list[str], rtsp: int | None) -> bool:
+    """Run one script against a drone of its own; print a line about it."""
+    env = os.environ | {"DRONE_IP": address}
+    if rtsp is not None:
+        env["DRONE_RTSP_PORT"] = str(rtsp)
+    with tempfile.TemporaryDirectory() as folder, served(address, ports) as server:
+        copy = Path(folder) / script.name
+        copy.write_text(script.read_text(encoding="utf-8"), encoding="utf-8")
+        start = time.monotonic()
+        try:
+            run = subprocess.run(  # noqa: S603 - the Python that was asked for
+                [python, str(copy)],
+                check=False,
+                capture_output=True,
+                text=True,
+                env=env,
+                cwd=folder,
+                timeout=TIMEOUT_S,
+            )
+            failed, said, complaint = run.returncode != 0, run.stdout, run.stderr
+        except subprocess.TimeoutExpired:
+            failed, said, complaint = True, "", f"not done after {TIMEOUT_S:.0f} s"
+        took = time.monotonic() - start
+        alive = server.poll() is None
+    own = [line for line in said.splitlines() if line and not line.startswith("20")]
+    note = own[-1] if own and not failed else ""
+    if failed:
+        note = (complaint.strip().splitlines() or ["?"])[-1]
+    verdict = "FAILED" if failed else "ok" if alive else "SERVER DIED"
+    print(f"{script.stem:<26}{verdict:<8}{took:>6.1f} s  {note}", flush=True)
+    return not failed and alive
+
+
+def main() -> None:
+    """Run what was asked for; exit with 1 when something failed."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--python", required=True, help="of an environment with Olympe")
+    parser.add_argument("--script", action="append", help="only this one; repeatable")
+    parser.add_argument("--examples", action="store_true", help="Olympe's own examples, too")
+    parser.add_argument("--address", default="127.0.0.1")
+    parser.add_argument("--http-port", type=int)
+    parser.add_argument("--rtsp-port", type=int)
+    options = parser.parse_args()
+    scripts = sorted(SCRIPTS.glob("*.py"))
+    if options.examples:
+        scripts += examples_of(options.python)
+    if options.script:
+        scripts = [path for path in scripts if path.stem in options.script]
+    ports = []
+    for name in ("http_port", "rtsp_port"):
+        port = getattr(options, name)
+        ports += [] if port is None else [f"--{name.replace('_', '-')}", str(port)]
+    results = [
+        fly(options.python, script, options.address, ports, options.rtsp_port) for script in scripts
+    ]
+    print(f"{sum(results)} of {len(results)} flew")
+    raise SystemExit(0 if all(results) else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""A client of the loopback ANAFI for tests: asyncio, our own codec, no SDK."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import deque
+from typing import Any
+
+from sim_bridge.loopback.codec import Received, decode, encode
+from sim_bridge.loopback.frames import VERSION_1, VERSION_2, FrameType, WireFrame
+from sim_bridge.loopback.messages import Buffer, message_table
+from sim_bridge.loopback.server import Ports
+
+PATIENCE_S = 20.0  # a test that waits longer has failed, however busy the machine
+REPEAT_S = 0.1
+
+
+class Client(asyncio.DatagramProtocol):
+    """Finds the drone, gets a link, sends commands and waits for events."""
+
+    def __init__(self, ports: Ports, *, version: int = 2, name: str = "test") -> None:
+        self._ports = ports
+        self._version = version
+        self._name = name
+        self._framing = VERSION_2 if version == 2 else VERSION_1
+        self._sequences: dict[int, int] = {}
+        self._last: dict[int, int] = {}
+        self._acked: asyncio.Queue[int] = asyncio.Queue()
+        self._news = asyncio.Event()
+        self.events: deque[Received] = deque()
+        self.answer: dict[str, Any] = {}
+
+    async def connect(self) -> bool:
+        loop = asyncio.get_running_loop()
+        host = "127.0.0.1"
+        self._found, self._keep = await asyncio.open_connection(host, self._ports.discovery)
+        self.card = json.loads((await self._found.readuntil(b"\0"))[:-1])
+        self._udp, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=(host, 0))
+        request = {
+            "controller_name": self._name,
+            "controller_type": "test",
+            "d2c_port": self._udp.get_extra_info("sockname")[1],
+            "device_id": self.card["serial"],
+            "proto_v_min": 1,
+            "proto_v_max": self._version,
+        }
+        reader, writer = await asyncio.open_connection(host, self.card["port"])
+        writer.write(json.dumps(request).encode() + b"\0")
+        self.answer = json.loads((await reader.readuntil(b"\0"))[:-1])
+        writer.close()
+        return self.answer["status"] == 0
+
+    def close(self) -> None:
+        self._keep.close()
+        self._udp.close()
+
+    async def send(self, name: str, /, **values: Any) -> None:
+        """Send a command; return once it is acknowledged, where it must be."""
+        message = message_table().named(name)
+        acked = message.buffer is not Buffer.NOACK
+        payload = self._framing.pack([encode(message, values)])
+        kind = FrameType.DATA_WITH_ACK if acked else FrameType.DATA
+        frame = self._frame(kind, 11 if acked else 10, payload)
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                self.put(self._framing.to_bytes(frame))
+                if not acked:
+                    return
+                try:
+                    async with asyncio.timeout(REPEAT_S):
+                        while await self._acked.get() != frame.sequence:
+                            pass
+                        return
+                except TimeoutError:
+                    continue
+
+    def put(self, data: bytes) -> None:
+        """Send a datagram as it is."""
+        self._udp.sendto(data, ("127.0.0.1", self.answer["c2d_port"]))
+
+    async def wait(self, name: str, /, **values: Any) -> Received:
+        """Return the next event of that name with these values, leaving out all before it."""
+        async with asyncio.timeout(PATIENCE_S):
+            while True:
+                while self.events:
+                    event = self.events.popleft()
+                    if event.type.name == name and values.items() <= dict(event.values).items():
+                        return event
+                self._news.clear()
+                await self._news.wait()
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        del addr
+        for frame in self._framing.parse(data):
+            if frame.type is FrameType.ACK:
+                self._acked.put_nowait(int.from_bytes(frame.payload, "little"))
+            elif frame.buffer == 0:
+                self.put(self._framing.to_bytes(self._frame(FrameType.DATA, 1, frame.payload)))
+            elif frame.buffer in (126, 127):
+                self._take(frame)
+
+    def _take(self, frame: WireFrame) -> None:
+        if frame.type is FrameType.DATA_WITH_ACK:
+            seen = self._framing.sequence_bytes(frame.sequence)
+            ack = self._frame(FrameType.ACK, frame.buffer + 128, seen)
+            self.put(self._framing.to_bytes(ack))
+            if self._last.get(frame.buffer) == frame.sequence:
+                return
+            self._last[frame.buffer] = frame.sequence
+        table = message_table()
+        self.events += [decode(one, table) for one in self._framing.unpack(frame.payload)]
+        self._news.set()
+
+    def _frame(self, kind: FrameType, buffer: int, payload: bytes) -> WireFrame:
+        sequence = (self._sequences.get(buffer, -1) + 1) % self._framing.sequences
+        self._sequences[buffer] = sequence
+        return WireFrame(type=kind, buffer=buffer, sequence=sequence, payload=payload)
