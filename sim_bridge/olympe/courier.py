@@ -24,12 +24,13 @@ class Courier:
         """Have a job done soon.
 
         Raises:
-            Exception: whatever an earlier job raised, once.
+            Exception: whatever an earlier job raised, once; this job is done all the same, since
+                it may be the landing.
         """
+        self._jobs.put(job)
         fault, self._fault = self._fault, None
         if fault is not None:
             raise fault
-        self._jobs.put(job)
 
     def close(self, limit_s: float) -> None:
         """Take no more jobs; return when those given are done, or after a time."""

@@ -6,7 +6,6 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -233,13 +232,11 @@ def _picture(frame: Any) -> Picture | None:
         return None
     raw = info["raw"]["frame"]
     details = raw["info"]
-    told = frame_metadata(frame.vmeta()[1])
-    if told.captured_us is None and info.get("ntp_raw_timestamp"):
-        told = replace(told, captured_us=int(info["ntp_raw_timestamp"]))
     return Picture(
         planes=np.array(planes),
         layout="nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p",
         full_range=bool(details.get("full_range", False)),
         bt601=str(details.get("matrix_coefs", "")).startswith("BT601"),
-        metadata=told,
+        metadata=frame_metadata(frame.vmeta()[1]),
+        streamed_us=int(info.get("ntp_raw_timestamp", 0)) or None,
     )

@@ -25,7 +25,7 @@ class FrameMetadata:
     gimbal_pitch_rad: float | None = None
     height_m: float | None = None  # above the surface below
     altitude_m: float | None = None  # above the take-off point
-    captured_us: int | None = None  # of the drone's clock
+    captured_us: int | None = None  # of the camera's clock
 
 
 def frame_metadata(told: Mapping[str, Any]) -> FrameMetadata:

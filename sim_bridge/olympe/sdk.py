@@ -18,6 +18,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, Final
 
 from sim_bridge.olympe.config import DISCOVERY_PORT, OlympeConfig
@@ -84,6 +85,7 @@ def load_sdk() -> Sdk:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of packages it draws in, at every start
+            _do_without_glx()
             olympe = importlib.import_module("olympe")
         version = tuple(int(part) for part in str(olympe.__version__).split(".")[:3])
     except Exception as error:
@@ -101,6 +103,17 @@ def load_sdk() -> Sdk:
         logging.disable(disabled)
     _tame()
     return Sdk(version=version, classes=olympe, message=_message)
+
+
+def _do_without_glx() -> None:
+    """Let the SDK be imported where PyOpenGL already draws without a window, as the twin does.
+
+    PyOpenGL then has no GLX, which the SDK imports for a viewer of its own that is never opened.
+    """
+    try:
+        importlib.import_module("OpenGL.GLX")
+    except AttributeError:
+        sys.modules["OpenGL.GLX"] = ModuleType("OpenGL.GLX")
 
 
 def _message(name: str) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ __all__ = ["CaptureTimes", "NewestFrame", "Picture"]
 
 # Two quartz clocks drift apart by some 20 parts in a million; ten times that is let go.
 _DRIFT: Final = 2e-4
+_RESTARTED_S: Final = 10.0  # no frame is so late: a clock that was set back began anew
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +31,14 @@ class Picture:
     full_range: bool = False
     bt601: bool = False  # how colours were made; otherwise BT.709, which HD video says or means
     metadata: FrameMetadata = field(default_factory=FrameMetadata)
+    streamed_us: int | None = None  # of the stream's clock, which begins anywhere
+
+    @property
+    def stamp(self) -> tuple[str, int] | None:
+        """The best time it carries, in microseconds, and whose clock that is."""
+        if self.metadata.captured_us is not None:
+            return "camera", self.metadata.captured_us
+        return None if self.streamed_us is None else ("stream", self.streamed_us)
 
 
 class CaptureTimes:
@@ -46,19 +54,26 @@ class CaptureTimes:
 
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
-        self._offset_s = math.inf
-        self._last_s = -math.inf
+        self._offsets_s: dict[str, tuple[float, float]] = {}  # by clock, and as of when
 
-    def captured(self, arrived_s: float, stamp_us: int | None) -> float:
-        """Return the capture time of a frame that arrived just now."""
-        if stamp_us is None:
+    def captured(self, arrived_s: float, stamp: tuple[str, int] | None) -> float:
+        """Return the capture time of a frame that arrived just now.
+
+        Args:
+            arrived_s: just now.
+            stamp: whose clock, and its microseconds; clocks of two names have nothing in common.
+        """
+        if stamp is None:
             return arrived_s - self._latency_s
-        offset_s = arrived_s - 1e-6 * stamp_us
-        if math.isfinite(self._last_s):
-            self._offset_s += _DRIFT * (arrived_s - self._last_s)
-        self._last_s = arrived_s
-        self._offset_s = min(self._offset_s, offset_s)
-        return 1e-6 * stamp_us + self._offset_s - self._latency_s
+        clock, stamp_s = stamp[0], 1e-6 * stamp[1]
+        offset_s = arrived_s - stamp_s
+        if clock in self._offsets_s:
+            before_s, last_s = self._offsets_s[clock]
+            drifted_s = before_s + _DRIFT * (arrived_s - last_s)
+            if offset_s - drifted_s < _RESTARTED_S:
+                offset_s = min(offset_s, drifted_s)
+        self._offsets_s[clock] = offset_s, arrived_s
+        return stamp_s + offset_s - self._latency_s
 
 
 class NewestFrame:
@@ -96,7 +111,7 @@ class NewestFrame:
 
     def take(self, picture: Picture) -> None:
         """Take a picture; the one before is forgotten, looked at or not."""
-        captured_s = self._times.captured(self._now(), picture.metadata.captured_us)
+        captured_s = self._times.captured(self._now(), picture.stamp)
         with self._lock:
             self._picture = (self._count, captured_s, picture)
             self._count += 1

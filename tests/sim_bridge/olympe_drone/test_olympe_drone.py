@@ -80,7 +80,7 @@ def test_ports_go_to_the_sdk() -> None:
 def test_the_older_sdk_is_told_in_its_own_words() -> None:
     world = FakeWorld((7, 7, 5))
     bridge(world, http_port=8080).connect()
-    assert world.drone.given == {"media_port": 8080}
+    assert world.drone.given == {"media_port": 8080, "media_autoconnect": False}
     assert "raw_cb" in world.drone.streaming.callbacks
     assert "raw_cb" not in world.drone.streaming.given
 

@@ -6,6 +6,7 @@ import logging
 import math
 import socket
 import sys
+import threading
 from dataclasses import replace
 from types import ModuleType
 
@@ -236,9 +237,22 @@ def test_colours_come_back() -> None:
 
 def test_a_delayed_frame_keeps_its_time() -> None:
     times = CaptureTimes(0.1)
-    assert times.captured(10.0, 1_000_000) == pytest.approx(9.9)
-    assert times.captured(10.3, 1_100_000) == pytest.approx(10.0, abs=1e-3)
-    assert times.captured(10.31, 1_300_000) == pytest.approx(10.2, abs=1e-3)
+    assert times.captured(10.0, ("camera", 1_000_000)) == pytest.approx(9.9)
+    assert times.captured(10.3, ("camera", 1_100_000)) == pytest.approx(10.0, abs=1e-3)
+    assert times.captured(10.31, ("camera", 1_300_000)) == pytest.approx(10.2, abs=1e-3)
+
+
+def test_clocks_are_not_mixed_up() -> None:
+    times = CaptureTimes(0.1)
+    assert times.captured(10.0, ("stream", 5_000_000_000)) == pytest.approx(9.9)
+    assert times.captured(10.1, ("camera", 1_000_000)) == pytest.approx(10.0)
+    assert times.captured(10.2, ("stream", 5_000_200_000)) == pytest.approx(10.1, abs=1e-3)
+
+
+def test_a_clock_that_was_set_back_is_a_new_one() -> None:
+    times = CaptureTimes(0.1)
+    times.captured(10.0, ("camera", 900_000_000))
+    assert times.captured(10.1, ("camera", 5_000)) == pytest.approx(10.0)
 
 
 def test_a_frame_without_a_stamp_is_of_least_latency() -> None:
@@ -326,6 +340,7 @@ def test_the_sdks_log_becomes_ours(
 
 def test_jobs_are_done_in_order_and_an_error_comes_back_with_the_next() -> None:
     done: list[int] = []
+    failed, landed = threading.Event(), threading.Event()
     courier = Courier()
 
     def fail() -> None:
@@ -333,8 +348,11 @@ def test_jobs_are_done_in_order_and_an_error_comes_back_with_the_next() -> None:
 
     courier.give(lambda: done.append(1))
     courier.give(fail)
-    courier.give(lambda: done.append(2))
-    courier.close(10.0)
-    assert done == [1, 2]
+    courier.give(failed.set)
+    assert failed.wait(30.0)
     with pytest.raises(DroneError, match="gone"):
-        courier.give(lambda: done.append(3))
+        courier.give(landed.set)
+    assert landed.wait(30.0)
+    courier.give(lambda: done.append(2))
+    courier.close(30.0)
+    assert done == [1, 2]
