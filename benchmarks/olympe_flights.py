@@ -32,7 +32,6 @@ from uav_bt.site_file import Site
 from uav_bt.types import Command
 
 
-
 class Latencies:
     """From each frame's arrival to its command; wraps the drone's two ends."""
 
