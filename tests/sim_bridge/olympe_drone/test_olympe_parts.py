@@ -13,7 +13,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from fake_olympe import Time, config
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sim_bridge.olympe
@@ -173,6 +173,7 @@ def test_a_frame_that_was_looked_at_wakes_nobody() -> None:
 # --- speeds ---------------------------------------------------------------------------------------
 
 
+@settings(deadline=None)  # the machine may be busy
 @given(
     forward=st.floats(-5, 5),
     right=st.floats(-5, 5),
@@ -273,6 +274,7 @@ def turned(roll: float, pitch: float, yaw: float) -> dict[str, float]:
     }
 
 
+@settings(deadline=None)  # the machine may be busy
 @given(roll=st.floats(-3, 3), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3, 3))
 def test_a_rotation_comes_back_as_angles(roll: float, pitch: float, yaw: float) -> None:
     attitude = frame_metadata({"drone": {"quat": turned(roll, pitch, yaw)}}).attitude
