@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from loopback_patience import PATIENT
 
 from sim_bridge.loopback.codec import WireError, decode, encode
 from sim_bridge.loopback.messages import Argument, Kind, MessageType, message_table
@@ -39,6 +40,7 @@ def any_message(draw: st.DrawFn) -> tuple[MessageType, dict[str, Any]]:
     return message, {argument.name: draw(_value(argument)) for argument in message.arguments}
 
 
+@PATIENT
 @given(any_message())
 def test_what_is_encoded_is_decoded(pair: tuple[MessageType, dict[str, Any]]) -> None:
     message, values = pair
@@ -47,6 +49,7 @@ def test_what_is_encoded_is_decoded(pair: tuple[MessageType, dict[str, Any]]) ->
     assert dict(received.values) == values
 
 
+@PATIENT
 @given(any_message(), st.data())
 def test_a_message_that_is_cut_off_is_refused(
     pair: tuple[MessageType, dict[str, Any]], data: st.DataObject
@@ -56,6 +59,7 @@ def test_a_message_that_is_cut_off_is_refused(
         decode(payload[: data.draw(st.integers(0, len(payload) - 1))], TABLE)
 
 
+@PATIENT
 @given(st.binary(max_size=60))
 def test_garbage_is_a_wire_error_and_nothing_else(payload: bytes) -> None:
     with contextlib.suppress(WireError):

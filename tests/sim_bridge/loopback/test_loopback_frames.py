@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from loopback_patience import PATIENT
 
 from sim_bridge.loopback.frames import (
     MAX_PACK_BYTES,
@@ -25,12 +26,14 @@ FRAMES = st.builds(
 VERSIONS = st.sampled_from([VERSION_1, VERSION_2])
 
 
+@PATIENT
 @given(VERSIONS, st.lists(FRAMES, max_size=5))
 def test_a_datagram_holds_several_frames(framing: Framing, frames: list[WireFrame]) -> None:
     datagram = b"".join(framing.to_bytes(frame) for frame in frames)
     assert list(framing.parse(datagram)) == frames
 
 
+@PATIENT
 @given(VERSIONS, FRAMES, st.binary(max_size=5))
 def test_what_follows_a_frame_and_is_none_is_left_out(
     framing: Framing, frame: WireFrame, rest: bytes
@@ -38,6 +41,7 @@ def test_what_follows_a_frame_and_is_none_is_left_out(
     assert next(framing.parse(framing.to_bytes(frame) + rest)) == frame
 
 
+@PATIENT
 @given(VERSIONS, st.binary(max_size=100))
 def test_garbage_is_survived(framing: Framing, datagram: bytes) -> None:
     parsed = list(framing.parse(datagram))
@@ -45,6 +49,7 @@ def test_garbage_is_survived(framing: Framing, datagram: bytes) -> None:
     assert sum(map(len, framing.unpack(datagram))) <= len(datagram)
 
 
+@PATIENT
 @given(st.lists(st.binary(max_size=50), max_size=6))
 def test_messages_are_packed_and_unpacked(messages: list[bytes]) -> None:
     assert VERSION_2.unpack(VERSION_2.pack(messages)) == messages

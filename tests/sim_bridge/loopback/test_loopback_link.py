@@ -6,6 +6,7 @@ from random import Random
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from loopback_patience import PATIENT
 
 from sim_bridge.loopback.frames import (
     EVENTS,
@@ -57,7 +58,7 @@ class Channel:
         link.send(payload, self._now_s, acked=True)
 
 
-@settings(max_examples=30)
+@settings(PATIENT, max_examples=30)
 @given(st.integers(0, 2**32), st.floats(0.0, 0.3), st.sampled_from([VERSION_1, VERSION_2]))
 def test_all_that_is_acknowledged_arrives_once_and_in_order(
     seed: int, bad: float, framing: Framing

@@ -1,0 +1,9 @@
+"""Settings for property tests on a machine that may be busy."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from hypothesis import HealthCheck, settings
+
+PATIENT: Final = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
