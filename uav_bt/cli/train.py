@@ -81,6 +81,7 @@ def teacher(
 
 
 @train.command()
+@click.argument("flights", nargs=-1, metavar="[FLIGHTS]...", type=click.Path(path_type=Path))
 @output_option("--out", f"The safetensors file; {_RUNS}/unet.safetensors if not given.")
 @click.option(
     "--teacher",
@@ -116,6 +117,7 @@ def teacher(
 )
 def segmentation(
     *,
+    flights: tuple[Path, ...],
     out: Path | None,
     teacher_path: Path | None,
     run: Path,
@@ -128,6 +130,9 @@ def segmentation(
 ) -> None:
     """Train the U-Net on the teacher's masks.
 
+    FLIGHTS are records of `uav-bt fly --record`: their pictures are learnt from, one a second.
+    Without any, pictures are drawn in the twin (--scene, --views, --seed).
+
     Writes a safetensors file and, beside it, the ONNX file made from it. A mission flies on the
     latter when its tree says <Segment model="FILE.onnx"/>.
     """
@@ -138,6 +143,7 @@ def segmentation(
     from perception.segmentation.teacher import load_teacher  # noqa: PLC0415 - late, for --help
     from perception.segmentation.training import TrainingConfig  # noqa: PLC0415
     from uav_bt import training  # noqa: PLC0415
+    from uav_bt.flight_labels import label_flights  # noqa: PLC0415
 
     teacher_path = training.SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
@@ -146,13 +152,13 @@ def segmentation(
     )
     config = TrainingConfig(steps=steps, loss=loss)  # type: ignore[arg-type]  # click checked it
     with progress_bars() as advance:
-        pictures = training.label_pictures(
-            teacher_path,
-            plan,
-            run / f"masks-{_fingerprint(plan, teacher_path)}",
-            workers=workers,
-            advance=advance,
-        )
+        masks = run / f"masks-{_fingerprint(plan, teacher_path)}"
+        if flights:
+            pictures = label_flights(teacher_path, flights, plan, masks, advance=advance)
+        else:
+            pictures = training.label_pictures(
+                teacher_path, plan, masks, workers=workers, advance=advance
+            )
         training.train_segmentation(
             pictures,
             weights,

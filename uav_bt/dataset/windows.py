@@ -119,7 +119,7 @@ class FlightWindows(Sequence[Window]):
 def windows_of(flight: FlightData, config: WindowConfig) -> NDArray[np.int64]:
     """Return the places of each window's frames in a flight, (K, L), in the order of time."""
     captured_s = flight.captured_s
-    ends = _thinned(captured_s, config.every_s)
+    ends = thinned(captured_s, config.every_s)
     back_s = config.stride_s * np.arange(config.length - 1, -1, -1)
     wanted_s = captured_s[ends][:, None] - back_s
     after = np.clip(np.searchsorted(captured_s, wanted_s), 1, max(len(captured_s) - 1, 1))
@@ -133,7 +133,7 @@ def windows_of(flight: FlightData, config: WindowConfig) -> NDArray[np.int64]:
     return np.asarray(places[fits], dtype=np.int64)
 
 
-def _thinned(times_s: NDArray[np.float64], every_s: float) -> NDArray[np.int64]:
+def thinned(times_s: NDArray[np.float64], every_s: float) -> NDArray[np.int64]:
     """Return the places of times that are so far apart, or almost: frames have their own rhythm."""
     kept: list[int] = []
     for place, time_s in enumerate(times_s):
