@@ -98,7 +98,7 @@ def make_policy(name: str) -> LeafPolicy:
     """Return a leaf policy by its registered name.
 
     Args:
-        name: NAME, or NAME:ARGUMENT for one that takes a text: `student:FILE.onnx`.
+        name: NAME, or NAME:ARGUMENT for one that has a `from_text`: `student:FILE.onnx`.
 
     Raises:
         UnknownNameError: nobody registered it.
@@ -106,10 +106,9 @@ def make_policy(name: str) -> LeafPolicy:
     """
     registered, colon, argument = name.partition(":")
     factory = plugins.load(plugins.POLICIES, registered)
-    try:
-        policy = factory(argument) if colon else factory()
-    except TypeError as error:
-        raise InputError(f"policy '{registered}' cannot be made of '{name}': {error}") from error
+    if colon and not hasattr(factory, "from_text"):
+        raise InputError(f"policy '{registered}' takes no argument, got '{name}'")
+    policy = factory.from_text(argument) if colon else factory()
     if not isinstance(policy, LeafPolicy):
         raise InputError(f"policy '{name}' has no `decide`: {policy!r}")
     return policy

@@ -10,7 +10,7 @@ import math
 from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,19 +49,26 @@ class StudentPolicyConfig:
 class StudentPolicy:
     """The network as a leaf policy. Pure: it keeps pictures it has shrunk, and nothing else."""
 
-    def __init__(self, weights: str = "", *, config: StudentPolicyConfig | None = None) -> None:
+    def __init__(
+        self, weights: Path = SHIPPED_STUDENT, *, config: StudentPolicyConfig | None = None
+    ) -> None:
         """Load the network.
 
         Args:
-            weights: its ONNX file; the shipped one if not given.
+            weights: its ONNX file.
             config: how what it says becomes a movement.
 
         Raises:
             WeightsError: the file cannot be used.
         """
         self._config = config or StudentPolicyConfig()
-        self._student = OnnxControlStudent(Path(weights) if weights else SHIPPED_STUDENT)
+        self._student = OnnxControlStudent(weights)
         self._pictures: OrderedDict[tuple[int, float], NDArray[np.uint8]] = OrderedDict()
+
+    @classmethod
+    def from_text(cls, text: str) -> Self:
+        """Return the policy of a network's file; what `policy="student:FILE.onnx"` asks for."""
+        return cls(Path(text))
 
     def decide(self, view: PolicyView) -> Decision:
         """Return an advance or a turn. A turn under way keeps its direction until it worked.

@@ -1,0 +1,163 @@
+"""The control student as a leaf policy: pixels and movements in, a decision out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cast_world
+import numpy as np
+import pytest
+import torch
+
+from behaviours.policies import student
+from behaviours.policies.student import StudentPolicy, StudentPolicyConfig
+from perception.control.config import ControlNetConfig
+from perception.control.export import export_control_onnx, save_control_net
+from perception.control.network import ControlNet
+from perception.control.runtime import OnnxControlStudent
+from uav_bt.app import make_policy
+from uav_bt.errors import InputError, MissionError, ValueRangeError, WeightsError
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.types import Frame, PastView, RecentViews
+
+NET = ControlNetConfig(width_px=32, height_px=16, channels=(4, 8), narrow=4, embedding=8, hidden=8)
+GO = (3.0, 0.0, 0.7, -3.0, 0.9)  # advance, clockwise, step, carpet ends, free
+
+
+@pytest.fixture
+def policy_saying(tmp_path: Path) -> Any:
+    """Return a function that makes a policy whose network says the same of everything."""
+
+    def make(*outputs: float, config: StudentPolicyConfig | None = None) -> StudentPolicy:
+        net = ControlNet(NET).eval()
+        with torch.no_grad():
+            net.say.weight.zero_()
+            net.say.bias.copy_(torch.tensor(outputs))
+        path = tmp_path / "student.safetensors"
+        save_control_net(path, net, notes={})
+        export_control_onnx(path, path.with_suffix(".onnx"))
+        return StudentPolicy(path.with_suffix(".onnx"), config=config)
+
+    return make
+
+
+def recent(count: int = 12) -> RecentViews:
+    """Return views of a drone that flew ahead, ten a second."""
+    rng = np.random.default_rng(0)
+    return RecentViews(
+        views=tuple(
+            PastView(
+                frame=Frame(
+                    image=rng.integers(0, 256, (36, 64, 3), dtype=np.uint8),
+                    index=index,
+                    captured_s=0.1 * index,
+                    gimbal_pitch_rad=-0.5,
+                ),
+                x_m=0.04 * index,
+                y_m=0.0,
+                yaw_rad=0.0,
+            )
+            for index in range(count)
+        )
+    )
+
+
+def seen(**changed: Any) -> PolicyView:
+    return cast_world.view(cast_world.cast(), recent=recent(), **changed)
+
+
+def test_it_goes_on_as_far_as_the_network_says(policy_saying: Any) -> None:
+    decision = policy_saying(*GO).decide(seen())
+    assert decision.forward_m == pytest.approx(0.7)
+    assert decision.free_m == pytest.approx(0.9)
+    assert (decision.carpet_ends, decision.yaw_rad, decision.reason) == (False, 0.0, "clear 0.95")
+
+
+@pytest.mark.parametrize(("said_m", "flown_m"), [(0.05, 0.3), (0.6, 0.6), (7.0, 1.0)])
+def test_steps_keep_to_the_rules_lengths(policy_saying: Any, said_m: float, flown_m: float) -> None:
+    decision = policy_saying(3.0, 0.0, said_m, -3.0, said_m).decide(seen())
+    assert decision.forward_m == pytest.approx(flown_m)
+    assert 0.0 <= (decision.free_m or 0.0) <= 1.0
+
+
+@pytest.mark.parametrize(("logit", "side"), [(1.0, 1.0), (-1.0, -1.0)])
+def test_it_turns_to_the_side_the_network_says(
+    policy_saying: Any, logit: float, side: float
+) -> None:
+    decision = policy_saying(-3.0, logit, 0.7, 3.0, 0.2).decide(seen())
+    assert decision.blocked
+    assert decision.yaw_rad == pytest.approx(side * math.radians(30))
+    assert (decision.carpet_ends, decision.reason) == (True, "edge 0.05")
+
+
+def test_a_turn_under_way_keeps_its_side(policy_saying: Any) -> None:
+    assert policy_saying(-3.0, 3.0, 0.0, -3.0, 0.0).decide(seen(turning=-1)).yaw_rad < 0.0
+
+
+def test_after_full_turns_it_asks_for_less(policy_saying: Any) -> None:
+    """A share of 0.43 is not enough at first."""
+    policy = policy_saying(-0.3, 0.0, 0.5, -3.0, 0.5)
+    assert policy.decide(seen()).blocked
+    assert not policy.decide(seen(full_turns=1)).blocked
+
+
+def test_the_same_view_gives_the_same_decision(policy_saying: Any) -> None:
+    policy, view = policy_saying(*GO), seen()
+    assert policy.decide(view) == policy.decide(view)
+
+
+def test_it_looks_back_as_far_as_it_was_trained_to(
+    policy_saying: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(student, "situation", lambda *told: asked.append(told) or np.zeros(14, "f"))
+    policy_saying(*GO).decide(seen(turning=1, full_turns=2))
+    standing, poses = asked[0]
+    assert [pose.time_s for pose in poses] == pytest.approx([1.1, 0.6, 0.1])
+    assert (standing.turning, standing.full_turns) == (1, 2)
+
+
+def test_each_picture_is_shrunk_once(policy_saying: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    policy, shrunk = policy_saying(*GO), []
+    looked_at = OnnxControlStudent.looked_at
+    monkeypatch.setattr(
+        OnnxControlStudent, "looked_at", lambda self, rgb: shrunk.append(1) or looked_at(self, rgb)
+    )
+    view = seen()
+    policy.decide(view)
+    policy.decide(view)
+    assert len(shrunk) == 3
+
+
+def test_without_remembered_views_it_says_what_is_missing(policy_saying: Any) -> None:
+    """Never a silent zero: the mission ends with this, and the drone lands."""
+    with pytest.raises(MissionError, match="put <RememberViews/> ahead"):
+        policy_saying(*GO).decide(cast_world.view(cast_world.cast()))
+
+
+def test_an_answer_that_is_no_number_is_no_decision(policy_saying: Any) -> None:
+    policy = policy_saying(*GO)
+    with pytest.raises(WeightsError, match="NaN or infinity"):
+        policy.decide(replace(seen(), height_above_carpet_m=math.nan))
+
+
+def test_a_tree_names_its_network_behind_a_colon(policy_saying: Any, tmp_path: Path) -> None:
+    policy_saying(*GO)
+    policy = make_policy(f"student:{tmp_path / 'student.onnx'}")
+    decision = policy.decide(seen())
+    assert isinstance(decision, Decision)
+    with pytest.raises(WeightsError, match="no such network"):
+        make_policy(f"student:{tmp_path / 'none.onnx'}")
+    with pytest.raises(InputError, match="'segmentation' takes no argument, got 'segmentation:x'"):
+        make_policy("segmentation:x")
+
+
+@pytest.mark.parametrize(
+    "changed", [{"shortest_step_m": 2.0}, {"relief": 0.2}, {"advance_at": 1.0}]
+)
+def test_settings_that_cannot_be_are_refused(changed: dict[str, float]) -> None:
+    with pytest.raises(ValueRangeError, match="got"):
+        StudentPolicyConfig(**changed)

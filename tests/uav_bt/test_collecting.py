@@ -1,0 +1,133 @@
+"""Flights to learn from: which scenes they are flown in, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim_bridge.twin.scene_file import load_scene
+from uav_bt.campaign.pilot import FAILED, FLOWN
+from uav_bt.campaign.plan import FlightTask
+from uav_bt.campaign.runner import Answers
+from uav_bt.campaigning import planning
+from uav_bt.collecting import CollectionPlan, collect
+from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.mission.judge import Outcome
+
+ADVISED = "explore_and_land_advised"
+
+
+class Pretends:
+    """Flies nothing: every flight succeeds and leaves an empty record, but for the broken ones."""
+
+    def __init__(self, broken: Sequence[str] = ()) -> None:
+        self.tasks: list[FlightTask] = []
+        self._broken = broken
+
+    def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
+        assert function.endswith(":fly_task")
+        assert timeout_s > 300.0
+        for task in tasks:
+            self.tasks.append(task)
+            assert task.record is not None
+            failed = task.scene in self._broken
+            if not failed:
+                Path(task.record).write_bytes(b"")
+            yield task, {FAILED: "it broke"} if failed else {FLOWN: _line(task)}
+
+
+def _line(task: FlightTask) -> dict[str, Any]:
+    return {
+        "tree": task.tree,
+        "scene": task.scene,
+        "seed": task.seed,
+        "outcome": Outcome.SUCCESS.value,
+        "reason": "",
+    }
+
+
+def collected(folder: Path, **changed: Any) -> tuple[list[Path], list[FlightTask]]:
+    pretends = Pretends(changed.pop("broken", ()))
+    plan = CollectionPlan(tree=changed.pop("tree", ADVISED), **changed)
+    return collect(plan, folder, backend=pretends), pretends.tasks
+
+
+def test_flights_are_shared_out_over_scenes_and_profiles(tmp_path: Path) -> None:
+    records, tasks = collected(tmp_path, flights=16)
+    assert len(records) == len(tasks) == 16
+    assert sorted({task.profile for task in tasks}) == ["harsh", "lab"]
+    assert {task.scene[:7] for task in tasks} == {"train-a", "train-b", "train-c", "train-d"}
+    assert all(task.record_quality == "small" for task in tasks)
+
+
+def test_the_number_of_flights_is_rounded_up() -> None:
+    assert len(CollectionPlan(tree=ADVISED, flights=17)) == 24
+
+
+def test_every_flight_but_the_first_has_light_of_its_own_and_every_second_a_layout(
+    tmp_path: Path,
+) -> None:
+    _, tasks = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",))
+    scenes = [load_scene(task.scene_path) for task in tasks]
+    shipped = load_scene("train-a")
+    assert [scene.lighting == shipped.lighting for scene in scenes] == [True, False, False, False]
+    assert [scene.boxes == shipped.boxes for scene in scenes] == [True, True, False, True]
+    assert len({scene.name for scene in scenes}) == 4
+    assert {scene.helipad for scene in scenes} == {shipped.helipad}
+
+
+def test_layouts_may_stay_as_they_are(tmp_path: Path) -> None:
+    _, tasks = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",), layouts=False)
+    assert {load_scene(task.scene_path).boxes for task in tasks} == {load_scene("train-a").boxes}
+
+
+def test_another_seed_draws_other_scenes(tmp_path: Path) -> None:
+    _, first = collected(tmp_path / "a", flights=3, scenes=("train-a",), profiles=("lab",))
+    _, other = collected(tmp_path / "b", flights=3, scenes=("train-a",), profiles=("lab",), seed=7)
+    assert load_scene(first[2].scene_path).boxes != load_scene(other[2].scene_path).boxes
+    assert (first[0].seed, other[0].seed) == (0, 7)
+
+
+def test_a_collection_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
+    before, _ = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",))
+    after, flown = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",))
+    assert (after, flown) == (before, [])
+
+
+def test_a_flight_that_broke_is_none_to_learn_from(tmp_path: Path) -> None:
+    records, tasks = collected(
+        tmp_path, flights=2, scenes=("train-a",), profiles=("lab",), broken=("train-a",)
+    )
+    assert (len(tasks), len(records)) == (2, 1)
+
+
+def test_a_tree_in_which_nobody_advises_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nobody says in 'explore_and_land_depth'"):
+        collected(tmp_path, tree="explore_and_land_depth")
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_flights_are_refused() -> None:
+    with pytest.raises(ValueRangeError, match="needs flights, scenes and profiles"):
+        CollectionPlan(tree=ADVISED, flights=0)
+
+
+def test_a_students_file_is_among_what_the_plan_depends_on(tmp_path: Path) -> None:
+    """Other weights under the same name are another campaign."""
+    weights = tmp_path / "student.onnx"
+    weights.write_bytes(b"one")
+    chosen = {"Explore": f"student:{weights}"}
+    first = planning.make_plan([ADVISED], scenes=["train-a"], policies=chosen)
+    weights.write_bytes(b"two")
+    second = planning.make_plan([ADVISED], scenes=["train-a"], policies=chosen)
+    assert any("student.onnx" in line for line in second.differences(first))
+
+
+def test_a_plan_survives_its_file(tmp_path: Path) -> None:
+    collected(tmp_path, flights=1, scenes=("train-a",), profiles=("lab",))
+    kept = json.loads(next((tmp_path / "lab").glob("*.json")).read_text(encoding="utf-8"))
+    assert "small" in json.dumps(kept)

@@ -1,0 +1,205 @@
+"""The control student's training, composed: records in, weights and curves out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.control.config import ControlNetConfig
+from perception.control.export import load_control_tensors
+from perception.control.runtime import OnnxControlStudent
+from perception.control.training import ControlTrainingConfig
+from perception.segmentation.export import save_unet
+from perception.segmentation.unet import UNet, UNetConfig
+from uav_bt import app, student_training
+from uav_bt.errors import FileError, WeightsError
+from uav_bt.record.reader import RecordReader
+from uav_bt.student_training import (
+    StudentDiary,
+    first_weights,
+    read_advised_flights,
+    records_of,
+    train_student,
+)
+from uav_bt.testing import ScriptedDrone
+
+NET = ControlNetConfig(width_px=32, height_px=16, channels=(4, 8), narrow=4, embedding=8, hidden=8)
+QUICK = ControlTrainingConfig(steps=4, batch=8, warm_up_steps=2, checkpoint_every=2)
+
+# A class map of nothing but noise is no free way: the rule of the first level says something of it.
+MISSION = """
+<ReactiveSequence>
+  <Segment/>
+  <RememberViews/>
+  {adviser}
+  <Sequence>
+    <TakeOff height_m="1.5" gimbal_deg="-30"/>
+    <HoverFor seconds="2"/>
+    <Land/>
+  </Sequence>
+</ReactiveSequence>
+"""
+ADVISER = '<Advise policy="segmentation"/>'
+
+
+class Grey:
+    """A segmenter that sees carpet everywhere."""
+
+    def segment(self, frame: object) -> object:
+        from uav_bt.types import ClassMap  # noqa: PLC0415 - a test's stand-in
+
+        ids = np.ones((18, 32), dtype=np.uint8)
+        return ClassMap(ids=ids, captured_s=frame.captured_s)  # type: ignore[attr-defined]
+
+
+def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None = None) -> Path:
+    """Fly a scripted drone under the rule's advice and return the record."""
+    folder.mkdir(parents=True, exist_ok=True)
+    tree = folder / "mission.xml"
+    body = MISSION.format(adviser=adviser)
+    tree.write_text(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(app, "make_drone", lambda _: drone or ScriptedDrone())
+        patch.setattr(
+            "behaviours.perceive.Segment._load", lambda *_: Grey()
+        )  # no network: only its place in the tree matters here
+        app.fly(tree, app.FlightOptions(record=folder / "flight.mcap", record_quality="small"))
+    return folder / "flight.mcap"
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return flown(tmp_path_factory.mktemp("advised"))
+
+
+# --- records --------------------------------------------------------------------------------------
+
+
+def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record: Path) -> None:
+    topics = {message.topic for message in RecordReader(record).messages()}
+    assert "/mission/advice" in topics
+    assert "/camera/image" in topics
+    assert not topics & {"/perception/class_map", "/perception/metric_depth"}
+
+
+def test_every_advised_view_is_read(record: Path, tmp_path: Path) -> None:
+    (flight,) = read_advised_flights([record], NET, tmp_path)
+    assert len(flight) > 20
+    assert flight.picture(0).shape == (16, 32, 3)
+    assert (flight.labels[:, 0, 0] > 0.0).all()  # nothing but carpet: the rule goes on
+    assert np.isnan(flight.labels[:, :, 3]).all()  # and does not say how far
+    assert (np.diff(flight.poses[:, 0]) > 0.0).all()
+
+
+def test_what_was_read_is_kept(
+    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (first,) = read_advised_flights([record], NET, tmp_path)
+    monkeypatch.setattr(student_training, "_read", None)  # nobody reads it a second time
+    (again,) = read_advised_flights([record], NET, tmp_path)
+    assert (again.labels[:, 0] == first.labels[:, 0]).all() or np.isnan(first.labels).any()
+    assert (again.pictures == first.pictures).all()
+
+
+def test_a_flight_without_advice_is_refused(tmp_path: Path) -> None:
+    alone = flown(tmp_path, adviser="")
+    with pytest.raises(FileError, match=r"nobody advised in this flight.*put <Advise/>"):
+        read_advised_flights([alone], NET, tmp_path)
+
+
+def test_records_of_two_cameras_are_refused(record: Path, tmp_path: Path) -> None:
+    other = ScriptedDrone()
+    other.camera = replace(other.camera, forward_offset_m=0.3)
+    odd = flown(tmp_path / "other", drone=other)
+    with pytest.raises(FileError, match="was flown with another camera than"):
+        read_advised_flights([record, odd], NET, tmp_path)
+
+
+def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    with pytest.raises(FileError, match=r"empty\.mcap"):
+        read_advised_flights([tmp_path / "empty.mcap"], NET, tmp_path)
+
+
+def test_a_folder_stands_for_all_records_below_it(record: Path, tmp_path: Path) -> None:
+    assert records_of([record.parent, record]) == [record]
+    with pytest.raises(FileError, match="no flight record in this folder"):
+        records_of([tmp_path])
+
+
+# --- training -------------------------------------------------------------------------------------
+
+
+def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Path) -> None:
+    flights = read_advised_flights([record], NET, tmp_path / "views")
+    out, told = tmp_path / "student.safetensors", []
+    score = train_student(
+        flights,
+        out,
+        config=QUICK,
+        net_config=NET,
+        checkpoint=tmp_path / "checkpoint.safetensors",
+        held_out=flights,
+        validate_every=2,
+        diary=StudentDiary(tmp_path / "run"),
+        advance=lambda stage, done, total: told.append((stage.split(",")[0], done, total)),
+    )
+    assert score is not None
+    assert OnnxControlStudent(out.with_suffix(".onnx")).config == NET
+    assert told == [("training", done, 4) for done in (1, 2, 3, 4)]
+    notes = load_control_tensors(out)[2]
+    assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
+    lines = StudentDiary(tmp_path / "run").lines()
+    assert [line["step"] for line in lines] == [2, 4]
+    assert lines[0]["wrong_side"] is None  # there is no turn in this flight
+    assert (tmp_path / "run" / "curves.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_goes_on_from_its_checkpoint(record: Path, tmp_path: Path) -> None:
+    flights = read_advised_flights([record], NET, tmp_path / "views")
+    steps: list[int] = []
+    for _ in range(2):
+        train_student(
+            flights,
+            tmp_path / "student.safetensors",
+            config=QUICK,
+            net_config=NET,
+            checkpoint=tmp_path / "checkpoint.safetensors",
+            advance=lambda _, done, __: steps.append(done),
+        )
+    assert steps == [1, 2, 3, 4]
+
+
+def test_a_step_that_is_noted_twice_counts_once(tmp_path: Path) -> None:
+    diary = StudentDiary(tmp_path)
+    for step, loss in ((500, 0.9), (1000, 0.5), (1000, 0.4)):
+        diary.note(step, loss, None)
+    assert [(line["step"], line["loss"]) for line in diary.lines()] == [(500, 0.9), (1000, 0.4)]
+    assert len((tmp_path / "scores.jsonl").read_text().splitlines()) == 3
+    assert json.loads((tmp_path / "scores.jsonl").read_text().splitlines()[0])["step"] == 500
+
+
+def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path) -> None:
+    path = tmp_path / "unet.safetensors"
+    save_unet(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
+    start = first_weights(path)
+    assert "down.0.0.weight" in start
+    assert not any(name.startswith(("up.", "head")) for name in start)
+
+
+def test_other_weights_are_none_to_begin_with(tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match="there are no weights here; `uav-bt train student`"):
+        first_weights(tmp_path / "none.safetensors")
+
+
+def test_the_networks_size_decides_which_views_are_kept(record: Path, tmp_path: Path) -> None:
+    read_advised_flights([record], NET, tmp_path)
+    read_advised_flights([record], replace(NET, width_px=64, height_px=32), tmp_path)
+    assert len(list(tmp_path.glob("*.npz"))) == 2
