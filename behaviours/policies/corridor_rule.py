@@ -121,7 +121,8 @@ class CorridorRule:
         free_m = self._beside(view, max(0.0, min(cfg.longest_step_m, by_corridor_m)), margin_m)
         step_m = min(cfg.longest_step_m, by_carpet_m, by_corridor_m)
         if step_m >= least_m:
-            step_m = self._beside(view, step_m, margin_m)
+            as_far = by_carpet_m >= min(cfg.longest_step_m, by_corridor_m)
+            step_m = free_m if as_far else self._beside(view, step_m, margin_m)
         if step_m >= cfg.shortest_step_m and not carpet_ends and by_corridor_m >= least_m:
             return Decision(forward_m=step_m, reason="clear", free_m=free_m)
         if carpet_ends:

@@ -104,6 +104,7 @@ class OnnxControlStudent:
 
         Raises:
             ShapeError: there are too few or too many of them, or of another size.
+            ValueRangeError: a number of the situation is not finite.
             WeightsError: the network answered with something that is not a number.
         """
         frames, (views, told) = np.stack(pictures), self._shapes()[1:]
@@ -112,6 +113,11 @@ class OnnxControlStudent:
             raise ShapeError("views", expected="x".join(map(str, wanted)), actual=frames.shape)
         if numbers.shape != told[1:]:
             raise ShapeError("situation", expected=str(told[1]), actual=numbers.shape)
+        # The network's own layers make nought of what is no number, and nobody would see it.
+        if not np.isfinite(numbers).all():
+            raise ValueRangeError(
+                f"the situation must be finite numbers, got {numbers.tolist()}; look at telemetry"
+            )
         planes = np.ascontiguousarray(frames.transpose(0, 3, 1, 2), dtype=np.float32) / 255.0
         answer = self._run(planes, numbers[None])
         if not np.isfinite(answer).all():

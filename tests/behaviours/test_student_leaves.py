@@ -59,7 +59,7 @@ def test_views_are_kept_with_where_they_were_captured() -> None:
 
 
 def test_old_views_are_let_go() -> None:
-    views = remembering(2.0, keep_s=0.6).board[RECENT_VIEWS].views
+    views = remembering(2.0, keep_s=0.65).board[RECENT_VIEWS].views
     assert views[-1].frame.captured_s - views[0].frame.captured_s == pytest.approx(0.6)
 
 

@@ -192,10 +192,22 @@ def test_an_onnx_file_of_another_version_is_refused(weights: Path, tmp_path: Pat
         OnnxControlStudent(path)
 
 
-def test_an_answer_that_is_no_number_is_an_error(weights: Path) -> None:
+def test_an_answer_that_is_no_number_is_an_error(weights: Path, tmp_path: Path) -> None:
     """Never a silent zero: the mission lands, and says why."""
-    student = OnnxControlStudent(weights.with_suffix(".onnx"))
+    import onnx  # noqa: PLC0415
+
+    model = onnx.load(weights.with_suffix(".onnx"))
+    (bias,) = [one for one in model.graph.initializer if one.name == "say.bias"]
+    bias.CopyFrom(onnx.numpy_helper.from_array(np.full(5, np.nan, np.float32), bias.name))
+    path = tmp_path / "nan.onnx"
+    path.write_bytes(model.SerializeToString())
     with pytest.raises(WeightsError, match="answer holds NaN or infinity"):
+        OnnxControlStudent(path).estimate(PICTURES, NUMBERS)
+
+
+def test_telemetry_that_is_no_number_is_an_error(weights: Path) -> None:
+    student = OnnxControlStudent(weights.with_suffix(".onnx"))
+    with pytest.raises(ValueRangeError, match="situation must be finite numbers"):
         student.estimate(PICTURES, np.full_like(NUMBERS, np.nan))
 
 

@@ -22,7 +22,7 @@ from perception.segmentation.unet import UNet, UNetConfig
 from uav_bt.errors import ValueRangeError, WeightsError
 
 QUICK = ControlTrainingConfig(
-    steps=120, batch=16, warm_up_steps=10, learning_rate=1e-2, average=0.9, dropout=0.0
+    steps=200, batch=8, warm_up_steps=10, learning_rate=1e-2, average=0.9, dropout=0.0
 )
 SHORT = replace(QUICK, steps=6, checkpoint_every=3)
 

@@ -138,9 +138,9 @@ def test_without_remembered_views_it_says_what_is_missing(policy_saying: Any) ->
         policy_saying(*GO).decide(cast_world.view(cast_world.cast()))
 
 
-def test_an_answer_that_is_no_number_is_no_decision(policy_saying: Any) -> None:
+def test_telemetry_that_is_no_number_is_no_decision(policy_saying: Any) -> None:
     policy = policy_saying(*GO)
-    with pytest.raises(WeightsError, match="NaN or infinity"):
+    with pytest.raises(ValueRangeError, match="must be finite numbers"):
         policy.decide(replace(seen(), height_above_carpet_m=math.nan))
 
 
