@@ -36,14 +36,11 @@ _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
 _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
 # The way to the pad must be this wide, half, from the body's centre, this far ahead. Remembered
-# obstacles are off by up to 0.2 m, so a wide way is worth a detour; but not any, or the drone would
-# fly round a pad between boxes for ever.
-_WIDE_M, _NARROW_M = 0.52, 0.42
-_NARROW_RAD = math.radians(30)
+# obstacles are off by a decimetre, so a wide way is worth a detour, of so much; but not any, or the
+# drone would fly round a pad between boxes for ever.
+_WIDTHS = {0.52: 0.0, 0.42: math.radians(30), 0.34: math.radians(60)}
 _WAYS = tuple(
-    product(
-        (_WIDE_M, _NARROW_M), (0.0, *(s * angle for angle in _DETOURS_RAD for s in (1.0, -1.0)))
-    )
+    product(_WIDTHS, (0.0, *(s * angle for angle in _DETOURS_RAD for s in (1.0, -1.0))))
 )
 _LOOK_AHEAD_M = 1.3
 # An obstacle of unknown range this near to ahead is in the way.
@@ -266,8 +263,7 @@ class ReturnToBase(SteeringLeaf):
         """Return what a way costs: its detour, a change of sides, too little width."""
         half_width_m, offset = way
         other_side = offset * self._side < 0.0
-        narrow = half_width_m < _WIDE_M
-        return abs(offset) + _OTHER_SIDE_RAD * other_side + _NARROW_RAD * narrow
+        return abs(offset) + _OTHER_SIDE_RAD * other_side + _WIDTHS[half_width_m]
 
     def _is_blocked_ahead(self) -> bool:
         """Return whether something of unknown range stands ahead."""
