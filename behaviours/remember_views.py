@@ -23,7 +23,7 @@ class RememberViews(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Make the odometry."""
         del mission
-        from perception.tracking import Odometry  # noqa: PLC0415 - late, as all perception
+        from perception.odometry import Odometry  # noqa: PLC0415 - late, as all perception
 
         self._odometry = Odometry()
         self._views: deque[PastView] = deque()

@@ -39,9 +39,7 @@ _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
 # obstacles are off by a decimetre, so a wide way is worth a detour, of so much; but not any, or the
 # drone would fly round a pad between boxes for ever.
 _WIDTHS = {0.52: 0.0, 0.42: math.radians(30), 0.34: math.radians(60)}
-_WAYS = tuple(
-    product(_WIDTHS, (0.0, *(s * angle for angle in _DETOURS_RAD for s in (1.0, -1.0))))
-)
+_WAYS = tuple(product(_WIDTHS, (0.0, *(s * angle for angle in _DETOURS_RAD for s in (1.0, -1.0)))))
 _LOOK_AHEAD_M = 1.3
 # An obstacle of unknown range this near to ahead is in the way.
 _UNPLACED_RAD = math.radians(30)

@@ -216,6 +216,8 @@ VOCABULARY = {
         "BuildCorridor",
         "FindHelipad",
         "RememberObstacles",
+        "RememberViews",
+        "Advise",
         "corridor",  # a key, called like the policy that reads it
     },
 }

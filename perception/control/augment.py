@@ -27,7 +27,7 @@ class ControlAugmentConfig:
 def augmented(batch: Batch, rng: np.random.Generator, config: ControlAugmentConfig) -> Batch:
     """Return windows changed at random; those given are left alone."""
     count, views = batch.frames.shape[:2]
-    flipped = rng.random(count) < config.mirror
+    flipped: NDArray[np.bool_] = np.asarray(rng.random(count) < config.mirror)
     frames = np.where(flipped[:, None, None, None, None], batch.frames[..., ::-1, :], batch.frames)
     labels = batch.labels.copy()
     labels[flipped, 1] *= -1.0

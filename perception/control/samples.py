@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from perception.control.config import ControlNetConfig
 from perception.control.situation import Standing, situation
-from perception.tracking import OdometryPose
+from perception.odometry import OdometryPose
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.protocols import Advice, Decision
 
@@ -217,7 +217,7 @@ class ControlSamples:
                 raise ShapeError(
                     "a flight's pictures",
                     expected="x".join(map(str, wanted)),
-                    actual=flight.size_px,
+                    actual=flight.size_px.tolist(),
                 )
         taken = [self._taken(flight) for flight in self._flights]
         counts = np.array([len(places) for places in taken], dtype=np.int64)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from perception.control.situation import Standing, mirrored, situation, situation_size
-from perception.tracking import OdometryPose
+from perception.odometry import OdometryPose
 
 NOW = OdometryPose(10.0, 2.0, 1.0, math.pi / 2)  # it looks along y
 STANDING = Standing(
