@@ -204,6 +204,38 @@ def test_what_lies_behind_may_be_left() -> None:
     assert room(obstacle=(-0.3, 0.0)) is Status.SUCCESS
 
 
+def off_the_carpet(pad: tuple[float, float] | None = None) -> Status:
+    """Return what the condition says where no carpet is in view, and of the pad's place."""
+    bench = LeafBench(CorridorClear)
+    show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
+    now_s = bench.clock.now()
+    if pad is not None:
+        bench.board[HELIPAD] = HelipadFix(
+            captured_s=now_s, forward_m=pad[0], right_m=pad[1], detected=True
+        )
+    bench.board[CORRIDOR] = Corridor(
+        captured_s=now_s,
+        free_distance_m=3.0,
+        nearest_m=math.inf,
+        nearest_side=None,
+        time_to_impact_s=math.inf,
+    )
+    return bench.tick()
+
+
+def test_where_the_carpet_ends_is_no_room() -> None:
+    assert off_the_carpet() is Status.FAILURE
+
+
+@pytest.mark.parametrize("pad", [(1.5, 0.1), (-0.1, 0.3)])
+def test_on_the_way_to_the_pad_the_carpet_may_end_behind_it(pad: tuple[float, float]) -> None:
+    assert off_the_carpet(pad) is Status.SUCCESS
+
+
+def test_on_another_way_it_may_not() -> None:
+    assert off_the_carpet((1.0, 1.0)) is Status.FAILURE
+
+
 def test_an_unknown_corridor_is_none_to_fly_in() -> None:
     bench = LeafBench(CorridorClear)
     show(bench)
