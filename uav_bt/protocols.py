@@ -105,7 +105,7 @@ class DroneOptions:
     realtime: bool = False  # a simulated drone paces itself by the wall clock
     http_port: int | None = None  # of a real drone's web interface; its own when None
     rtsp_port: int | None = None  # of a real drone's video; its own when None
-    # What a real drone is told to keep by itself, beneath whatever the mission's limits let through.
+    # What a real drone is told to keep by itself, beneath what the mission's limits let through.
     speed_limit_mps: float = 1.0  # horizontal
     climb_limit_mps: float = 0.6
     yaw_rate_limit_radps: float = 1.6
