@@ -22,7 +22,13 @@ from perception.control.config import ControlNetConfig
 from perception.control.losses import LOSSES
 from perception.control.network import ControlNet
 from perception.control.samples import Batch, ControlSamples, SampleConfig
-from perception.networks.torch_state import channels_last, named_arrays, tensors_under
+from perception.networks.torch_state import (
+    channels_last,
+    follow_mean,
+    named_arrays,
+    tensors_under,
+    warm_cosine,
+)
 from perception.weights_io import read_weights, write_weights
 from uav_bt.errors import ValueRangeError, WeightsError
 
@@ -163,8 +169,11 @@ class _Run:
 
     def learn(self, batch: Batch) -> float:
         """Do one step; return its loss."""
+        rate = self.config.learning_rate * warm_cosine(
+            self.step, warm_up=self.config.warm_up_steps, steps=self.config.steps
+        )
         for group in self.optimiser.param_groups:
-            group["lr"] = self.config.learning_rate * self._rate()
+            group["lr"] = rate
         self.net.train()
         said = self.net(_planes(batch.frames), torch.from_numpy(batch.situation))
         labels, turning = torch.from_numpy(batch.labels), torch.from_numpy(batch.turning)
@@ -174,23 +183,8 @@ class _Run:
         nn.utils.clip_grad_norm_(self.net.parameters(), 5.0)
         self.optimiser.step()
         self.step += 1
-        self._follow()
+        follow_mean(self.mean, self.net, most=self.config.average, step=self.step)
         return float(loss.detach())
-
-    def _rate(self) -> float:
-        warm = min(1.0, (self.step + 1) / self.config.warm_up_steps)
-        return warm * 0.5 * (1.0 + math.cos(math.pi * self.step / self.config.steps))
-
-    @torch.no_grad()
-    def _follow(self) -> None:
-        # The early mean forgets faster, so that it does not drag the first random weights along.
-        decay = min(self.config.average, self.step / (self.step + 10.0))
-        ours = self.net.state_dict()
-        for name, value in self.mean.state_dict().items():
-            if value.is_floating_point():
-                value.lerp_(ours[name], 1.0 - decay)
-            else:
-                value.copy_(ours[name])
 
     def save(self, path: Path) -> None:
         tensors: dict[str, NDArray[Any]] = {

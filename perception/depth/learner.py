@@ -6,7 +6,6 @@ Importing this module imports torch.
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -31,7 +30,13 @@ from perception.depth.network import DepthNet, DepthNetConfig
 from perception.depth.pose_network import PoseNet
 from perception.depth.training_config import DepthTrainingConfig
 from perception.depth.warping import invert_motion
-from perception.networks.torch_state import channels_last, named_arrays, tensors_under
+from perception.networks.torch_state import (
+    channels_last,
+    follow_mean,
+    named_arrays,
+    tensors_under,
+    warm_cosine,
+)
 from perception.weights_io import read_weights, write_weights
 from uav_bt.errors import WeightsError
 
@@ -103,8 +108,11 @@ class Learner:
 
     def learn(self, batch: Batch) -> tuple[float, dict[str, float]]:
         """Do one step; return its loss and the terms it is made of."""
+        rate = self.config.learning_rate * warm_cosine(
+            self.step, warm_up=self.config.warm_up_steps, steps=self.config.steps
+        )
         for group in self.optimiser.param_groups:
-            group["lr"] = self.config.learning_rate * self._rate()
+            group["lr"] = rate
         self.net.train()
         terms = self._terms(batch)
         weights = asdict(self.config)
@@ -114,7 +122,7 @@ class Learner:
         nn.utils.clip_grad_norm_(self.parameters, 1.0)
         self.optimiser.step()
         self.step += 1
-        self._follow()
+        follow_mean(self.mean, self.net, most=self.config.average, step=self.step)
         told = {name: float(term.detach()) for name, term in terms.items()}
         return float(loss.detach()), told
 
@@ -178,21 +186,6 @@ class Learner:
         seconds = torch.cat(references + [target] * len(references))
         motions = list(self.pose(firsts, seconds).chunk(2 * len(references)))
         return motions[: len(references)], motions[len(references) :]
-
-    def _rate(self) -> float:
-        warm = min(1.0, (self.step + 1) / self.config.warm_up_steps)
-        return warm * 0.5 * (1.0 + math.cos(math.pi * self.step / self.config.steps))
-
-    @torch.no_grad()
-    def _follow(self) -> None:
-        # The early mean forgets faster, so that it does not drag the first random weights along.
-        decay = min(self.config.average, self.step / (self.step + 10.0))
-        ours = self.net.state_dict()
-        for name, value in self.mean.state_dict().items():
-            if value.is_floating_point():
-                value.lerp_(ours[name], 1.0 - decay)
-            else:
-                value.copy_(ours[name])
 
     # --- keeping it -------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -9,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-__all__ = ["channels_last", "named_arrays", "tensors_under"]
+__all__ = ["channels_last", "follow_mean", "named_arrays", "tensors_under", "warm_cosine"]
 
 Module = TypeVar("Module", bound=nn.Module)
 
@@ -36,3 +37,29 @@ def tensors_under(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, 
         for name, array in arrays.items()
         if name.startswith(start)
     }
+
+
+def warm_cosine(step: int, *, warm_up: int, steps: int) -> float:
+    """Return the share of the peak learning rate: a linear rise times half a cosine to nothing."""
+    rise = min(1.0, (step + 1) / warm_up)
+    return rise * 0.5 * (1.0 + math.cos(math.pi * step / steps))
+
+
+@torch.no_grad()
+def follow_mean(mean: nn.Module, net: nn.Module, *, most: float, step: int) -> None:
+    """Let the running mean of a network's weights follow them.
+
+    Args:
+        mean: a network of the same shape, changed in place.
+        net: the one that learns.
+        most: decay of the mean. The early mean forgets faster, so that it does not drag the first
+            random weights along.
+        step: how many steps were done.
+    """
+    decay = min(most, step / (step + 10.0))
+    ours = net.state_dict()
+    for name, value in mean.state_dict().items():
+        if value.is_floating_point():
+            value.lerp_(ours[name], 1.0 - decay)
+        else:
+            value.copy_(ours[name])
