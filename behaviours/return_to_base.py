@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import enum
 import math
-from itertools import product
 
 from behaviours.heading import HeadingController
 from behaviours.steering import FLIGHT_HEIGHT, FLOWING, POLICY, SteeringLeaf
+from behaviours.way.way_to_pad import WayToPad
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE
 from uav_bt.errors import UnknownNameError
 from uav_bt.mission.context import MissionContext
@@ -26,25 +26,25 @@ _PASSED_M = 0.35
 # Above the pad itself the way may be narrower: what stands around it was seen on the approach.
 _OVERFLY_MARGIN_M = 0.32
 # The track is trusted this long without a detection: going round a box takes a while.
-_TRACK_S = 10.0
-# Headings tried round what stands in the way, from the pad's bearing, the smallest first. A side
-# once taken costs less than the other, so that the drone does not waver between two.
-_DETOURS_RAD = tuple(math.radians(angle) for angle in (15, 30, 45, 60, 75))
-_OTHER_SIDE_RAD = math.radians(40)
+_TRACK_S = 20.0
 # Advance while the bearing error is below this; turn on the spot otherwise.
 _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
 _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
-# The way to the pad must be this wide, half, from the body's centre, this far ahead. Remembered
-# obstacles are off by a decimetre, so a wide way is worth a detour, of so much; but not any, or the
-# drone would fly round a pad between boxes for ever.
-_WIDTHS = {0.52: 0.0, 0.42: math.radians(30), 0.34: math.radians(60)}
-_WAYS = tuple(product(_WIDTHS, (0.0, *(s * angle for angle in _DETOURS_RAD for s in (1.0, -1.0)))))
-_LOOK_AHEAD_M = 1.3
+# The camera follows the pad down to here: the carpet right before the drone comes into view.
+_LOWEST_PITCH_RAD = math.radians(-50)
+_PAD_ROOF_M = 0.4
+# So low it also looks, for so long, at what has an unknown range this near to ahead.
+_LOOK_DOWN_RAD = math.radians(45)
+_LOOK_DOWN_S = 1.0
+# What has an unknown range even then, for so long, is gone round.
+_BLOCKED_S = 2.0
+# A detour goes on at least so long, then until there is a way again.
+_DETOUR_S = 1.0
 # An obstacle of unknown range this near to ahead is in the way.
 _UNPLACED_RAD = math.radians(30)
 _UNPLACED_MIN = 2
-# What stands this much before the pad's centre, or behind it, is not in the way to it.
+# Under a policy what stands this much before the pad is not in the way to it.
 _BEFORE_PAD_M = 0.35
 _DETOUR_STEPS = 2
 _APPROACHES = ("memory", "policy")
@@ -100,12 +100,13 @@ class ReturnToBase(SteeringLeaf):
             raise UnknownNameError("approach", approach, _APPROACHES)
         self._by_policy = approach == "policy"
         self._heading = HeadingController()
+        self._way = WayToPad()
 
     def initialise(self) -> None:
         """Begin with the search; a helipad in view ends it at once."""
         self._enter(_Phase.SEARCH)
         self._detour_steps = 0
-        self._side = 0.0  # of the last way round an obstacle: its sign counts
+        self._look_down_until_s = -math.inf
         self._glance_s = self.clock.now() + _FIRST_GLANCE_S
 
     def update(self) -> Status:
@@ -126,14 +127,32 @@ class ReturnToBase(SteeringLeaf):
                     status = self._overfly()
         # A leaf that is done proposes nothing: the next one has the word in this very tick.
         if status is Status.RUNNING:
-            flight_rad = math.radians(self.port_value("gimbal_deg"))
-            glances = self._phase is _Phase.GLANCE
-            self.point(GimbalTo(pitch_rad=_GLANCE_PITCH_RAD if glances else flight_rad))
+            self.point(GimbalTo(pitch_rad=self._pitch_rad(state)))
         return status
+
+    def _pitch_rad(self, state: DroneState | None) -> float:
+        """Return the camera's pitch: down at the pad on the approach, at what is near, or level."""
+        flight_rad = math.radians(self.port_value("gimbal_deg"))
+        if self._phase is _Phase.GLANCE:
+            return _GLANCE_PITCH_RAD
+        fix = self.read(HELIPAD).value
+        nears = self._phase in {_Phase.APPROACH, _Phase.OVERFLY} and not self._by_policy
+        if not nears or fix is None or state is None:
+            return flight_rad
+        now_s = self.clock.now()
+        if self._unplaced_within(_LOOK_DOWN_RAD):
+            self._look_down_until_s = now_s + _LOOK_DOWN_S
+        if now_s < self._look_down_until_s:
+            return _LOWEST_PITCH_RAD
+        above_m = max(state.height_above_carpet_m - _PAD_ROOF_M, 0.0)
+        pad_rad = -math.atan2(above_m, max(fix.range_m, 0.05))
+        return min(flight_rad, max(pad_rad, _LOWEST_PITCH_RAD))
 
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
         self._judged_s, self._room_m = -math.inf, math.inf
+        self._entered_s = self._clear_s = self.clock.now()
+        self._way.drop()
         self._heading.reset()
         self.look_afresh()
         searching = phase in {_Phase.SEARCH, _Phase.GLANCE}
@@ -208,10 +227,10 @@ class ReturnToBase(SteeringLeaf):
         if self._by_policy:
             self._approach_by_policy(fix)
             return
-        heading_rad = self._free_heading(fix)
-        if heading_rad is None or (
-            heading_rad != fix.bearing_rad and self._carpet_ends(heading_rad)
-        ):
+        heading_rad, now_s = self._free_heading(fix), self.clock.now()
+        if not self._is_blocked_ahead():
+            self._clear_s = now_s
+        if heading_rad is None or now_s - self._clear_s > _BLOCKED_S:
             self._enter(_Phase.DETOUR)
             return
         self._steer(fix, heading_rad)
@@ -236,7 +255,10 @@ class ReturnToBase(SteeringLeaf):
         ahead = abs(heading_rad) < _AHEAD_RAD and not self._is_blocked_ahead()
         speed = min(_APPROACH_MPS, _SLOW_DOWN_PER_S * min(fix.range_m, most_m)) if ahead else 0.0
         self.feedback_message = f"helipad {fix.range_m:.1f} m"
-        self.propose(Velocity(forward_mps=speed, yaw_rate_radps=yaw_rate))
+        if speed > 0.0:
+            self.propose(Velocity(forward_mps=speed, yaw_rate_radps=yaw_rate))
+        else:
+            self.propose(self.turn_keeping_away(yaw_rate))
 
     def _free_heading(self, fix: HelipadFix) -> float | None:
         """Return the bearing nearest to the pad's on which the way is free, None without one."""
@@ -245,49 +267,43 @@ class ReturnToBase(SteeringLeaf):
         if obstacles is None:
             # A tree may do without the memory; one that has gone stale is no permission.
             return fix.bearing_rad if math.isinf(reading.age_s) else None
-        length_m = min(_LOOK_AHEAD_M, fix.range_m - _BEFORE_PAD_M)
         if self._phase is _Phase.OVERFLY:
             free = obstacles.allows(fix.range_m, margin_m=_OVERFLY_MARGIN_M, assumed=False)
             return fix.bearing_rad if free else None
-        for half_width_m, offset in sorted(_WAYS, key=self._cost):
-            bearing = fix.bearing_rad + offset
-            forward_m, right_m = length_m * math.cos(bearing), length_m * math.sin(bearing)
-            if obstacles.allows(forward_m, right_m, margin_m=half_width_m):
-                self._side = offset if offset != 0.0 else self._side
-                return math.remainder(bearing, 2.0 * math.pi)
-        return None
-
-    def _cost(self, way: tuple[float, float]) -> float:
-        """Return what a way costs: its detour, a change of sides, too little width."""
-        half_width_m, offset = way
-        other_side = offset * self._side < 0.0
-        return abs(offset) + _OTHER_SIDE_RAD * other_side + _WIDTHS[half_width_m]
+        state = self.state()
+        if state is None:
+            return None
+        return self._way.bearing(obstacles, fix, state, self.clock.now())
 
     def _is_blocked_ahead(self) -> bool:
         """Return whether something of unknown range stands ahead."""
-        if self._by_policy:
-            return False  # the policy has judged what it sees
-        obstacles = self.read(OBSTACLES).value
-        return (
-            self._phase is not _Phase.OVERFLY
-            and obstacles is not None
-            and obstacles.unplaced_within(_UNPLACED_RAD) >= _UNPLACED_MIN
-        )
+        # A policy has judged what it sees; above the pad its own box is what is below the view.
+        judged = self._by_policy or self._phase is _Phase.OVERFLY
+        return not judged and self._unplaced_within(_UNPLACED_RAD)
 
-    def _carpet_ends(self, heading_rad: float) -> bool:
-        """Return whether a heading round an obstacle would leave the flight area."""
-        if abs(heading_rad) >= _AHEAD_RAD:
-            return False  # it cannot be seen from here; the drone only turns, too
-        decision = self.decide()
-        return decision is not None and decision.carpet_ends
+    def _unplaced_within(self, half_angle_rad: float) -> bool:
+        obstacles = self.read(OBSTACLES).value
+        return obstacles is not None and obstacles.unplaced_within(half_angle_rad) >= _UNPLACED_MIN
 
     def _detour(self, state: DroneState) -> None:
-        """Turn away until the policy finds a way, take two steps, then face the pad again."""
+        """Turn away until the policy finds a way, take two steps, then face the pad again.
+
+        Or at once when the memory knows a way again: a view of something else may have shown one.
+        """
         if self._detour_steps >= _DETOUR_STEPS and not self.moving(state):
             self._detour_steps = 0
             self._enter(_Phase.APPROACH)
+        elif self._knows_a_way_again():
+            self._enter(_Phase.APPROACH)
         elif self._wander(state):
             self._detour_steps += 1
+
+    def _knows_a_way_again(self) -> bool:
+        fix = self.read(HELIPAD).value
+        lasts = self.clock.now() - self._entered_s > _DETOUR_S
+        if self._by_policy or fix is None or not lasts or self._mover.busy:
+            return False
+        return self._free_heading(fix) is not None and not self._is_blocked_ahead()
 
     # --- the last metre ---------------------------------------------------------------------------
 

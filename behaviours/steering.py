@@ -35,6 +35,9 @@ _ALTITUDE_SLACK_M = 0.08
 # An obstacle this near to the body's centre, half of whose diagonal is 0.2 m, is an intrusion.
 _TOO_NEAR_M = 0.38
 _ROOM_STEP_M = 0.15
+# While it turns the drone draws away, so fast, from what is nearer than this.
+_KEEP_AWAY_M = 0.45
+_KEEP_AWAY_MPS = 0.08
 # A steady turn: between a frame's capture and its effect, 0.3 s, it goes on by 10 degrees.
 _YAW_RATE_RADPS = 0.6
 # So long a turn goes on until the drone hears that it is to end.
@@ -133,6 +136,21 @@ class SteeringLeaf(MovingLeaf):
         self.start_move(forward_m=forward_m, right_m=right_m)
         return True
 
+    def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
+        """Return a turn on the spot that draws away from what is too near.
+
+        A hovering drone drifts, and while it turns it may drift to where it does not look.
+        """
+        obstacles = self.read(OBSTACLES).value
+        turn = Velocity(yaw_rate_radps=yaw_rate_radps)
+        if obstacles is None or obstacles.nearest_m >= _KEEP_AWAY_M:
+            return turn
+        ranges_m = np.maximum(np.linalg.norm(obstacles.points_m, axis=1), 0.05)
+        # The nearer a point the more it counts; between two obstacles it stays in the middle.
+        weights = np.clip(_KEEP_AWAY_M / ranges_m - 1.0, 0.0, None)
+        push = -_KEEP_AWAY_MPS * (weights / ranges_m) @ obstacles.points_m / weights.sum()
+        return replace(turn, forward_mps=float(push[0]), right_mps=float(push[1]))
+
     # --- turning ----------------------------------------------------------------------------------
 
     def look_afresh(self) -> None:
@@ -182,7 +200,7 @@ class SteeringLeaf(MovingLeaf):
         )
         # What is seen while turning counts at once: the turn goes the same way for any of it.
         self._view_from_s = -math.inf
-        self.propose(Velocity(yaw_rate_radps=direction * _YAW_RATE_RADPS))
+        self.propose(self.turn_keeping_away(direction * _YAW_RATE_RADPS))
 
     def turn_back(self, state: DroneState) -> None:
         """End a turn where the way was seen free; look again from there.

@@ -5,11 +5,12 @@ A forward-looking camera does not see what is beside the drone, nor the carpet n
 a bearing meets the carpet there. Those points are kept in the dead-reckoned frame for a while, and
 forgotten where the carpet is seen again. What reaches down to the image's lower edge and is not
 explained by such a point has an unknown range: its bearing is reported apart, and for a while it is
-assumed to stand anywhere on that bearing.
+assumed to stand anywhere on that bearing. Where the carpet ends is remembered in the same way.
 """
 
 from __future__ import annotations
 
+import enum
 import math
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.carpet_odometry import CarpetOdometry
-from perception.classes import GROUP_CARPET, GROUP_OBSTACLE, group_of
+from perception.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from perception.geometry import project
 from perception.tracking import OdometryPose
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
@@ -40,6 +41,7 @@ class ObstacleMemoryConfig:
     # nearer than the first, where it would touch the body already.
     assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
     assumed_age_s: float = 10.0
+    edge_age_s: float = 60.0  # a decimetre matters less there
     max_range_m: float = 3.0  # a pixel of the base's row weighs too much further away
     cell_m: float = 0.05  # one point is kept in each cell
     min_run: int = 4  # half degrees of obstacle above a base; fewer are specks of the mask
@@ -52,12 +54,13 @@ class ObstacleMemoryConfig:
 
 @dataclass(frozen=True)
 class Bases:
-    """Where obstacles meet the carpet, from the point below the camera."""
+    """Where the carpet meets obstacles and where it ends, from the point below the camera."""
 
     placed_m: NDArray[np.float64]  # (N, 2) forward, right
     # (M, 2): the nearest carpet in view on bearings where an obstacle hides it: the obstacle stands
     # somewhere before it, since a vertical edge keeps its bearing.
     hidden_m: NDArray[np.float64]
+    edges_m: NDArray[np.float64]  # (K, 2): where background follows the carpet
 
 
 def find_bases(
@@ -68,14 +71,14 @@ def find_bases(
     *,
     min_run: int = 4,
 ) -> Bases:
-    """Scan a group map along bearings for the first obstacle on the carpet.
+    """Scan a group map along bearings for the first obstacle on the carpet, and for its edge.
 
     Args:
         groups: (H, W) group ids.
         camera: intrinsics at that size.
         gimbal_pitch_rad: when the frame was captured.
         height_m: of the camera above the carpet.
-        min_run: samples of obstacle (half degrees) that must stand above a base.
+        min_run: samples (half degrees) of obstacle or background that must stand above.
     """
     height_px, width_px = groups.shape
     half_view = math.atan2(width_px / 2, camera.fx_px)
@@ -100,29 +103,46 @@ def find_bases(
         ],
         _OUTSIDE,
     )
-    return _first_obstacles(sampled, ground[..., :2], min_run)
+    rows, first, before = _first_runs(sampled, GROUP_OBSTACLE, min_run)
+    stands, hides = before == GROUP_CARPET, before == _OUTSIDE
+    edge_rows, edge, before = _first_runs(sampled, GROUP_BACKGROUND, min_run)
+    ends = before == GROUP_CARPET
+    level = ground[..., :2]
+    return Bases(
+        placed_m=level[rows[stands], first[stands]],
+        hidden_m=level[rows[hides], first[hides]],
+        edges_m=level[edge_rows[ends], edge[ends]],
+    )
 
 
 _OUTSIDE = 255
 
 
-def _first_obstacles(
-    sampled: NDArray[np.uint8], ground: NDArray[np.float64], min_run: int
-) -> Bases:
-    """Find the nearest run of obstacle on each bearing; samples go from near to far."""
-    obstacle = sampled == GROUP_OBSTACLE
-    solid = obstacle.copy()
+def _first_runs(
+    sampled: NDArray[np.uint8], group: int, min_run: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8]]:
+    """Find the nearest run of a group on each bearing; samples go from near to far.
+
+    Returns:
+        The bearings that have one, where it begins, and the group before it.
+    """
+    solid = sampled == group
+    samples = solid.copy()
     for shift in range(1, min_run):
-        solid[:, :-shift] &= obstacle[:, shift:]
+        solid[:, :-shift] &= samples[:, shift:]
         solid[:, -shift:] = False
     rows = np.flatnonzero(solid.any(axis=1))
     first = solid[rows].argmax(axis=1)
     before = np.where(first > 0, sampled[rows, np.maximum(first - 1, 0)], _OUTSIDE)
-    stands = before == GROUP_CARPET
-    hides = before == _OUTSIDE
-    return Bases(
-        placed_m=ground[rows[stands], first[stands]], hidden_m=ground[rows[hides], first[hides]]
-    )
+    return rows, first, before
+
+
+class _Kind(enum.IntEnum):
+    """What a remembered point is; the smaller stays where two fall into one cell."""
+
+    BASE = 0
+    EDGE = 1
+    ASSUMED = 2
 
 
 class ObstacleMemory:
@@ -133,7 +153,7 @@ class ObstacleMemory:
         self._odometry = CarpetOdometry()
         self._points = np.empty((0, 2))  # odometry frame
         self._until_s = np.empty(0)
-        self._assumed = np.empty(0, dtype=bool)
+        self._kinds = np.empty(0, dtype=np.int8)
         self._newest_s = -np.inf
         self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
 
@@ -168,14 +188,18 @@ class ObstacleMemory:
             min_run=cfg.min_run,
         )
         offset = np.array([camera.forward_offset_m, 0.0])
-        placed, hidden = bases.placed_m + offset, bases.hidden_m + offset
-        near = np.hypot(placed[:, 0], placed[:, 1]) <= cfg.max_range_m
-        self._add(_to_odometry(placed[near], pose), frame.captured_s + cfg.max_age_s, assumed=False)
+        hidden = bases.hidden_m + offset
+        for seen_m, age_s, kind in (
+            (bases.placed_m, cfg.max_age_s, _Kind.BASE),
+            (bases.edges_m, cfg.edge_age_s, _Kind.EDGE),
+        ):
+            near = seen_m[np.hypot(*seen_m.T) <= cfg.max_range_m] + offset
+            self._add(_to_odometry(near, pose), frame.captured_s + age_s, kind)
         unexplained = self._unexplained(hidden, pose, frame.captured_s)
         self._unplaced_rad = unexplained + pose.yaw_rad
         rays = np.stack([np.cos(unexplained), np.sin(unexplained)], axis=-1)
         assumed = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
-        self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s, assumed=True)
+        self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s, _Kind.ASSUMED)
 
     def points(self) -> ObstaclePoints:
         """Return what is remembered, from where the drone is now."""
@@ -185,8 +209,9 @@ class ObstacleMemory:
         bearings = self._unplaced_rad - pose.yaw_rad
         local = _to_body(self._points, pose)
         return ObstaclePoints(
-            points_m=local[~self._assumed],
-            assumed_m=local[self._assumed],
+            points_m=local[self._kinds == _Kind.BASE],
+            assumed_m=local[self._kinds == _Kind.ASSUMED],
+            edges_m=local[self._kinds == _Kind.EDGE],
             captured_s=self._newest_s,
             unplaced_rad=(bearings + np.pi) % (2.0 * np.pi) - np.pi,
         )
@@ -224,7 +249,7 @@ class ObstacleMemory:
 
     def _keep(self, which: NDArray[np.bool_]) -> None:
         self._points, self._until_s = self._points[which], self._until_s[which]
-        self._assumed = self._assumed[which]
+        self._kinds = self._kinds[which]
 
     def _unexplained(
         self, hidden: NDArray[np.float64], pose: OdometryPose, time_s: float
@@ -243,23 +268,22 @@ class ObstacleMemory:
         explains = (
             (np.abs(bearings[:, None] - known_bearings) < self._config.explain_rad)
             & (known_ranges <= limits[:, None])
-            & ~self._assumed
+            & (self._kinds == _Kind.BASE)
         )
         self._until_s[explains.any(axis=0)] = time_s + self._config.max_age_s
         return np.asarray(bearings[~explains.any(axis=1)])
 
-    def _add(self, points: NDArray[np.float64], until_s: float, *, assumed: bool) -> None:
-        # What was seen comes before what is assumed, the newer before the older: `unique` keeps the
-        # first of a cell.
+    def _add(self, points: NDArray[np.float64], until_s: float, kind: _Kind) -> None:
+        # `unique` keeps the first of a cell: of one kind the newest.
         merged = np.vstack([points, self._points])
         expiries = np.concatenate([np.full(len(points), until_s), self._until_s])
-        assumptions = np.concatenate([np.full(len(points), assumed), self._assumed])
-        order = np.lexsort((-expiries, assumptions))
+        kinds = np.concatenate([np.full(len(points), kind, dtype=np.int8), self._kinds])
+        order = np.lexsort((-expiries, kinds))
         cells = np.floor(merged[order] / self._config.cell_m).astype(np.int64)
         _, first = np.unique(cells, axis=0, return_index=True)
         chosen = order[first]
         self._points, self._until_s = merged[chosen], expiries[chosen]
-        self._assumed = assumptions[chosen]
+        self._kinds = kinds[chosen]
 
 
 def _to_odometry(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:

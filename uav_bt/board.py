@@ -43,7 +43,7 @@ _FRAME_MAX_AGE_S = 0.7
 # Telemetry comes many times a second; without it for half a second nothing is known.
 _STATE_MAX_AGE_S = 0.5
 # The tracker carries the pad through missed frames; afterwards the search begins again.
-_HELIPAD_MAX_AGE_S = 12.0
+_HELIPAD_MAX_AGE_S = 22.0
 
 FRAME: Final = Key(
     "frame", Frame, "newest camera frame", writer="runner", max_age_s=_FRAME_MAX_AGE_S

@@ -380,12 +380,14 @@ class ObstaclePoints:
     captured_s: float  # of the newest frame that went in
     # (K, 2): likewise, where obstacles of unknown range are assumed for the time being.
     assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    # (E, 2): likewise, where the carpet ends.
+    edges_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
     # from the heading, clockwise positive, one for each degree that shows them. (M,)
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        for points in (self.points_m, self.assumed_m):
+        for points in (self.points_m, self.assumed_m, self.edges_m):
             if points.ndim != 2 or points.shape[1] != 2:
                 raise ShapeError("obstacle points", expected="Nx2", actual=points.shape)
 

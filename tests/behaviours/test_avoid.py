@@ -229,3 +229,14 @@ def test_without_need_or_room_it_just_turns(points: list[tuple[float, float]]) -
     near(bench, *points)
 
     assert rate(bench) > 0.3
+
+
+def test_a_turn_draws_away_from_what_is_near() -> None:
+    """A hovering drone drifts; to where the camera does not look, too."""
+    bench = turning(Says(TURN_LEFT))
+    near(bench, (0.0, 0.4), (0.0, -2.0))
+
+    turn = bench.proposed
+    assert isinstance(turn, Velocity)
+    assert turn.yaw_rate_radps < -0.3
+    assert (turn.forward_mps, turn.right_mps) == pytest.approx((0.0, -0.08))

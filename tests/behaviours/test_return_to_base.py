@@ -31,6 +31,7 @@ def fly(
     seconds: float = 0.1,
     unseen_s: float = 0.0,
     obstacles: Sequence[tuple[float, float]] | None = (),
+    unplaced_rad: Sequence[float] = (),
     yaw_rad: float = 0.0,
 ) -> Status:
     """Tick with the pad so far ahead and right, seen so long ago; None: never seen."""
@@ -47,7 +48,9 @@ def fly(
     del bench.board[OBSTACLES]
     if obstacles is not None:
         bench.board[OBSTACLES] = ObstaclePoints(
-            points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2), captured_s=now_s
+            points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
+            unplaced_rad=np.array(unplaced_rad, dtype=np.float64),
+            captured_s=now_s,
         )
     return bench.tick()
 
@@ -155,7 +158,7 @@ def test_a_pad_missed_for_a_moment_is_still_approached() -> None:
 def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) -> None:
     """Too old a track, or none: stop, and search."""
     bench = approaching()
-    fly(bench, pad, unseen_s=11.0)
+    fly(bench, pad, unseen_s=21.0)
     assert bench.proposed is None
     assert bench.board[PHASE] == "search"
 
@@ -175,7 +178,7 @@ def test_what_stands_beside_or_behind_the_way_is_passed() -> None:
     ("box", "side"), [((1.0, 0.1), -1.0), ((0.8, -0.2), 1.0)], ids=["right", "left"]
 )
 def test_a_box_on_the_way_is_passed_on_its_free_side(box: tuple[float, float], side: float) -> None:
-    """It turns to the nearest heading that is free before it flies on."""
+    """It turns to the way round before it flies on."""
     bench = approaching((2.5, 0.0))
     fly(bench, (2.5, 0.0), obstacles=[box])
 
@@ -211,13 +214,66 @@ def test_where_there_is_no_wide_way_the_narrow_one_will_do() -> None:
     assert velocity(bench).forward_mps > 0.2
 
 
-WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-100, 101, 10))]
+WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
 
 
-def test_where_every_heading_is_blocked_it_stops_for_a_detour() -> None:
+def test_where_there_is_no_way_it_stops_for_a_detour() -> None:
     """It stops at once and then goes round under the policy."""
     bench = approaching((2.5, 0.0))
     fly(bench, (2.5, 0.0), obstacles=WALL)
+
+    assert bench.proposed is None
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_a_detour_ends_as_soon_as_a_way_is_known() -> None:
+    """Not before it has looked elsewhere, though."""
+    bench = approaching((2.5, 0.0), Says(TURN_RIGHT))
+    fly(bench, (2.5, 0.0), obstacles=WALL)
+    fly(bench, (2.5, 0.0), seconds=0.5)
+    assert velocity(bench).yaw_rate_radps > 0.0
+    assert velocity(bench).forward_mps == 0.0
+
+    fly(bench, (2.5, 0.0), seconds=0.6)
+    fly(bench, (2.5, 0.0))
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+# Two degrees of an obstacle of unknown range.
+UNPLACED_RAD = (0.1, 0.12)
+
+
+def test_the_camera_follows_the_pad_down() -> None:
+    """To see the carpet before it; not so far that bases would be mistaken."""
+    bench = approaching((1.2, 0.0))
+    assert bench.pointed is not None
+    assert -50.0 < math.degrees(bench.pointed.pitch_rad) < -35.0
+
+    near = approaching((0.5, 0.0))
+    assert near.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+
+def test_it_looks_down_at_what_has_no_range_yet() -> None:
+    """And waits if that is ahead; a second after it has gone, the camera rises again."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), unplaced_rad=UNPLACED_RAD)
+
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+    assert velocity(bench).forward_mps == 0.0
+
+    fly(bench, (2.5, 0.0), seconds=0.5)
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+    assert velocity(bench).forward_mps > 0.0
+    fly(bench, (2.5, 0.0), seconds=0.6)
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_what_has_no_range_even_from_above_is_gone_round() -> None:
+    """It stands where no camera looks: a detour."""
+    bench = approaching((2.5, 0.0))
+    for _ in range(21):
+        fly(bench, (2.5, 0.0), unplaced_rad=UNPLACED_RAD)
 
     assert bench.proposed is None
     assert bench.pointed == SEARCH_GIMBAL
@@ -234,7 +290,7 @@ def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
         fly(bench, (2.5, -1.0), obstacles=WALL, yaw_rad=yaw_rad)
 
     for step in (1, 2):
-        fly(bench, (2.0, -1.5), seconds=0.3, yaw_rad=0.6)
+        fly(bench, (2.0, -1.5), obstacles=WALL, seconds=0.3, yaw_rad=0.6)
         assert bench.proposed == MoveBy(id=step, forward_m=0.3)
         bench.clock.advance(0.4)
         bench.finish_movement()

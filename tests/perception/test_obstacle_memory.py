@@ -109,6 +109,22 @@ def test_what_floats_before_the_background_has_no_base() -> None:
     assert bases(ids).hidden_m.shape == (0, 2)
 
 
+def test_the_carpet_ends_where_background_follows_it() -> None:
+    """Across the view 2.5 m ahead, but not behind a box, whose own base is no edge."""
+    ids = draw_box(carpet(), 1.8, -0.3, 0.2)
+    rows, columns = np.mgrid[: ids.shape[0], : ids.shape[1]]
+    rays = pixel_rays(np.stack([columns, rows], axis=-1), CAMERA, PITCH_RAD)
+    beyond = rays[..., 2] * 2.5 < HEIGHT_M * rays[..., 0]
+    ids[beyond & (ids == CARPET)] = BACKGROUND
+
+    edges_m = bases(ids).edges_m
+
+    assert len(edges_m) > 20
+    assert np.median(edges_m[:, 0]) == pytest.approx(2.5, abs=0.06)
+    behind = np.abs(edges_m[:, 1] / edges_m[:, 0] + 0.03) < 0.1
+    assert not behind.any()
+
+
 def test_specks_have_no_base() -> None:
     """A few obstacle pixels on the carpet are a mistake of the mask."""
     ids = carpet()
@@ -191,6 +207,24 @@ def test_old_points_are_forgotten() -> None:
     assert len(memory.points().points_m) > 0
     memory.predict(state(5.1))
     assert len(memory.points().points_m) == 0
+
+
+def test_the_end_of_the_carpet_is_remembered_longer() -> None:
+    """A decimetre matters less there; and it does not count among the obstacles."""
+    memory = ObstacleMemory(ObstacleMemoryConfig(max_age_s=5.0, edge_age_s=9.0))
+    ids = draw_box(carpet(), 1.8, -0.3, 0.2)
+    ids[:60][ids[:60] == CARPET] = BACKGROUND
+    memory.predict(state(0.0))
+    look(memory, ids, 0.0)
+    nearest_m = memory.points().nearest_m
+    assert nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M, abs=0.1)
+
+    memory.predict(state(5.1))
+
+    assert len(memory.points().points_m) == 0
+    assert len(memory.points().edges_m) > 10
+    memory.predict(state(9.1))
+    assert len(memory.points().edges_m) == 0
 
 
 def test_far_bases_are_not_remembered() -> None:

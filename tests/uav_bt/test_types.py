@@ -109,6 +109,8 @@ def test_obstacle_points_come_in_pairs(shape: tuple[int, ...]) -> None:
         ObstaclePoints(points_m=wrong, captured_s=0.0)
     with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
         obstacles((1.0, 0.0), assumed_m=wrong)
+    with pytest.raises(ShapeError, match="obstacle points must be Nx2"):
+        obstacles((1.0, 0.0), edges_m=wrong)
 
 
 # --- commands -------------------------------------------------------------------------------------
