@@ -98,9 +98,7 @@ def main() -> int:
         print(f"lab {number:3d}  {outcome:10s}{landed}  clearance {clearance_m:.2f} m")
     times = [land_s for _, outcome, land_s, _ in flights if outcome == "success" and land_s]
     successes = sum(outcome == "success" for _, outcome, _, _ in flights)
-    print(
-        f"{successes} of {len(flights)} landed, median {np.median(times):.1f} s after the first sight"
-    )
+    print(f"{successes} of {len(flights)} landed, {np.median(times):.1f} s from sight (median)")
     return 0
 
 
