@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,6 +59,8 @@ class Grid:
 
     def clearance_m(self, points_m: Floats) -> Floats:
         """Return each cell's distance to the nearest of the points in the grid, inf without any."""
+        import cv2  # noqa: PLC0415 - late: `uav-bt check` must answer at once
+
         cells = np.rint((points_m - self.corner_m) / self.cell_m).astype(int)
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
         if not inside.any():
