@@ -7,6 +7,7 @@ import math
 
 from behaviours.heading import HeadingController
 from behaviours.steering import FLIGHT_HEIGHT, FLOWING, POLICY, SteeringLeaf
+from behaviours.way.gaze import PadGaze, shows_unplaced
 from behaviours.way.way_to_pad import WayToPad
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE
 from uav_bt.errors import UnknownNameError
@@ -31,19 +32,12 @@ _TRACK_S = 20.0
 _AHEAD_RAD = math.radians(12)
 _APPROACH_MPS = 0.45
 _SLOW_DOWN_PER_S = 0.6  # speed per metre of remaining range
-# The camera follows the pad down to here: the carpet right before the drone comes into view.
-_LOWEST_PITCH_RAD = math.radians(-50)
-_PAD_ROOF_M = 0.4
-# So low it also looks, for so long, at what has an unknown range this near to ahead.
-_LOOK_DOWN_RAD = math.radians(45)
-_LOOK_DOWN_S = 1.0
-# What has an unknown range even then, for so long, is gone round.
+# What has an unknown range even seen from above, for so long, is gone round.
 _BLOCKED_S = 2.0
 # A detour goes on at least so long, then until there is a way again.
 _DETOUR_S = 1.0
 # An obstacle of unknown range this near to ahead is in the way.
 _UNPLACED_RAD = math.radians(30)
-_UNPLACED_MIN = 2
 # Under a policy what stands this much before the pad is not in the way to it.
 _BEFORE_PAD_M = 0.35
 _DETOUR_STEPS = 2
@@ -106,7 +100,7 @@ class ReturnToBase(SteeringLeaf):
         """Begin with the search; a helipad in view ends it at once."""
         self._enter(_Phase.SEARCH)
         self._detour_steps = 0
-        self._look_down_until_s = -math.inf
+        self._gaze = PadGaze()
         self._glance_s = self.clock.now() + _FIRST_GLANCE_S
 
     def update(self) -> Status:
@@ -131,7 +125,7 @@ class ReturnToBase(SteeringLeaf):
         return status
 
     def _pitch_rad(self, state: DroneState | None) -> float:
-        """Return the camera's pitch: down at the pad on the approach, at what is near, or level."""
+        """Return the camera's pitch for the phase."""
         flight_rad = math.radians(self.port_value("gimbal_deg"))
         if self._phase is _Phase.GLANCE:
             return _GLANCE_PITCH_RAD
@@ -139,14 +133,13 @@ class ReturnToBase(SteeringLeaf):
         nears = self._phase in {_Phase.APPROACH, _Phase.OVERFLY} and not self._by_policy
         if not nears or fix is None or state is None:
             return flight_rad
-        now_s = self.clock.now()
-        if self._unplaced_within(_LOOK_DOWN_RAD):
-            self._look_down_until_s = now_s + _LOOK_DOWN_S
-        if now_s < self._look_down_until_s:
-            return _LOWEST_PITCH_RAD
-        above_m = max(state.height_above_carpet_m - _PAD_ROOF_M, 0.0)
-        pad_rad = -math.atan2(above_m, max(fix.range_m, 0.05))
-        return min(flight_rad, max(pad_rad, _LOWEST_PITCH_RAD))
+        return self._gaze.pitch_rad(
+            fix,
+            self.read(OBSTACLES).value,
+            state,
+            flight_rad=flight_rad,
+            now_s=self.clock.now(),
+        )
 
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
@@ -279,11 +272,7 @@ class ReturnToBase(SteeringLeaf):
         """Return whether something of unknown range stands ahead."""
         # A policy has judged what it sees; above the pad its own box is what is below the view.
         judged = self._by_policy or self._phase is _Phase.OVERFLY
-        return not judged and self._unplaced_within(_UNPLACED_RAD)
-
-    def _unplaced_within(self, half_angle_rad: float) -> bool:
-        obstacles = self.read(OBSTACLES).value
-        return obstacles is not None and obstacles.unplaced_within(half_angle_rad) >= _UNPLACED_MIN
+        return not judged and shows_unplaced(self.read(OBSTACLES).value, _UNPLACED_RAD)
 
     def _detour(self, state: DroneState) -> None:
         """Turn away until the policy finds a way, take two steps, then face the pad again.
