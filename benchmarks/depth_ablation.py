@@ -28,7 +28,7 @@ from perception.depth.network import DepthNetConfig
 from perception.depth.runtime import OnnxDepthEstimator
 from perception.depth.training_config import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
-from uav_bt.depth_training import (
+from uav_bt.learning.depth import (
     DepthViewPlan,
     DepthViews,
     depth_views,

@@ -36,7 +36,7 @@ from sim_bridge.twin.camera import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
-from uav_bt.training import VALIDATION_SCENES
+from uav_bt.learning.scenes import VALIDATION_SCENES
 from uav_bt.types import Frame
 
 STAGES = ("segmentation", "network", "metric", "corridor", "helipad")

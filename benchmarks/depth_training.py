@@ -38,8 +38,8 @@ from perception.depth.motion import camera_track, measured_motion
 from perception.depth.runtime import OnnxDepthEstimator
 from perception.segmentation.runtime import shipped_unet
 from perception.weights_io import SHIPPED_WEIGHTS
-from uav_bt.depth_training import DepthViewPlan, depth_views, score_depth_on
-from uav_bt.training import VALIDATION_SCENES
+from uav_bt.learning.depth import DepthViewPlan, depth_views, score_depth_on
+from uav_bt.learning.scenes import VALIDATION_SCENES
 
 _SHIPPED = SHIPPED_WEIGHTS / "depth.onnx"
 

@@ -24,23 +24,24 @@ from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.teacher import TeacherConfig
 from perception.segmentation.training import TrainingConfig
-from uav_bt import training
-from uav_bt.training import Image
+from uav_bt.learning import segmentation as training
+from uav_bt.learning.scenes import TESTING_SCENES
+from uav_bt.learning.views import Image, ViewPlan, twin_views
 
 
 def ablate_scenes(arguments: argparse.Namespace) -> None:
     """Print the scores of teachers that learnt from more and more scenes."""
-    config, plan = TeacherConfig(), training.ViewPlan()
+    config, plan = TeacherConfig(), ViewPlan()
     picks = training.draw_twin_picks(plan, config)
-    exam = training.ViewPlan(scenes=tuple(arguments.on), views=arguments.views, seed=2)
-    views = [(rgb, ids) for _, rgb, ids in training.twin_views(exam)]
+    exam = ViewPlan(scenes=tuple(arguments.on), views=arguments.views, seed=2)
+    views = [(rgb, ids) for _, rgb, ids in twin_views(exam)]
     print(
         f"{'scenes':>6s} {'points':>6s} {'classes':>7s} {'way':>14s} {'mIoU 17':>8s} {'mIoU 4':>7s}"
     )
     for count in range(1, len(plan.scenes) + 1):
         scenes = plan.scenes[:count]
         mine = [pick for pick in picks if pick.image.startswith(scenes)]
-        few = training.ViewPlan(scenes=scenes)
+        few = ViewPlan(scenes=scenes)
         teacher = training.train_teacher(mine, few, config)
         ways: dict[str, Callable[[Image], Image]] = {
             "windows": teacher.window_ids,
@@ -60,14 +61,14 @@ def ablate_losses(arguments: argparse.Namespace) -> None:
     """Print the scores of U-Nets that learnt with different losses."""
     parts = [np.load(file, allow_pickle=False) for file in sorted(arguments.masks.glob("*.npz"))]
     pictures = tuple(np.concatenate([part[key] for part in parts]) for key in ("rgb", "ids"))
-    exam = training.ViewPlan(
+    exam = ViewPlan(
         scenes=tuple(arguments.on),
         views=arguments.views,
         size_px=(640, 360),
         truth_size_px=(224, 112),
         seed=2,
     )
-    views = [(rgb, ids) for _, rgb, ids in training.twin_views(exam)]
+    views = [(rgb, ids) for _, rgb, ids in twin_views(exam)]
     print(f"{len(pictures[0])} masks, {arguments.steps} steps of {arguments.batch}")
     for loss in LOSSES:
         with tempfile.TemporaryDirectory() as folder:
@@ -83,7 +84,7 @@ def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("which", choices=["scenes", "losses"])
-    parser.add_argument("--on", nargs="+", default=list(training.TESTING_SCENES))
+    parser.add_argument("--on", nargs="+", default=list(TESTING_SCENES))
     parser.add_argument("--views", type=int, default=50, help="pictures a scene to score on")
     parser.add_argument("--masks", type=Path, help="folder of the teacher's masks, for losses")
     parser.add_argument("--steps", type=int, default=800)

@@ -26,7 +26,9 @@ from perception.segmentation.features import hsv_of, patch_features
 from perception.segmentation.picks import PickedPatches, gather_patches
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import TeacherConfig, fit_teacher
-from uav_bt import training
+from uav_bt.learning import segmentation as training
+from uav_bt.learning.scenes import VALIDATION_SCENES
+from uav_bt.learning.views import ViewPlan, twin_views
 
 
 def timed(work: Callable[[], object], repeats: int) -> float:
@@ -39,11 +41,11 @@ def timed(work: Callable[[], object], repeats: int) -> float:
     return float(np.median(times))
 
 
-def learn(plan: training.ViewPlan, config: TeacherConfig) -> PickedPatches:
+def learn(plan: ViewPlan, config: TeacherConfig) -> PickedPatches:
     """Return what the twin's picks show."""
     picks = training.draw_twin_picks(plan, config)
     wanted = {pick.image for pick in picks}
-    pictures = ((name, rgb) for name, rgb, _ in training.twin_views(plan) if name in wanted)
+    pictures = ((name, rgb) for name, rgb, _ in twin_views(plan) if name in wanted)
     return gather_patches(picks, pictures, config.patch_px)
 
 
@@ -66,12 +68,12 @@ def main() -> None:
     arguments = parser.parse_args()
 
     config = TeacherConfig()
-    patches = learn(training.ViewPlan(), config)
+    patches = learn(ViewPlan(), config)
     teacher = fit_teacher(patches, config)
     svm = LinearSVC(C=config.cost, max_iter=config.max_iterations, random_state=0)
     model = OneVsRestClassifier(svm).fit(patches.features, patches.labels)
-    plan = training.ViewPlan(scenes=training.VALIDATION_SCENES[:1], views=arguments.frames, seed=9)
-    pictures = [rgb for _, rgb, _ in training.twin_views(plan)]
+    plan = ViewPlan(scenes=VALIDATION_SCENES[:1], views=arguments.frames, seed=9)
+    pictures = [rgb for _, rgb, _ in twin_views(plan)]
 
     rng = np.random.default_rng(0)
     points = np.stack(

@@ -21,9 +21,8 @@ FLOOR_FOUR = {
     f"uav_bt.{name}"
     for name in (
         *("app", "calibrated_drone", "campaigning", "cli", "viewing", "watching"),
-        *("depth_evaluation", "depth_training", "exporting", "flight_labels", "footage"),
-        *("perceiving", "training"),
-        *("dataset", "recording", "replaying", "collecting", "student_training"),
+        *("depth_evaluation", "footage", "learning"),
+        *("dataset", "perceiving", "recording", "replaying"),
     )
 }
 # Networks are made and trained there; what flies them needs no torch.

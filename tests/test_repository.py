@@ -19,7 +19,8 @@ from perception.segmentation.teacher import load_teacher
 from perception.weights_io import SHIPPED_WEIGHTS
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt import __version__, checking
-from uav_bt.training import SHIPPED_TEACHER, TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
+from uav_bt.learning.scenes import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
+from uav_bt.learning.segmentation import SHIPPED_TEACHER
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")

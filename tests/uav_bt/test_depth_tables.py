@@ -21,8 +21,8 @@ from uav_bt.depth_evaluation.tables import (
     sample_table,
     sensitivity_table,
 )
-from uav_bt.depth_training import DepthViewPlan
 from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.learning.depth import DepthViewPlan
 from uav_bt.types import ClassMap, DepthMap, Frame
 
 PLAN = PicturePlan(views=DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3))

@@ -1,4 +1,4 @@
-"""The command line: one thin module per command over `uav_bt.app` and `uav_bt.training`."""
+"""The command line: one thin module per command over `uav_bt.app` and `uav_bt.learning`."""
 
 from __future__ import annotations
 

@@ -86,9 +86,9 @@ def collect(
     """
     need("campaign", "joblib")
     need("record", "mcap", "foxglove")
-    from uav_bt import collecting  # noqa: PLC0415 - `--help` need not wait for it
     from uav_bt.campaign.runner import LocalBackend  # noqa: PLC0415
     from uav_bt.cli.campaign_progress import campaign_progress  # noqa: PLC0415
+    from uav_bt.learning import collecting  # noqa: PLC0415 - `--help` need not wait for it
 
     if student is not None:
         # Absolute: workers stand elsewhere.

@@ -51,10 +51,12 @@ def segmentation(
 
     The score is the intersection over union over all pixels, by class and by navigation group.
     """
-    from uav_bt import training  # noqa: PLC0415 - late, for --help
+    from uav_bt.learning import segmentation as training  # noqa: PLC0415 - late, for --help
+    from uav_bt.learning.scenes import TESTING_SCENES  # noqa: PLC0415 - late, for --help
+    from uav_bt.learning.views import ViewPlan  # noqa: PLC0415 - late, for --help
 
     segment = _segmenter(model, classes)
-    plan = training.ViewPlan(scenes=scenes or training.TESTING_SCENES, views=views, seed=seed)
+    plan = ViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed)
     with progress_bars() as advance:
         score = training.evaluate_segmentation(segment, plan, advance=advance)
     result = {"model": model, "scenes": list(plan.scenes), "views": views, "seed": seed}
@@ -109,8 +111,8 @@ def depth(
     from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
     from uav_bt.cli.depth_tables import depth_report  # noqa: PLC0415
     from uav_bt.depth_evaluation import pictures, report  # noqa: PLC0415
-    from uav_bt.depth_training import DepthViewPlan  # noqa: PLC0415
-    from uav_bt.training import TESTING_SCENES  # noqa: PLC0415
+    from uav_bt.learning.depth import DepthViewPlan  # noqa: PLC0415
+    from uav_bt.learning.scenes import TESTING_SCENES  # noqa: PLC0415
 
     network = None if model == "footing" else load_depth_estimator(model, threads=2)
     plan = pictures.PicturePlan(

@@ -58,8 +58,8 @@ def _network_options(name: str) -> Callable[[Callable[..., Any]], Callable[..., 
 def segmentation(**options: Any) -> None:
     """Make the ONNX file of a segmentation U-Net."""
     need("train", "onnx")
-    from uav_bt.exporting import export_segmentation  # noqa: PLC0415 - late, for --help
-    from uav_bt.training import SHIPPED_UNET  # noqa: PLC0415
+    from uav_bt.learning.exporting import export_segmentation  # noqa: PLC0415 - late, for --help
+    from uav_bt.learning.segmentation import SHIPPED_UNET  # noqa: PLC0415
 
     _export(export_segmentation, "unet", SHIPPED_UNET, **options)
 
@@ -69,8 +69,8 @@ def segmentation(**options: Any) -> None:
 def depth(**options: Any) -> None:
     """Make the ONNX file of a depth network."""
     need("train", "onnx")
-    from uav_bt.depth_training import SHIPPED_DEPTH  # noqa: PLC0415 - late, for --help
-    from uav_bt.exporting import export_depth  # noqa: PLC0415
+    from uav_bt.learning.depth import SHIPPED_DEPTH  # noqa: PLC0415 - late, for --help
+    from uav_bt.learning.exporting import export_depth  # noqa: PLC0415
 
     _export(export_depth, "depth", SHIPPED_DEPTH, **options)
 
@@ -80,8 +80,8 @@ def depth(**options: Any) -> None:
 def student(**options: Any) -> None:
     """Make the ONNX file of a control student. All its shapes are fixed."""
     need("train", "onnx")
-    from uav_bt.exporting import export_student  # noqa: PLC0415 - late, for --help
-    from uav_bt.student_training import SHIPPED_STUDENT  # noqa: PLC0415
+    from uav_bt.learning.exporting import export_student  # noqa: PLC0415 - late, for --help
+    from uav_bt.learning.student import SHIPPED_STUDENT  # noqa: PLC0415
 
     _export(export_student, "student", SHIPPED_STUDENT, **options)
 
@@ -98,7 +98,7 @@ def _export(
     views: int,
     seed: int,
 ) -> None:
-    from uav_bt.exporting import CALIBRATION_VIEWS  # noqa: PLC0415 - late, for --help
+    from uav_bt.learning.exporting import CALIBRATION_VIEWS  # noqa: PLC0415 - late, for --help
 
     path = out or _RUNS / f"{name}-{precision}.onnx"
     if path.suffix != ".onnx":

@@ -51,9 +51,11 @@ def twin(*, picks: Path | None, scenes: tuple[str, ...], views: int, seed: int, 
     """Draw picks from the twin's exact class ids, as a person would click them."""
     from perception.segmentation.picks import write_picks  # noqa: PLC0415 - late, for --help
     from perception.segmentation.teacher import TeacherConfig  # noqa: PLC0415
-    from uav_bt import training  # noqa: PLC0415
+    from uav_bt.learning import segmentation as training  # noqa: PLC0415
+    from uav_bt.learning.scenes import TRAINING_SCENES  # noqa: PLC0415
+    from uav_bt.learning.views import ViewPlan  # noqa: PLC0415
 
-    plan = training.ViewPlan(scenes=scenes or training.TRAINING_SCENES, views=views, seed=seed)
+    plan = ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
     with progress_bars() as advance:
         drawn = training.draw_twin_picks(plan, TeacherConfig(), total=total, advance=advance)
     file = Path("picks.csv") if picks is None else picks

@@ -64,13 +64,15 @@ def teacher(
         raise click.UsageError("--photographs needs --picks: what was clicked on them")
     from perception.segmentation.picks import read_picks  # noqa: PLC0415 - late, for --help
     from perception.segmentation.teacher import TeacherConfig, save_teacher  # noqa: PLC0415
-    from uav_bt import training  # noqa: PLC0415
+    from uav_bt.learning import segmentation as training  # noqa: PLC0415
+    from uav_bt.learning.scenes import TRAINING_SCENES  # noqa: PLC0415
+    from uav_bt.learning.views import ViewPlan  # noqa: PLC0415
 
     config = TeacherConfig()
     if picks is not None and photographs is not None:
         trained = training.train_teacher_on_photographs(picks, photographs, config)
     else:
-        plan = training.ViewPlan(scenes=scenes or training.TRAINING_SCENES, views=views, seed=seed)
+        plan = ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
         chosen = read_picks(picks) if picks is not None else None
         with progress_bars() as advance:
             if chosen is None:
@@ -142,13 +144,15 @@ def segmentation(
         raise click.UsageError(f"--out must end in .safetensors, got '{weights}'")
     from perception.segmentation.teacher import load_teacher  # noqa: PLC0415 - late, for --help
     from perception.segmentation.training import TrainingConfig  # noqa: PLC0415
-    from uav_bt import training  # noqa: PLC0415
-    from uav_bt.flight_labels import label_flights  # noqa: PLC0415
+    from uav_bt.learning import segmentation as training  # noqa: PLC0415
+    from uav_bt.learning.flight_labels import label_flights  # noqa: PLC0415
+    from uav_bt.learning.scenes import TRAINING_SCENES  # noqa: PLC0415
+    from uav_bt.learning.views import ViewPlan  # noqa: PLC0415
 
     teacher_path = training.SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
     plan = training.StudentPlan(
-        views=training.ViewPlan(scenes=scenes or training.TRAINING_SCENES, views=views, seed=seed)
+        views=ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
     )
     config = TrainingConfig(steps=steps, loss=loss)  # type: ignore[arg-type]  # click checked it
     with progress_bars() as advance:
@@ -242,7 +246,7 @@ def depth(
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
     from perception.depth.training_config import DepthTrainingConfig  # noqa: PLC0415 - late, for --help
     from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
-    from uav_bt import depth_training as training  # noqa: PLC0415
+    from uav_bt.learning import depth as training  # noqa: PLC0415
 
     config = DepthTrainingConfig(
         steps=steps,

@@ -110,8 +110,8 @@ def student(
     from perception.control.config import ControlNetConfig  # noqa: PLC0415 - late, for --help
     from perception.control.samples import SampleConfig  # noqa: PLC0415
     from perception.control.training import ControlTrainingConfig  # noqa: PLC0415
-    from uav_bt import student_training as training  # noqa: PLC0415
-    from uav_bt.training import SHIPPED_UNET  # noqa: PLC0415
+    from uav_bt.learning import student as training  # noqa: PLC0415
+    from uav_bt.learning.segmentation import SHIPPED_UNET  # noqa: PLC0415
 
     net = ControlNetConfig(views=views, spacing_s=spacing_s, learns=learns)  # type: ignore[arg-type]  # click checked it
     config = ControlTrainingConfig(

@@ -14,7 +14,7 @@ from perception.corridor import CorridorConfig, CorridorPlanes, build_corridor
 from perception.depth.ground import view_of
 from uav_bt.depth_evaluation.methods import methods_for, metric_maps
 from uav_bt.depth_evaluation.pictures import MAP_SIZE_PX, Masks, Picture
-from uav_bt.training import Advance
+from uav_bt.learning.scenes import Advance, silent
 from uav_bt.types import Corridor, DepthMap
 
 __all__ = ["FOCAL_FACTORS", "FRONTS_M", "CorridorRow", "corridor_table"]
@@ -22,10 +22,6 @@ __all__ = ["FOCAL_FACTORS", "FRONTS_M", "CorridorRow", "corridor_table"]
 FRONTS_M: Final = (0.3, 0.5, 1.0, 1.5, 2.0, 3.0)
 FOCAL_FACTORS: Final = (0.8, 0.9, 1.0, 1.1, 1.2)
 _CLEARLY_M: Final = 0.1  # by which walls move before an intrusion is beyond dispute
-
-
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +47,7 @@ class CorridorRow:
 
 
 def corridor_table(
-    pictures: Sequence[Picture], masks: Masks, *, advance: Advance = _silent
+    pictures: Sequence[Picture], masks: Masks, *, advance: Advance = silent
 ) -> list[CorridorRow]:
     """Sweep the front plane and the focal factor.
 

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.ground import CameraView
-from uav_bt.depth_training import DepthViewPlan
 from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.learning.depth import DepthViewPlan
+from uav_bt.learning.scenes import TESTING_SCENES, Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.training import TESTING_SCENES, Advance
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 __all__ = ["MAP_SIZE_PX", "MASKS", "Masks", "Picture", "PicturePlan", "take_pictures"]
@@ -35,10 +35,6 @@ MAP_SIZE_PX: Final = (224, 112)  # of the class maps, and so of metric depth in 
 
 _APART_S = 20.0  # between pictures: the altimeter's correlation time, and no scale is remembered
 _TILT_STD_RAD = 0.035  # of a flying body: 0.34 m/s2 of acceleration, gusts and movements
-
-
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +87,7 @@ def take_pictures(
     segmenter: Segmenter,
     network: DepthEstimator | None,
     *,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> Iterator[Picture]:
     """Take the pictures of a plan; the same plan gives the same pictures.
 

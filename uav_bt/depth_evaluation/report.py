@@ -19,8 +19,8 @@ from uav_bt.depth_evaluation.tables import (
     sensitivity_table,
 )
 from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.learning.scenes import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
-from uav_bt.training import Advance
 
 __all__ = ["TABLES", "evaluate_depth"]
 
@@ -37,17 +37,13 @@ _MAKERS: Final[Mapping[str, Callable[[DepthQuestions, Masks, Advance], _Rows]]] 
 TABLES: Final = tuple(_MAKERS)
 
 
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
-
-
 def evaluate_depth(
     plan: PicturePlan,
     segmenter: Segmenter,
     network: DepthEstimator | None,
     *,
     tables: Sequence[str] = TABLES,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> dict[str, Any]:
     """Take pictures of the twin and make tables.
 

@@ -20,7 +20,7 @@ from perception.depth.point_pairs import PairConfig, PointPairs, pair_distances,
 from perception.depth.scale import ScaleConfig, fit_ratio, sample_carpet
 from uav_bt.depth_evaluation.methods import Error, Method, methods_for, metric_maps
 from uav_bt.depth_evaluation.pictures import MAP_SIZE_PX, Masks, Picture
-from uav_bt.training import Advance
+from uav_bt.learning.scenes import Advance, silent
 from uav_bt.types import DepthMap
 
 __all__ = [
@@ -41,10 +41,6 @@ SAMPLE_POINTS: Final = (10, 20, 30, 40, 50, 60, 80, 100)
 _DRAWS: Final = 16  # of the carpet's pixels, to see how much the scale depends on them
 
 Floats = NDArray[np.float64]
-
-
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,7 +122,7 @@ class PairRow:
 
 
 def pair_table(
-    questions: DepthQuestions, masks: Masks, *, advance: Advance = _silent
+    questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
 ) -> list[PairRow]:
     """Make the paper's table of point pairs; pairs across faces without a patch only."""
     rows: list[PairRow] = []
@@ -154,7 +150,7 @@ class DistanceRow:
 
 
 def distance_table(
-    questions: DepthQuestions, masks: Masks, *, advance: Advance = _silent
+    questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
 ) -> list[DistanceRow]:
     """Make the paper's table of distances from the camera."""
     rows: list[DistanceRow] = []
@@ -197,7 +193,7 @@ _PITCHES_DEG: Final = (1.0, -1.0, 2.0, -2.0)
 
 
 def sensitivity_table(
-    questions: DepthQuestions, masks: Masks, *, advance: Advance = _silent
+    questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
 ) -> list[SensitivityRow]:
     """Say what wrong height, wrong pitch and other masks cost the ways one would fly on."""
     changes: list[tuple[str, Masks, Error]] = [
@@ -242,7 +238,7 @@ class SampleRow:
 
 
 def sample_table(
-    questions: DepthQuestions, masks: Masks, *, seed: int = 0, advance: Advance = _silent
+    questions: DepthQuestions, masks: Masks, *, seed: int = 0, advance: Advance = silent
 ) -> list[SampleRow]:
     """Sweep the number of carpet points; empty without a network."""
     if any(picture.relative is None for picture in questions.pictures):

@@ -19,7 +19,8 @@ from safetensors.numpy import load_file
 from perception.classes import CLASS_NAMES, GROUP_NAMES
 from perception.segmentation.picks import read_picks
 from perception.segmentation.teacher import load_teacher
-from uav_bt import training
+from uav_bt.learning import segmentation as training
+from uav_bt.learning.views import ViewPlan
 
 ONE_SCENE = ("--scene", "train-a", "--views", 2)
 
@@ -126,7 +127,7 @@ def test_training_writes_both_files_and_goes_on_where_it_stopped(
     assert out.with_suffix(".onnx").is_file()
     (asked,) = masks
     assert asked[0] == training.SHIPPED_TEACHER
-    assert asked[1].views == training.ViewPlan(scenes=("train-a",), views=2, seed=5)
+    assert asked[1].views == ViewPlan(scenes=("train-a",), views=2, seed=5)
     assert asked[2].parent == folder
 
     weights = load_file(out)

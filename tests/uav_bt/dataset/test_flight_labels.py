@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uav_bt import flight_labels
 from uav_bt.dataset.index_file import flight_data
 from uav_bt.dataset.windows import thinned
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.flight_labels import label_flights
-from uav_bt.training import SHIPPED_TEACHER, StudentPlan
+from uav_bt.learning import flight_labels
+from uav_bt.learning.flight_labels import label_flights
+from uav_bt.learning.segmentation import SHIPPED_TEACHER, StudentPlan
 
 PLAN = StudentPlan()
 EVERY_S = 3.0

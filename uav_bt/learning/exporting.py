@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import UnknownNameError
-from uav_bt.training import Advance, ViewPlan, twin_views
+from uav_bt.learning.scenes import Advance, silent
+from uav_bt.learning.views import ViewPlan, twin_views
 
 __all__ = [
     "CALIBRATION_VIEWS",
@@ -28,17 +29,13 @@ CALIBRATION_VIEWS: Final = ViewPlan(views=50, size_px=(640, 360), truth_size_px=
 """What is looked at to see what numbers a network meets: 200 pictures of the training scenes."""
 
 
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
-
-
 def export_segmentation(
     weights: Path,
     out: Path,
     *,
     precision: Precision = "int8",
     views: ViewPlan = CALIBRATION_VIEWS,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> None:
     """Write the ONNX file of a segmentation U-Net.
 
@@ -67,7 +64,7 @@ def export_depth(
     *,
     precision: Precision = "int8",
     views: ViewPlan = CALIBRATION_VIEWS,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> None:
     """Write the ONNX file of a depth network; as `export_segmentation` does."""
     from perception.depth.export import export_depth_onnx  # noqa: PLC0415
@@ -81,7 +78,7 @@ def export_student(
     *,
     precision: Precision = "int8",
     views: ViewPlan = CALIBRATION_VIEWS,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> None:
     """Write the ONNX file of a control student; as `export_segmentation` does."""
     from perception.control.export import export_control_onnx  # noqa: PLC0415

@@ -20,8 +20,8 @@ from uav_bt import app, campaigning
 from uav_bt.campaign.runner import Backend
 from uav_bt.campaigning.campaign import Progress
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.learning.scenes import TRAINING_SCENES
 from uav_bt.recording import scene_text
-from uav_bt.training import TRAINING_SCENES
 
 __all__ = ["CollectionPlan", "collect"]
 

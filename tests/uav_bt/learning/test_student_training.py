@@ -15,16 +15,17 @@ from perception.control.runtime import OnnxControlStudent
 from perception.control.training import ControlTrainingConfig
 from perception.segmentation.export import save_unet
 from perception.segmentation.unet import UNet, UNetConfig
-from uav_bt import app, student_training
+from uav_bt import app
 from uav_bt.errors import FileError, WeightsError
-from uav_bt.record.reader import RecordReader
-from uav_bt.student_training import (
+from uav_bt.learning import student as student_training
+from uav_bt.learning.student import (
     StudentDiary,
     first_weights,
     read_advised_flights,
     records_of,
     train_student,
 )
+from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 
 NET = ControlNetConfig(width_px=32, height_px=16, channels=(4, 8), narrow=4, embedding=8, hidden=8)

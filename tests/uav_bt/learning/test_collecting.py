@@ -14,8 +14,8 @@ from uav_bt.campaign.pilot import FAILED, FLOWN
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
 from uav_bt.campaigning import planning
-from uav_bt.collecting import CollectionPlan, collect
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.learning.collecting import CollectionPlan, collect
 from uav_bt.mission.judge import Outcome
 
 ADVISED = "explore_and_land_advised"

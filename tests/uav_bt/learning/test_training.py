@@ -15,11 +15,13 @@ from perception.segmentation.refine import RefineConfig
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.segmentation.teacher import Teacher, TeacherConfig, load_teacher, save_teacher
 from perception.segmentation.training import TrainingConfig
-from uav_bt import training
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
+from uav_bt.learning import segmentation as training
+from uav_bt.learning.scenes import VALIDATION_SCENES
+from uav_bt.learning.views import ViewPlan, twin_views
 
 SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
-PLAN = training.ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
+PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
 
 
 @pytest.fixture(autouse=True)
@@ -42,8 +44,8 @@ def teacher(picks: list[Pick]) -> Teacher:
 
 def test_a_plan_gives_the_same_pictures_whichever_scenes_stand_beside() -> None:
     plan = replace(PLAN, views=2)
-    both = list(training.twin_views(plan))
-    alone = list(training.twin_views(replace(plan, scenes=("train-b",))))
+    both = list(twin_views(plan))
+    alone = list(twin_views(replace(plan, scenes=("train-b",))))
     assert [name for name, _, _ in both] == [
         "train-a-00000.png",
         "train-a-00001.png",
@@ -57,9 +59,7 @@ def test_a_plan_gives_the_same_pictures_whichever_scenes_stand_beside() -> None:
 
 
 def test_another_seed_gives_other_pictures() -> None:
-    (_, first, _), (_, second, _) = (
-        next(training.twin_views(replace(PLAN, seed=seed))) for seed in (0, 1)
-    )
+    (_, first, _), (_, second, _) = (next(twin_views(replace(PLAN, seed=seed))) for seed in (0, 1))
     assert (first != second).mean() > 0.5
 
 
@@ -112,7 +112,7 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
 def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_path: Path) -> None:
     """Pictures twice as large, with picks in their own pixels."""
     large: list[Pick] = []
-    for name, rgb, _ in training.twin_views(PLAN):
+    for name, rgb, _ in twin_views(PLAN):
         mine = [pick for pick in picks if pick.image == name]
         if mine:
             big = cv2.resize(rgb, (640, 360), interpolation=cv2.INTER_NEAREST)
@@ -136,16 +136,16 @@ def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 def test_bad_plans_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="a scene and a positive count"):
-        training.ViewPlan(scenes=())
+        ViewPlan(scenes=())
     with pytest.raises(ValueRangeError, match="within 0 and 1"):
-        training.ViewPlan(facing_pad=1.5)
+        ViewPlan(facing_pad=1.5)
     with pytest.raises(UnknownNameError, match="unknown scene 'train-z'"):
-        next(training.twin_views(replace(PLAN, scenes=("train-z",))))
+        next(twin_views(replace(PLAN, scenes=("train-z",))))
 
 
 def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
-    plan = training.ViewPlan(
-        scenes=training.VALIDATION_SCENES,
+    plan = ViewPlan(
+        scenes=VALIDATION_SCENES,
         views=15,
         size_px=(640, 360),
         truth_size_px=(224, 112),

@@ -26,13 +26,13 @@ from perception.networks.onnx_runtime import shrunk
 from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.dataset.index_file import fingerprint
 from uav_bt.errors import FileError, InputError, WeightsError
+from uav_bt.learning.scenes import Advance, silent
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
 from uav_bt.record.notes import FrameNote
 from uav_bt.record.pictures import decode_image, image_bytes
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.values import decode
-from uav_bt.training import Advance
 from uav_bt.types import CameraModel
 
 __all__ = [
@@ -48,10 +48,6 @@ SHIPPED_STUDENT: Final = SHIPPED_WEIGHTS / "student.safetensors"
 
 # The rule's reason when it saw nothing: that says something of the depth, and nothing of the view.
 _BLIND: Final = "no depth"
-
-
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
 
 
 # --- records --------------------------------------------------------------------------------------
@@ -77,7 +73,7 @@ def read_advised_flights(
     net: ControlNetConfig,
     folder: Path,
     *,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> list[ControlFlight]:
     """Read records of advised flights; what was read before is kept in a folder.
 
@@ -179,7 +175,7 @@ def train_student(
     held_out: Sequence[ControlFlight] = (),
     validate_every: int = 500,
     diary: StudentDiary | None = None,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> ControlScore | None:
     """Train the control student and write its safetensors and, beside them, the ONNX file.
 

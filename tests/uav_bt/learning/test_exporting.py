@@ -15,8 +15,10 @@ from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import UnknownNameError
-from uav_bt.exporting import CALIBRATION_VIEWS, export_depth, export_segmentation
-from uav_bt.training import SHIPPED_UNET, TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, twin_views
+from uav_bt.learning.exporting import CALIBRATION_VIEWS, export_depth, export_segmentation
+from uav_bt.learning.scenes import TRAINING_SCENES, VALIDATION_SCENES
+from uav_bt.learning.segmentation import SHIPPED_UNET
+from uav_bt.learning.views import ViewPlan, twin_views
 
 
 @pytest.fixture(scope="module")

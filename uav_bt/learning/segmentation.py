@@ -6,8 +6,6 @@ scenes, lets the teacher look at them, and hands both on.
 
 from __future__ import annotations
 
-import math
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
@@ -17,131 +15,37 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from perception.segmentation.picks import Pick, draw_picks, gather_patches, read_picks
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, load_teacher
 from perception.weights_io import SHIPPED_WEIGHTS
-from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.errors import FileError
+from uav_bt.learning.scenes import Advance, silent
+from uav_bt.learning.views import Image, ViewPlan, twin_views
 
 __all__ = [
     "SHIPPED_TEACHER",
     "SHIPPED_UNET",
-    "TESTING_SCENES",
-    "TRAINING_SCENES",
-    "VALIDATION_SCENES",
-    "Advance",
     "StudentPlan",
-    "ViewPlan",
     "draw_twin_picks",
     "evaluate_segmentation",
     "label_pictures",
     "train_segmentation",
     "train_teacher",
     "train_teacher_on_photographs",
-    "twin_views",
 ]
-
-TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
-VALIDATION_SCENES: Final = ("val-a", "val-b")  # to choose and tune on
-TESTING_SCENES: Final = ("test-a", "test-b")  # to report on, never to choose by
 
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 SHIPPED_UNET: Final = SHIPPED_WEIGHTS / "unet.safetensors"
-
-Image = NDArray[np.uint8]
-Advance = Callable[[str, int, int], None]
-"""Told what is going on: the stage's name, steps done, steps in all."""
-
-
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
-
-
-# --- pictures -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewPlan:
-    """Which pictures of the twin are taken."""
-
-    scenes: tuple[str, ...] = TRAINING_SCENES  # names or files
-    views: int = 60  # pictures a scene
-    size_px: tuple[int, int] = (1152, 648)  # width and height; the teacher's
-    truth_size_px: tuple[int, int] | None = None  # of the exact ids; the pictures' when None
-    profile: str = "lab"  # whose noise, blur and exposure error the pictures get
-    facing_pad: float = 0.25  # share that looks towards the helipad, which a random yaw rarely does
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not self.scenes or self.views < 1:
-            raise ValueRangeError(
-                f"pictures need a scene and a positive count, got {self.scenes}, {self.views}"
-            )
-        if not 0.0 <= self.facing_pad <= 1.0:
-            raise ValueRangeError(f"facing_pad must lie within 0 and 1, got {self.facing_pad}")
-
-
-def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
-    """Take the pictures of a plan; the same plan gives the same pictures.
-
-    Yields:
-        A file name, the picture (H, W, 3) RGB, and its exact class ids (h, w).
-
-    Raises:
-        SceneError: a scene is missing or malformed.
-        MissingDependencyError: OpenGL does not work here.
-    """
-    # Imported here: reading picks or training from photographs needs no simulator.
-    from sim_bridge.twin.profile import Profile  # noqa: PLC0415
-    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
-    from sim_bridge.twin.views import render_views, sample_flight_poses  # noqa: PLC0415
-
-    for name in plan.scenes:
-        scene = load_scene(name)
-        # By name, so that a scene's pictures do not depend on which others are in the plan.
-        seed = (plan.seed << 32) + zlib.crc32(scene.name.encode())
-        generator = np.random.default_rng(seed)
-        poses = [
-            _towards(pose, scene.helipad.position_m, generator)
-            if generator.random() < plan.facing_pad
-            else pose
-            for pose in sample_flight_poses(scene, generator, plan.views)
-        ]
-        views = render_views(
-            scene,
-            poses,
-            size_px=plan.size_px,
-            truth_size_px=plan.truth_size_px,
-            profile=Profile.named(plan.profile),
-            seed=seed,
-        )
-        for index, view in enumerate(views):
-            yield f"{scene.name}-{index:05d}.png", view.image, view.ids
-
-
-def _towards(pose: Any, target_m: tuple[float, float], generator: np.random.Generator) -> Any:
-    from sim_bridge.twin.camera import CAMERA_FORWARD_M  # noqa: PLC0415
-
-    centre_x = pose.x_m - CAMERA_FORWARD_M * math.cos(pose.yaw_rad)
-    centre_y = pose.y_m - CAMERA_FORWARD_M * math.sin(pose.yaw_rad)
-    straight = math.atan2(target_m[1] - centre_y, target_m[0] - centre_x)
-    yaw = straight + generator.normal(0.0, 0.3)
-    return replace(
-        pose,
-        x_m=centre_x + CAMERA_FORWARD_M * math.cos(yaw),
-        y_m=centre_y + CAMERA_FORWARD_M * math.sin(yaw),
-        yaw_rad=yaw,
-    )
 
 
 # --- the teacher ----------------------------------------------------------------------------------
 
 
 def draw_twin_picks(
-    plan: ViewPlan, config: TeacherConfig, *, total: int = 6500, advance: Advance = _silent
+    plan: ViewPlan, config: TeacherConfig, *, total: int = 6500, advance: Advance = silent
 ) -> list[Pick]:
     """Draw points from the exact ids in a person's place, evenly over the plan's scenes."""
     picks: list[Pick] = []
@@ -157,7 +61,7 @@ def draw_twin_picks(
 
 
 def train_teacher(
-    picks: Sequence[Pick], plan: ViewPlan, config: TeacherConfig, *, advance: Advance = _silent
+    picks: Sequence[Pick], plan: ViewPlan, config: TeacherConfig, *, advance: Advance = silent
 ) -> Teacher:
     """Train the teacher on picks of the plan's pictures."""
     wanted = {pick.image for pick in picks}
@@ -216,7 +120,7 @@ def label_pictures(
     folder: Path,
     *,
     workers: int = 1,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> tuple[Image, Image]:
     """Let the teacher label the plan's pictures; scenes already done in the folder are kept.
 
@@ -268,7 +172,7 @@ def train_segmentation(
     *,
     config: Any = None,
     checkpoint: Path | None = None,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> None:
     """Train the U-Net and write its safetensors and, beside them, the ONNX file made from them.
 
@@ -301,7 +205,7 @@ def train_segmentation(
 
 
 def evaluate_segmentation(
-    segment: Callable[[Image], Image], plan: ViewPlan, *, advance: Advance = _silent
+    segment: Callable[[Image], Image], plan: ViewPlan, *, advance: Advance = silent
 ) -> SegmentationScore:
     """Score a segmentation against the twin's exact ids.
 

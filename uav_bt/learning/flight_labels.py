@@ -15,13 +15,11 @@ from uav_bt.dataset.index_file import flight_data
 from uav_bt.dataset.pictures import PictureStore
 from uav_bt.dataset.windows import thinned
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.training import Advance, Image, StudentPlan
+from uav_bt.learning.scenes import Advance, silent
+from uav_bt.learning.segmentation import StudentPlan
+from uav_bt.learning.views import Image
 
 __all__ = ["label_flights"]
-
-
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
 
 
 def label_flights(
@@ -31,7 +29,7 @@ def label_flights(
     folder: Path,
     *,
     every_s: float = 1.0,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> tuple[Image, Image]:
     """Let the teacher label pictures of flights; flights already done in the folder are kept.
 

@@ -27,8 +27,8 @@ from perception.depth.labelling import (
 from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.dataset.footage import footage_of
 from uav_bt.errors import FileError
+from uav_bt.learning.scenes import VALIDATION_SCENES, Advance, silent
 from uav_bt.protocols import Segmenter
-from uav_bt.training import VALIDATION_SCENES, Advance
 from uav_bt.types import CameraModel
 
 __all__ = [
@@ -48,10 +48,6 @@ SHIPPED_DEPTH: Final = SHIPPED_WEIGHTS / "depth.safetensors"
 Image = NDArray[np.uint8]
 
 
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
-
-
 # --- labels ---------------------------------------------------------------------------------------
 
 
@@ -60,7 +56,7 @@ def read_flights(
     segmenter: Segmenter | None,
     folder: Path,
     *,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> list[Flight]:
     """Read footage and, where there is a segmenter, label it; labels already made are kept.
 
@@ -239,7 +235,7 @@ def train_depth(
     checkpoint: Path | None = None,
     views: DepthViews | None = None,
     validate_every: int = 200,
-    advance: Advance = _silent,
+    advance: Advance = silent,
     diary: Diary | None = None,
 ) -> DepthScore | None:
     """Train the depth network and write its safetensors and, beside them, the ONNX file.
