@@ -207,7 +207,8 @@ def words_of(source: str) -> Iterator[tuple[int, str]]:
 
 # Words of the vocabulary that happen to be a leaf's or a policy's name too.
 VOCABULARY = {
-    "uav_bt.types": {"TakeOff", "Land"},  # commands; the leaves that give them are called alike
+    # commands; the leaves that give them are called alike
+    **{name: {"TakeOff", "Land"} for name in ("uav_bt.types", "uav_bt.types.commands")},
     # who writes a key of the mission board, shown to people in lists of keys
     "uav_bt.board": {
         "Segment",

@@ -1,0 +1,67 @@
+"""The vocabulary: immutable values that travel from the drone to the board, the leaves and back.
+
+Conventions (see ``ARCHITECTURE.md``): metres, radians, seconds of the mission clock. The body frame
+is Parrot's: x forward, y right, z down, yaw clockwise positive seen from above. Images are RGB.
+"""
+
+from uav_bt.types.camera import CameraModel, Frame
+from uav_bt.types.commands import (
+    HOVER,
+    Command,
+    CutMotors,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    Release,
+    TakeOff,
+    Velocity,
+)
+from uav_bt.types.observation import Observation, PastView, RecentViews
+from uav_bt.types.pictures import ClassMap, Corridor, DepthMap
+from uav_bt.types.surroundings import HeldTurn, HelipadFix, ObstaclePoints
+from uav_bt.types.telemetry import (
+    Attitude,
+    BodyVelocity,
+    DroneState,
+    FlyingState,
+    MovementState,
+    MovementStatus,
+    wrap_angle,
+)
+from uav_bt.types.truth import Pose, Truth
+
+__all__ = [
+    "HOVER",
+    "Attitude",
+    "BodyVelocity",
+    "CameraModel",
+    "ClassMap",
+    "Command",
+    "Corridor",
+    "CutMotors",
+    "DepthMap",
+    "DroneState",
+    "FlyingState",
+    "Frame",
+    "GimbalTo",
+    "HeldTurn",
+    "HelipadFix",
+    "Hover",
+    "Land",
+    "MoveBy",
+    "Movement",
+    "MovementState",
+    "MovementStatus",
+    "Observation",
+    "ObstaclePoints",
+    "PastView",
+    "Pose",
+    "RecentViews",
+    "Release",
+    "TakeOff",
+    "Truth",
+    "Velocity",
+    "wrap_angle",
+]

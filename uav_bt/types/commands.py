@@ -1,0 +1,105 @@
+"""What a drone is told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from uav_bt.errors import ValueRangeError
+
+__all__ = [
+    "HOVER",
+    "Command",
+    "CutMotors",
+    "GimbalTo",
+    "Hover",
+    "Land",
+    "MoveBy",
+    "Movement",
+    "Release",
+    "TakeOff",
+    "Velocity",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeOff:
+    """Start the motors and climb to the drone's own take-off height."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Land:
+    """Descend where it hovers and stop the motors."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hover:
+    """Hold the position."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutMotors:
+    """Stop the motors at once; the drone falls. The last resort of an operator."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Release:
+    """Send nothing: a person flies."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveBy:
+    """A relative movement in the body frame of the moment it starts; ends with an event."""
+
+    id: int
+    forward_m: float = 0.0
+    right_m: float = 0.0
+    down_m: float = 0.0
+    yaw_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.forward_m, self.right_m, self.down_m, self.yaw_rad)
+        if not all(math.isfinite(value) for value in values):
+            raise ValueRangeError(f"a movement must be finite, got {self}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Velocity:
+    """Velocity piloting in the heading-aligned body frame; holds until the next command."""
+
+    forward_mps: float = 0.0
+    right_mps: float = 0.0
+    down_mps: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.forward_mps, self.right_mps, self.down_mps, self.yaw_rate_radps)
+        if not all(math.isfinite(value) for value in values):
+            raise ValueRangeError(f"a velocity must be finite, got {self}")
+
+
+Movement = TakeOff | Land | Hover | CutMotors | Release | MoveBy | Velocity
+
+
+@dataclass(frozen=True, kw_only=True)
+class GimbalTo:
+    """Point the camera: 0 level, -pi/2 straight down."""
+
+    pitch_rad: float
+
+    def __post_init__(self) -> None:
+        if not -math.pi / 2 - 1e-9 <= self.pitch_rad <= math.pi / 2 + 1e-9:
+            raise ValueRangeError(
+                f"gimbal pitch must lie within -pi/2 and pi/2 rad, got {self.pitch_rad}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """What one tick sends: a movement, and on its own channel the gimbal (None: leave it)."""
+
+    movement: Movement
+    gimbal: GimbalTo | None = None
+
+
+HOVER = Command(movement=Hover())

@@ -1,0 +1,51 @@
+"""What comes from a drone, now and in the last seconds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types.camera import Frame
+from uav_bt.types.telemetry import DroneState
+
+__all__ = ["Observation", "PastView", "RecentViews"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation:
+    """The newest frame (None before the first) and the newest state."""
+
+    frame: Frame | None
+    state: DroneState
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PastView:
+    """A frame, and where the body was when it was captured."""
+
+    frame: Frame
+    # In a dead-reckoned frame of the mission's own: x along yaw 0, y to its right.
+    x_m: float
+    y_m: float
+    yaw_rad: float  # clockwise positive, as the drone reports it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecentViews:
+    """What was seen in the last seconds; two of them tell what movement lies between."""
+
+    views: tuple[PastView, ...]  # the oldest first
+
+    def __post_init__(self) -> None:
+        if not self.views:
+            raise ValueRangeError("recent views must hold at least the present one, got none")
+
+    @property
+    def newest(self) -> PastView:
+        """The present view."""
+        return self.views[-1]
+
+    def ago(self, seconds: float) -> PastView:
+        """Return the view nearest to so many seconds before the newest; the newest counts too."""
+        wanted_s = self.newest.frame.captured_s - seconds
+        return min(self.views, key=lambda view: abs(view.frame.captured_s - wanted_s))

@@ -1,0 +1,106 @@
+"""What is known of the surroundings, out of view or not, and of the turn being held."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ShapeError
+
+__all__ = ["HeldTurn", "HelipadFix", "ObstaclePoints"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HelipadFix:
+    """Where the helipad lies, from the body's centre in the heading-aligned horizontal plane."""
+
+    captured_s: float  # of the frame of the last detection that went in
+    forward_m: float
+    right_m: float
+    detected: bool  # True: seen in this frame; False: carried by the tracker
+    confidence: float = 1.0  # 0 to 1, of the last detection
+    std_m: float = 0.0  # one standard deviation of the position
+
+    @property
+    def range_m(self) -> float:
+        """Horizontal distance from the body's centre to the pad's centre."""
+        return math.hypot(self.forward_m, self.right_m)
+
+    @property
+    def bearing_rad(self) -> float:
+        """Direction of the pad, clockwise positive from the heading."""
+        return math.atan2(self.right_m, self.forward_m)
+
+
+# Passing a point that lies abeam brings it nearer by this little; that is no approach.
+_PASSING_M = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObstaclePoints:
+    """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
+
+    points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
+    captured_s: float  # of the newest frame that went in
+    # (K, 2): likewise, where obstacles of unknown range are assumed for the time being.
+    assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    # (E, 2): likewise, where the carpet ends.
+    edges_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
+    # from the heading, clockwise positive, one for each degree that shows them. (M,)
+    unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        for points in (self.points_m, self.assumed_m, self.edges_m):
+            if points.ndim != 2 or points.shape[1] != 2:
+                raise ShapeError("obstacle points", expected="Nx2", actual=points.shape)
+
+    @property
+    def nearest_m(self) -> float:
+        """Distance from the body's centre to the nearest point, inf without any."""
+        if not len(self.points_m):
+            return math.inf
+        return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
+
+    def allows(
+        self, forward_m: float, right_m: float = 0.0, *, margin_m: float, assumed: bool = True
+    ) -> bool:
+        """Return whether a straight way keeps a margin from every point.
+
+        What is already nearer than the margin may be passed and left, but not approached.
+
+        Args:
+            forward_m: the end of the way, from the body's centre.
+            right_m: likewise.
+            margin_m: smallest distance of a point to the way.
+            assumed: whether the assumed points count, too.
+        """
+        length_m = math.hypot(forward_m, right_m)
+        points = np.vstack([self.points_m, self.assumed_m]) if assumed else self.points_m
+        if not len(points) or length_m == 0.0:
+            return True
+        along = np.clip(points @ (forward_m / length_m, right_m / length_m), 0.0, length_m)
+        way = along[:, None] * (forward_m / length_m, right_m / length_m)
+        then_m = np.linalg.norm(points - way, axis=1)
+        now_m = np.linalg.norm(points, axis=1)
+        return bool(np.all((then_m >= margin_m) | (then_m >= now_m - _PASSING_M)))
+
+    def unplaced_within(self, half_angle_rad: float) -> int:
+        """Return how many bearings of ahead show an obstacle of unknown range."""
+        return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldTurn:
+    """A turn on the spot that is held in one direction until the drone advances again."""
+
+    direction: int = 0  # +1 clockwise, -1 counter-clockwise, 0 none
+    turned_rad: float = 0.0  # since the last advance, both ways added up
+
+    @property
+    def full_turns(self) -> int:
+        """How many full turns found no free way."""
+        return int(self.turned_rad / (2.0 * math.pi))

@@ -1,0 +1,86 @@
+"""What a drone tells of itself."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, field
+
+__all__ = [
+    "Attitude",
+    "BodyVelocity",
+    "DroneState",
+    "FlyingState",
+    "MovementState",
+    "MovementStatus",
+    "wrap_angle",
+]
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """Return the angle folded into [-pi, pi)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attitude:
+    """Body attitude, radians: roll right-down positive, pitch nose-up positive, yaw clockwise."""
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyVelocity:
+    """Velocity in the heading-aligned body frame, metres a second."""
+
+    forward_mps: float = 0.0
+    right_mps: float = 0.0
+    down_mps: float = 0.0
+
+
+class FlyingState(enum.Enum):
+    """Where the drone is in a flight (the ANAFI's flying states, less the ones we never see)."""
+
+    LANDED = "landed"
+    TAKING_OFF = "taking_off"
+    HOVERING = "hovering"
+    FLYING = "flying"
+    LANDING = "landing"
+    EMERGENCY = "emergency"
+
+
+class MovementState(enum.Enum):
+    """How a `MoveBy` is doing."""
+
+    RUNNING = "running"
+    DONE = "done"
+    INTERRUPTED = "interrupted"
+    REJECTED = "rejected"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovementStatus:
+    """The drone's word on the latest `MoveBy` it was told."""
+
+    id: int
+    state: MovementState
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroneState:
+    """Telemetry that does not belong to a frame."""
+
+    captured_s: float
+    flying: FlyingState
+    attitude: Attitude = field(default_factory=Attitude)
+    velocity: BodyVelocity = field(default_factory=BodyVelocity)
+    altitude_m: float = 0.0  # above the take-off point
+    height_m: float = 0.0  # above the surface below
+    height_above_carpet_m: float = 0.0
+    gimbal_pitch_rad: float = 0.0
+    battery: float = 1.0  # 0 to 1
+    link: float = 1.0  # quality of the radio link as the drone rates it, 0 to 1
+    movement: MovementStatus | None = None
+    pilot_has_control: bool = False  # a person took over

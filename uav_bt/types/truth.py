@@ -1,0 +1,31 @@
+"""The truth, for referees only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Pose", "Truth"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """A pose in the world: z up, right-handed, origin in the carpet's middle."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float  # counter-clockwise from +x, as the world has it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """What only a simulator knows; used by reports and evaluations, never by the mission."""
+
+    time_s: float
+    pose: Pose
+    contacts: tuple[str, ...]  # geoms the body touches now, the ground and the pad included
+    clearance_m: float  # from the hull to the nearest box, inf without boxes
+    inside_carpet: bool  # the body's centre
+    on_helipad: bool  # the body's centre is above the pad
+    landing_error_m: float  # horizontal, body centre to pad centre
+    motors_on: bool
