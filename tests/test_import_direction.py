@@ -28,7 +28,7 @@ FLOOR_FOUR = {
 # Networks are made and trained there; what flies them needs no torch.
 TRAINERS = (
     *("perception.segmentation", "perception.depth", "perception.control"),
-    "perception.networks.torch_state",
+    *("perception.networks.checkpoint", "perception.networks.torch_state"),
 )
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
@@ -22,15 +22,13 @@ from perception.control.config import ControlNetConfig
 from perception.control.losses import LOSSES
 from perception.control.network import ControlNet
 from perception.control.samples import Batch, ControlSamples, SampleConfig
+from perception.networks.checkpoint import Checkpoint
 from perception.networks.torch_state import (
     channels_last,
     follow_mean,
-    named_arrays,
-    tensors_under,
     warm_cosine,
 )
-from perception.weights_io import read_weights, write_weights
-from uav_bt.errors import ValueRangeError, WeightsError
+from uav_bt.errors import ValueRangeError
 
 __all__ = ["ControlProgress", "ControlTrainingConfig", "predict_control", "train_control"]
 
@@ -111,7 +109,7 @@ def train_control(
     torch.manual_seed(config.seed)
     run = _Run(config, net_config, start or {}, len(samples))
     if checkpoint is not None and checkpoint.is_file():
-        run.load(checkpoint)
+        run.step = run.checkpoint.load(checkpoint)
     while run.step < config.steps:
         # Drawn from seed and step alone: a resumed run sees what an unbroken one would have seen.
         rng = np.random.default_rng((config.seed, run.step))
@@ -125,7 +123,7 @@ def train_control(
         if checkpoint is not None and (
             run.step % config.checkpoint_every == 0 or run.step == config.steps
         ):
-            run.save(checkpoint)
+            run.checkpoint.save(checkpoint, run.step)
         progress(ControlProgress(step=run.step, steps=config.steps, loss=loss), run.mean)
     return run.mean.eval()
 
@@ -162,9 +160,12 @@ class _Run:
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
-        self._about = json.dumps(
-            {"training": asdict(config), "net": net_config.to_json(), "windows": windows},
-            sort_keys=True,
+        about = {"training": asdict(config), "net": net_config.to_json(), "windows": windows}
+        self.checkpoint = Checkpoint(
+            kind=_KIND,
+            about=json.dumps(about, sort_keys=True),
+            modules={"net": self.net, "mean": self.mean},
+            optimiser=self.optimiser,
         )
 
     def learn(self, batch: Batch) -> float:
@@ -185,31 +186,6 @@ class _Run:
         self.step += 1
         follow_mean(self.mean, self.net, most=self.config.average, step=self.step)
         return float(loss.detach())
-
-    def save(self, path: Path) -> None:
-        tensors: dict[str, NDArray[Any]] = {
-            **named_arrays("net", self.net.state_dict()),
-            **named_arrays("mean", self.mean.state_dict()),
-        }
-        for index, state in self.optimiser.state_dict()["state"].items():
-            tensors.update(named_arrays(f"optimiser/{index}", state))
-        write_weights(path, tensors, kind=_KIND, details={"step": self.step, "about": self._about})
-
-    def load(self, path: Path) -> None:
-        cure = "delete the file to start the run anew"
-        tensors, details = read_weights(path, kind=_KIND, cure=cure)
-        if details.get("about") != self._about:
-            raise WeightsError(path, f"belongs to a run with other settings or flights; {cure}")
-        try:
-            self.net.load_state_dict(tensors_under("net", tensors))
-            self.mean.load_state_dict(tensors_under("mean", tensors))
-            whole = self.optimiser.state_dict()
-            count = sum(len(group["params"]) for group in whole["param_groups"])
-            whole["state"] = {i: tensors_under(f"optimiser/{i}", tensors) for i in range(count)}
-            self.optimiser.load_state_dict(whole)
-            self.step = int(details["step"])
-        except (KeyError, ValueError, RuntimeError) as error:
-            raise WeightsError(path, f"is not a whole checkpoint ({error}); {cure}") from error
 
 
 @torch.no_grad()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import torch
@@ -30,14 +30,8 @@ from perception.depth.network import DepthNet, DepthNetConfig
 from perception.depth.pose_network import PoseNet
 from perception.depth.training_config import DepthTrainingConfig
 from perception.depth.warping import invert_motion
-from perception.networks.torch_state import (
-    channels_last,
-    follow_mean,
-    named_arrays,
-    tensors_under,
-    warm_cosine,
-)
-from perception.weights_io import read_weights, write_weights
+from perception.networks.checkpoint import Checkpoint
+from perception.networks.torch_state import channels_last, follow_mean, warm_cosine
 from uav_bt.errors import WeightsError
 
 __all__ = ["Batch", "Learner"]
@@ -82,8 +76,15 @@ class Learner:
         self.optimiser = torch.optim.AdamW(
             self.parameters, lr=config.learning_rate, weight_decay=config.weight_decay
         )
-        self._about = json.dumps(
-            {"training": asdict(config), "net": asdict(net_config)}, sort_keys=True
+        modules: dict[str, nn.Module] = {"net": self.net, "mean": self.mean}
+        if self.pose is not None:
+            modules["pose"] = self.pose
+        about = {"training": asdict(config), "net": asdict(net_config)}
+        self.checkpoint = Checkpoint(
+            kind=_KIND,
+            about=json.dumps(about, sort_keys=True),
+            modules=modules,
+            optimiser=self.optimiser,
         )
 
     def begin_with(self, weights: Path) -> None:
@@ -186,41 +187,3 @@ class Learner:
         seconds = torch.cat(references + [target] * len(references))
         motions = list(self.pose(firsts, seconds).chunk(2 * len(references)))
         return motions[: len(references)], motions[len(references) :]
-
-    # --- keeping it -------------------------------------------------------------------------------
-
-    def _modules(self) -> dict[str, nn.Module]:
-        modules: dict[str, nn.Module] = {"net": self.net, "mean": self.mean}
-        return modules if self.pose is None else {**modules, "pose": self.pose}
-
-    def save(self, path: Path) -> None:
-        """Write the whole state."""
-        tensors: dict[str, NDArray[Any]] = {}
-        for name, module in self._modules().items():
-            tensors |= named_arrays(name, module.state_dict())
-        for index, state in self.optimiser.state_dict()["state"].items():
-            tensors |= named_arrays(f"optimiser/{index}", state)
-        write_weights(path, tensors, kind=_KIND, details={"step": self.step, "about": self._about})
-
-    def load(self, path: Path) -> None:
-        """Take a state over.
-
-        Raises:
-            WeightsError: it is damaged or belongs to a run with other settings.
-        """
-        cure = "delete the file to start the run anew"
-        tensors, details = read_weights(path, kind=_KIND, cure=cure)
-        if details.get("about") != self._about:
-            raise WeightsError(path, f"belongs to a run with other settings; {cure}")
-        try:
-            for name, module in self._modules().items():
-                module.load_state_dict(tensors_under(name, tensors))
-            whole = self.optimiser.state_dict()
-            whole["state"] = {
-                index: tensors_under(f"optimiser/{index}", tensors)
-                for index in range(len(self.parameters))
-            }
-            self.optimiser.load_state_dict(whole)
-            self.step = int(details["step"])
-        except (KeyError, ValueError, RuntimeError) as error:
-            raise WeightsError(path, f"is not a whole checkpoint ({error}); {cure}") from error

@@ -82,7 +82,7 @@ def train_depth(
     torch.manual_seed(config.seed)
     run = Learner(config, net_config)
     if checkpoint is not None and checkpoint.is_file():
-        run.load(checkpoint)
+        run.step = run.checkpoint.load(checkpoint)
     elif start is not None:
         run.begin_with(start)
     while run.step < config.steps:
@@ -97,7 +97,7 @@ def train_depth(
         if checkpoint is not None and (
             run.step % config.checkpoint_every == 0 or run.step == config.steps
         ):
-            run.save(checkpoint)
+            run.checkpoint.save(checkpoint, run.step)
         now = DepthProgress(step=run.step, steps=config.steps, loss=loss, terms=terms)
         run.mean.eval()
         progress(now, run.mean)

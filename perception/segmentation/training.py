@@ -19,18 +19,16 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from perception.classes import CLASS_COUNT
+from perception.networks.checkpoint import Checkpoint
 from perception.networks.torch_state import (
     channels_last,
     follow_mean,
-    named_arrays,
-    tensors_under,
     warm_cosine,
 )
 from perception.segmentation.augment import AugmentConfig, augmented
 from perception.segmentation.losses import LOSSES
 from perception.segmentation.unet import UNet, UNetConfig
-from perception.weights_io import read_weights, write_weights
-from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
 
 __all__ = [
     "IGNORED",
@@ -149,7 +147,7 @@ def train_unet(
     torch.manual_seed(config.seed)
     run = _Run(config, net_config)
     if checkpoint is not None and checkpoint.is_file():
-        run.load(checkpoint)
+        run.step = run.checkpoint.load(checkpoint)
     while run.step < config.steps:
         # Drawn from seed and step alone: a resumed run sees what an unbroken one would have seen.
         rng = np.random.default_rng((config.seed, run.step))
@@ -161,7 +159,7 @@ def train_unet(
         if checkpoint is not None and (
             run.step % config.checkpoint_every == 0 or run.step == config.steps
         ):
-            run.save(checkpoint)
+            run.checkpoint.save(checkpoint, run.step)
         progress(Progress(step=run.step, steps=config.steps, loss=loss))
     run.mean.eval()
     return run.mean
@@ -202,8 +200,12 @@ class _Run:
         self.optimiser = torch.optim.AdamW(
             self.net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
-        self._about = json.dumps(
-            {"training": asdict(config), "net": asdict(net_config)}, sort_keys=True
+        about = {"training": asdict(config), "net": asdict(net_config)}
+        self.checkpoint = Checkpoint(
+            kind=_KIND,
+            about=json.dumps(about, sort_keys=True),
+            modules={"net": self.net, "mean": self.mean},
+            optimiser=self.optimiser,
         )
 
     def learn(self, rgb: Tensor, ids: Tensor) -> float:
@@ -222,28 +224,3 @@ class _Run:
         self.step += 1
         follow_mean(self.mean, self.net, most=self.config.average, step=self.step)
         return float(loss.detach())
-
-    def save(self, path: Path) -> None:
-        tensors = {
-            **named_arrays("net", self.net.state_dict()),
-            **named_arrays("mean", self.mean.state_dict()),
-        }
-        for index, state in self.optimiser.state_dict()["state"].items():
-            tensors.update(named_arrays(f"optimiser/{index}", state))
-        write_weights(path, tensors, kind=_KIND, details={"step": self.step, "about": self._about})
-
-    def load(self, path: Path) -> None:
-        cure = "delete the file to start the run anew"
-        tensors, details = read_weights(path, kind=_KIND, cure=cure)
-        if details.get("about") != self._about:
-            raise WeightsError(path, f"belongs to a run with other settings; {cure}")
-        try:
-            self.net.load_state_dict(tensors_under("net", tensors))
-            self.mean.load_state_dict(tensors_under("mean", tensors))
-            whole = self.optimiser.state_dict()
-            count = sum(len(group["params"]) for group in whole["param_groups"])
-            whole["state"] = {i: tensors_under(f"optimiser/{i}", tensors) for i in range(count)}
-            self.optimiser.load_state_dict(whole)
-            self.step = int(details["step"])
-        except (KeyError, ValueError, RuntimeError) as error:
-            raise WeightsError(path, f"is not a whole checkpoint ({error}); {cure}") from error

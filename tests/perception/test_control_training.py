@@ -75,7 +75,7 @@ def test_the_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
     kept = tmp_path / "checkpoint.safetensors"
     train_control(ControlSamples([made_up_flight(1)], TINY), SHORT, TINY, checkpoint=kept)
     more = ControlSamples([made_up_flight(1), made_up_flight(2)], TINY)
-    with pytest.raises(WeightsError, match="other settings or flights; delete the file"):
+    with pytest.raises(WeightsError, match="other settings or data; delete the file"):
         train_control(more, SHORT, TINY, checkpoint=kept)
 
 

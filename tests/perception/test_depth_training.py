@@ -123,7 +123,7 @@ def test_a_checkpoint_of_other_settings_is_refused(
 ) -> None:
     path = tmp_path / "checkpoint.safetensors"
     training.train_depth(source, LABELS_ONLY, NET, checkpoint=path)
-    with pytest.raises(WeightsError, match="other settings; delete the file"):
+    with pytest.raises(WeightsError, match="other settings or data; delete the file"):
         training.train_depth(source, replace(LABELS_ONLY, seed=1), NET, checkpoint=path)
 
 

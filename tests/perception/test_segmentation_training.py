@@ -114,7 +114,7 @@ def test_a_checkpoint_of_another_run_or_a_damaged_one_is_refused(
 ) -> None:
     path = tmp_path / "run.safetensors"
     training.train_unet(pictures, SHORT, NET, checkpoint=path)
-    with pytest.raises(WeightsError, match="other settings; delete the file"):
+    with pytest.raises(WeightsError, match="other settings or data; delete the file"):
         training.train_unet(pictures, replace(SHORT, seed=1), NET, checkpoint=path)
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(WeightsError, match="damaged"):
