@@ -20,7 +20,7 @@ FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "cloc
 FLOOR_FOUR = {
     f"uav_bt.{name}"
     for name in (
-        *("app", "calibrated_drone", "campaigning", "cli", "viewing", "watching"),
+        *("app", "assembly", "calibrated_drone", "campaigning", "cli", "viewing", "watching"),
         *("depth_evaluation", "footage", "learning"),
         *("dataset", "perceiving", "recording", "replaying"),
     )
