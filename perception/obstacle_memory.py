@@ -274,13 +274,15 @@ class ObstacleMemory:
         return np.asarray(bearings[~explains.any(axis=1)])
 
     def _add(self, points: NDArray[np.float64], until_s: float, kind: _Kind) -> None:
+        if not len(points):
+            return
         # `unique` keeps the first of a cell: of one kind the newest.
         merged = np.vstack([points, self._points])
         expiries = np.concatenate([np.full(len(points), until_s), self._until_s])
         kinds = np.concatenate([np.full(len(points), kind, dtype=np.int8), self._kinds])
         order = np.lexsort((-expiries, kinds))
         cells = np.floor(merged[order] / self._config.cell_m).astype(np.int64)
-        _, first = np.unique(cells, axis=0, return_index=True)
+        _, first = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
         chosen = order[first]
         self._points, self._until_s = merged[chosen], expiries[chosen]
         self._kinds = kinds[chosen]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from sim_bridge.twin.footprint import Footprint
 from uav_bt.errors import ValueRangeError
@@ -74,7 +75,7 @@ class BoxSpec:
             raise ValueRangeError(f"a box's pattern must be 1 to 8, got {self.pattern}")
         _check_item(f"box {self.pattern}", self.position_m, self.yaw_deg, self.size_m)
 
-    @property
+    @cached_property
     def footprint(self) -> Footprint:
         """The box from above."""
         return _footprint(self.position_m, self.yaw_deg, self.size_m)
@@ -100,7 +101,7 @@ class Helipad:
     def __post_init__(self) -> None:
         _check_item("helipad", self.position_m, self.yaw_deg, self.size_m)
 
-    @property
+    @cached_property
     def footprint(self) -> Footprint:
         """The pad from above."""
         return _footprint(self.position_m, self.yaw_deg, self.size_m)
