@@ -191,15 +191,17 @@ class WorldView:
         self._drawn.add(CORRIDOR)
 
     def show_memory(self, obstacles: ObstaclePoints | None, fix: HelipadFix | None) -> None:
-        """Draw remembered obstacles, and where the drone believes the helipad to be."""
+        """Draw remembered obstacles and edges, and where the drone believes the helipad to be."""
         pose = self._before
         if pose is None:
             return
-        if obstacles is None or not len(obstacles.points_m):
+        if obstacles is None or not len(obstacles.points_m) + len(obstacles.edges_m):
             self._clear(OBSTACLES)
         else:
             points = rr.Points3D(
-                _on_carpet(pose, obstacles.points_m), colors=[ALARM], radii=_OBSTACLE_M
+                _on_carpet(pose, np.vstack([obstacles.points_m, obstacles.edges_m])),
+                colors=[ALARM] * len(obstacles.points_m) + [INK] * len(obstacles.edges_m),
+                radii=_OBSTACLE_M,
             )
             self._stream.log(OBSTACLES, points)
             self._drawn.add(OBSTACLES)

@@ -162,11 +162,16 @@ def test_a_corridor_that_is_gone_is_taken_away() -> None:
 def test_remembered_points_lie_where_the_drone_believes_them() -> None:
     flight = Flight()
     flight.fly(pose(x_m=1.0, yaw_rad=math.pi / 2))  # looks along +y; right of it is +x
-    points = ObstaclePoints(points_m=np.array([[2.0, 0.5]]), captured_s=0.0)
+    points = ObstaclePoints(
+        points_m=np.array([[2.0, 0.5]]), edges_m=np.array([[1.0, 0.0]]), captured_s=0.0
+    )
     fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, detected=True)
     flight.view.show_memory(points, fix)
-    seen = values(flight.stream.last("world/obstacles").positions)
-    np.testing.assert_allclose(seen, [[1.5, 2.0, 0.0]], atol=1e-6)
+    shown = flight.stream.last("world/obstacles")
+    seen = values(shown.positions)
+    np.testing.assert_allclose(seen, [[1.5, 2.0, 0.0], [1.0, 1.0, 0.0]], atol=1e-6)
+    of_an_obstacle, of_an_edge = values(shown.colors)
+    assert of_an_obstacle != of_an_edge
     helipad = values(flight.stream.last("world/helipad_fix").positions)
     np.testing.assert_allclose(helipad, [[1.0, 1.0, 0.0]], atol=1e-6)
     flight.view.show_memory(None, None)
