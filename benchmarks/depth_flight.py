@@ -3,7 +3,9 @@
     python benchmarks/depth_flight.py TREE --scene val-a val-b
     python benchmarks/depth_flight.py TREE --masks exact      # quicker, without a segmentation net
 
-TREE is any mission file with EstimateDepth. "Cut off" are boxes whose lower end is below the image.
+TREE is any mission file with EstimateDepth. "Cut off" are boxes whose lower end is below the image;
+"distances" asks what `uav-bt evaluate depth` asks of single pictures: points at 0.3 to 5 m, evenly
+of obstacles and carpet, each frame's as many.
 """
 
 from __future__ import annotations
@@ -11,14 +13,17 @@ from __future__ import annotations
 import argparse
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.classes import BOXES, CARPET
+from perception.depth.error_summary import summarise_errors
+from perception.depth.measured_points import MeasuredPoints, draw_points, ranges_at
 from uav_bt import app
-from uav_bt.board import CORRIDOR, FRAME, METRIC_DEPTH
+from uav_bt.board import CAMERA, CORRIDOR, FRAME, METRIC_DEPTH
 from uav_bt.mission.context import MissionContext
 from uav_bt.mission.runner import TickRecord
 from uav_bt.protocols import Drone
@@ -37,6 +42,8 @@ class Comparison:
         self._mission: MissionContext | None = None
         self.errors: dict[str, list[NDArray[Any]]] = defaultdict(list)
         self.free_m: list[float] = []
+        self.points: list[MeasuredPoints] = []
+        self.ranges_m: list[NDArray[np.float64]] = []  # as the flight has them, of these points
 
     def follow(self, drone: Drone, mission: MissionContext) -> Sequence[Comparison]:
         """Become a listener of a flight."""
@@ -68,9 +75,23 @@ class Comparison:
             ("carpet", ids == CARPET),
         ):
             self.errors[name].append(error[where])
+        self._measure(ids, true, depth.depth)
         corridor = board.read(CORRIDOR).value
         if corridor is not None and corridor.captured_s == depth.captured_s:
             self.free_m.append(corridor.free_distance_m)
+
+    def _measure(
+        self, ids: NDArray[np.uint8], true: NDArray[np.float32], depth: NDArray[np.float32]
+    ) -> None:
+        """Ask for the distances of some points."""
+        camera = None if self._mission is None else self._mission.board.read(CAMERA).value
+        if camera is None:
+            return
+        camera = camera.resized(ids.shape[1], ids.shape[0])
+        generator = np.random.default_rng((0, self._last))
+        points = draw_points(ids, true, camera, generator)
+        self.points.append(points)
+        self.ranges_m.append(ranges_at(depth, points, camera))
 
     def show(self) -> None:
         """Print what was found."""
@@ -85,6 +106,19 @@ class Comparison:
                 f"mean {np.abs(known).mean():.3f} m  p95 {np.percentile(np.abs(known), 95):.3f} m  "
                 f"bias {known.mean():+.3f} m  known {known.size / error.size:6.1%}"
             )
+        estimated, obstacle = np.concatenate(self.ranges_m), [p.obstacle for p in self.points]
+        truth, on_obstacles = np.concatenate([p.range_m for p in self.points]), np.hstack(obstacle)
+        for name, asked in (
+            ("distances", np.full(len(truth), True)),
+            ("  of obstacles", on_obstacles),
+            ("  of the carpet", ~on_obstacles),
+        ):
+            found = summarise_errors(estimated[asked], truth[asked])
+            print(
+                f"  {name:<16} median {found.median_m:.3f} m  mean {found.mean_m:.3f} m  "
+                f"p95 {found.p95_m:.3f} m  max {found.max_m:.2f} m  "
+                f"known {found.coverage:.1%} of {found.asked}"
+            )
         if self.free_m:
             none = float(np.mean(np.array(self.free_m) == 0.0))
             print(f"  corridor: nothing free for sure in {none:.1%} of {len(self.free_m)} frames")
@@ -96,18 +130,17 @@ def main() -> None:
     parser.add_argument("tree")
     parser.add_argument("--scene", nargs="+", default=["val-a", "val-b"])
     parser.add_argument("--masks", choices=("exact", "unet"), default="unet")
-    parser.add_argument("--seed", type=int, default=3)
+    parser.add_argument("--seed", nargs="+", type=int, default=[3])
     parser.add_argument("--every", type=int, default=5, help="compare each n-th frame")
     arguments = parser.parse_args()
-    for scene in arguments.scene:
-        comparison = Comparison(arguments.every)
-        options = app.FlightOptions(
-            scene=scene, seed=arguments.seed, exact_masks=arguments.masks == "exact"
-        )
+    comparison = Comparison(arguments.every)
+    for scene, seed in product(arguments.scene, arguments.seed):
+        options = app.FlightOptions(scene=scene, seed=seed, exact_masks=arguments.masks == "exact")
         report = app.fly(arguments.tree, options, listeners=comparison.follow)
-        print(f"{scene}, {arguments.masks} masks, seed {arguments.seed}: {report.outcome}")
-        comparison.show()
-        print(f"  ms: { ({name: p and p.p50 for name, p in report.perception_ms.items()}) }")
+        times = {name: p and p.p50 for name, p in report.perception_ms.items()}
+        print(f"{scene}, {arguments.masks} masks, seed {seed}: {report.outcome}; ms: {times}")
+    print(f"all flights, each {arguments.every}th frame:")
+    comparison.show()
 
 
 if __name__ == "__main__":
