@@ -35,8 +35,10 @@ _ALTITUDE_SLACK_M = 0.08
 # An obstacle this near to the body's centre, half of whose diagonal is 0.2 m, is an intrusion.
 _TOO_NEAR_M = 0.38
 _ROOM_STEP_M = 0.15
-# While it turns the drone draws away, so fast, from what is nearer than this.
+# While it turns the drone draws away, so fast, from obstacles nearer than this, and from the
+# carpet's edge, which may be nearer by so much.
 _KEEP_AWAY_M = 0.45
+_EDGE_NEARER_M = 0.15
 _KEEP_AWAY_MPS = 0.08
 # A steady turn: between a frame's capture and its effect, 0.3 s, it goes on by 10 degrees.
 _YAW_RATE_RADPS = 0.6
@@ -143,12 +145,17 @@ class SteeringLeaf(MovingLeaf):
         """
         obstacles = self.read(OBSTACLES).value
         turn = Velocity(yaw_rate_radps=yaw_rate_radps)
-        if obstacles is None or obstacles.nearest_m >= _KEEP_AWAY_M:
+        if obstacles is None:
             return turn
-        ranges_m = np.maximum(np.linalg.norm(obstacles.points_m, axis=1), 0.05)
+        points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
+        ranges_m = np.maximum(np.linalg.norm(points_m, axis=1), 0.05)
+        room_m = ranges_m.copy()
+        room_m[len(obstacles.points_m) :] += _EDGE_NEARER_M
         # The nearer a point the more it counts; between two obstacles it stays in the middle.
-        weights = np.clip(_KEEP_AWAY_M / ranges_m - 1.0, 0.0, None)
-        push = -_KEEP_AWAY_MPS * (weights / ranges_m) @ obstacles.points_m / weights.sum()
+        weights = np.clip(_KEEP_AWAY_M / room_m - 1.0, 0.0, None)
+        if not weights.any():
+            return turn
+        push = -_KEEP_AWAY_MPS * (weights / ranges_m) @ points_m / weights.sum()
         return replace(turn, forward_mps=float(push[0]), right_mps=float(push[1]))
 
     # --- turning ----------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import math
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -91,11 +92,15 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     numbers = range(arguments.labs)
-    with ProcessPoolExecutor(arguments.workers) as pool:
-        flights = list(pool.map(fly, [arguments.tree] * len(numbers), numbers))
-    for number, outcome, land_s, clearance_m in flights:
-        landed = "" if land_s is None else f"  {land_s:5.1f} s to land"
-        print(f"lab {number:3d}  {outcome:10s}{landed}  clearance {clearance_m:.2f} m")
+    flights = []
+    with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
+        for flight in pool.map(fly, [arguments.tree] * len(numbers), numbers):
+            flights.append(flight)
+            number, outcome, land_s, clearance_m = flight
+            landed = "" if land_s is None else f"  {land_s:5.1f} s to land"
+            print(
+                f"lab {number:3d}  {outcome:10s}{landed}  clearance {clearance_m:.2f} m", flush=True
+            )
     times = [land_s for _, outcome, land_s, _ in flights if outcome == "success" and land_s]
     successes = sum(outcome == "success" for _, outcome, _, _ in flights)
     print(f"{successes} of {len(flights)} landed, {np.median(times):.1f} s from sight (median)")
