@@ -1,6 +1,6 @@
 r"""How the approach fares where it is hard: three boxes within a metre of the helipad.
 
-    python benchmarks/narrow_labs.py --labs 36 --workers 2
+    python benchmarks/narrow_labs.py --labs 12 --workers 2
 
 Labs, take-offs and seeds are drawn from the lab's number; masks are exact and pictures small, so
 that what is measured is the flying.
@@ -88,7 +88,7 @@ def main() -> int:
     """Fly all labs and print each and the sum."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tree", default="explore_and_land_segmentation")
-    parser.add_argument("--labs", type=int, default=36)
+    parser.add_argument("--labs", type=int, default=12)
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     numbers = range(arguments.labs)
