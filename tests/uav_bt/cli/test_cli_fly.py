@@ -14,6 +14,7 @@ import pytest
 from cli_world import HOP, assert_refused, run, tree_file
 
 from uav_bt import app
+from uav_bt.errors import InputError
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
@@ -85,7 +86,7 @@ def test_options_reach_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def refuse(_tree: object, options: app.FlightOptions, **_: object) -> None:
         asked.append(options)
-        raise app.InputError("enough")
+        raise InputError("enough")
 
     monkeypatch.setattr(app, "fly", refuse)
     result = run(
