@@ -254,7 +254,7 @@ class ReturnToBase(SteeringLeaf):
             self.propose(self.turn_keeping_away(yaw_rate))
 
     def _free_heading(self, fix: HelipadFix) -> float | None:
-        """Return the bearing nearest to the pad's on which the way is free, None without one."""
+        """Return the bearing of the way to the pad, round what is remembered; None without one."""
         reading = self.read(OBSTACLES)
         obstacles = reading.value
         if obstacles is None:

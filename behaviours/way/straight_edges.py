@@ -11,7 +11,7 @@ __all__ = ["straight_edges"]
 
 Floats = NDArray[np.float64]
 _MOST = 4  # sides of a carpet
-_TRIED = 24  # points, of which each pair is a candidate
+_TRIED = 24  # points, or up to twice as many, of which each pair is a candidate
 _LEAST_SPAN_M = 0.6
 _ON_LINE_M = 0.08
 _LEAST_POINTS = 10
@@ -22,7 +22,10 @@ def straight_edges(edges_m: Floats) -> list[tuple[Floats, float]]:
     """Return the lines that edge points lie on, as outward normal and distance from the origin.
 
     Args:
-        edges_m: (N, 2) points where the carpet ends, the drone, inside, at the origin.
+        edges_m: (N, 2) points where the carpet ends, metres, the drone, inside, at the origin.
+
+    Returns:
+        Up to four of a unit vector (2,) and metres along it, most points first.
     """
     lines: list[tuple[Floats, float]] = []
     left = edges_m
