@@ -5,8 +5,9 @@ Run from the repository, with the Python of an environment that has Olympe::
     python benchmarks/loopback_clients.py --python /path/to/venv/bin/python
 
 The scripts are those of ``benchmarks/olympe_clients``, and with ``--examples`` those that Olympe's
-wheel brings. They find the drone at its own ports, so that 80 and 554 must be free and allowed
-(root); elsewhere ``--http-port 8080 --rtsp-port 8554`` serves all but the media list.
+wheel brings (7.7.5 also wants pysdl2, pysdl2-dll and PyOpenGL for them, 8.5.0 Pillow). They find
+the drone at its own ports, so that 80 and 554 must be free and allowed (root); elsewhere
+``--http-port 8080 --rtsp-port 8554`` serves all but the media list.
 """
 
 from __future__ import annotations
@@ -23,13 +24,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 SCRIPTS = Path(__file__).parent / "olympe_clients"
-# Olympe's own, by the folder in which its releases keep them; those of other drones, of their media
-# and with windows are left out.
-EXAMPLES = (
+# Olympe's own, by the folder in which its releases keep them; those of other drones (the ANAFI Ai's
+# camera2 and logsync among them), of their media and with windows are left out.
+_BOTH = (
     *("takeoff", "takeoff_if_necessary_1", "takeoff_if_necessary_2", "moveby", "moveby2"),
-    *("moveby_edit", "maxtilt", "maxtiltget", "maxtilt_get", "maxtilt_set", "enums", "bitfields"),
-    *("subscriber", "physical_drone"),
+    *("maxtilt", "maxtiltget", "enums", "bitfields", "subscriber", "physical_drone"),
+    "piloting_hud",
 )
+EXAMPLES = {
+    "doc/examples": (*_BOTH, "asyncaction", "streaming", "pdraw"),  # 7.7
+    "examples": (
+        *(*_BOTH, "maxtilt_get", "maxtilt_set", "moveby_edit"),
+        *("streaming_single", "streaming_multiple", "streaming_process_frames"),
+    ),  # 8.5
+}
 TIMEOUT_S = 180.0
 
 
@@ -53,8 +61,7 @@ def examples_of(python: str) -> list[Path]:
         [python, "-c", code], check=True, capture_output=True, text=True
     )
     home = Path(found.stdout.strip())
-    folders = [home / "examples", home / "doc" / "examples"]
-    paths = [folder / f"{name}.py" for name in EXAMPLES for folder in folders]
+    paths = [home / folder / f"{name}.py" for folder, names in EXAMPLES.items() for name in names]
     return [path for path in paths if path.is_file()]
 
 

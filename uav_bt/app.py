@@ -29,6 +29,7 @@ from uav_bt.assembly import (
 )
 from uav_bt.board import MISSION_KEYS
 from uav_bt.checking import unknown_policies
+from uav_bt.clock import TickClock
 from uav_bt.errors import FileError, TreeError, UavBtError
 from uav_bt.mission.arbiter import Proposals
 from uav_bt.mission.blackboard import Blackboard
@@ -181,9 +182,10 @@ def _fly_connected(
     told: Callable[[Check], None] | None,
     controls: Callable[[MissionRunner], AbstractContextManager[None]] | None,
 ) -> FlightReport:
+    clock = TickClock(drone.clock)
     context = MissionContext(
-        board=Blackboard(drone.clock, MISSION_KEYS),
-        clock=drone.clock,
+        board=Blackboard(clock, MISSION_KEYS),
+        clock=clock,
         proposals=Proposals(),
         policy=make_policy,
         seed=options.seed,
@@ -209,6 +211,7 @@ def _fly_connected(
         limits=limits_of(options),
         config=_paced(options.runner, drone),
         listeners=followers,
+        clock=clock,
     )
 
     def finish(verdict: Verdict) -> FlightReport:

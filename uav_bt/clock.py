@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 
 from uav_bt.errors import ValueRangeError
+from uav_bt.protocols import Clock
 
-__all__ = ["ManualClock", "WallClock"]
+__all__ = ["ManualClock", "TickClock", "WallClock"]
 
 
 class ManualClock:
@@ -47,3 +48,31 @@ class WallClock:
     def sleep_until(self, time_s: float) -> None:
         """Sleep until a time; return at once when it has passed."""
         time.sleep(max(0.0, time_s - self.now()))
+
+
+class TickClock:
+    """The time of the tick under way: all that happens in one tick happens at one time.
+
+    Simulated time stands still by itself while a tick is worked on. Real time does not, and a
+    replay could not tell which leaf looked at it when.
+
+    Args:
+        clock: the drone's.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._tick_s: float | None = None
+
+    def begin_tick(self) -> float:
+        """Look at the drone's clock and stand there until the next tick; return the time."""
+        self._tick_s = self._clock.now()
+        return self._tick_s
+
+    def now(self) -> float:
+        """Return the tick's time; before the first one, the drone's."""
+        return self._clock.now() if self._tick_s is None else self._tick_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let time pass; for the tree it passes with the next tick."""
+        self._clock.sleep_until(time_s)

@@ -1,4 +1,4 @@
-"""Clocks: one that moves when told to, one that moves by itself."""
+"""Clocks: one that moves when told to, one that moves by itself, one that waits for ticks."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import time
 
 import pytest
 
-from uav_bt.clock import ManualClock, WallClock
+from uav_bt.clock import ManualClock, TickClock, WallClock
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Clock
 
 
-@pytest.mark.parametrize("clock", [ManualClock(), WallClock()])
-def test_both_are_clocks(clock: object) -> None:
+@pytest.mark.parametrize("clock", [ManualClock(), TickClock(ManualClock()), WallClock()])
+def test_all_are_clocks(clock: object) -> None:
     assert isinstance(clock, Clock)
 
 
@@ -60,3 +60,16 @@ def test_a_wall_clock_sleeps_what_is_left_and_not_at_all_when_it_is_late(
     clock.sleep_until(0.3)
     clock.sleep_until(-2.0)
     assert slept == [0.3, 0.0]
+
+
+def test_a_tick_clock_stands_still_until_the_next_tick() -> None:
+    real = ManualClock(1.0)
+    clock = TickClock(real)
+    real.advance(0.5)
+    assert clock.now() == 1.5  # no tick has begun
+    assert clock.begin_tick() == 1.5
+    real.advance(0.1)
+    assert clock.now() == 1.5
+    clock.sleep_until(2.0)
+    assert (real.now(), clock.now()) == (2.0, 1.5)
+    assert clock.begin_tick() == clock.now() == 2.0

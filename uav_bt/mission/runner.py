@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, PHASE, STATE
+from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.arbiter import Arbiter, Limits, Override
 from uav_bt.mission.context import MissionContext
@@ -76,6 +77,8 @@ class MissionRunner:
         limits: what no command may exceed.
         config: how the mission is run.
         listeners: what follows the flight tick by tick.
+        clock: the context's, where it stands still from tick to tick; None where the drone's own
+            time does so, as simulated time does.
         timer: the wall clock that computing is measured with, seconds.
     """
 
@@ -89,6 +92,7 @@ class MissionRunner:
         limits: Limits | None = None,
         config: RunnerConfig | None = None,
         listeners: Sequence[TickListener] = (),
+        clock: TickClock | None = None,
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._drone = drone
@@ -99,6 +103,7 @@ class MissionRunner:
         self._arbiter = Arbiter(self._limits)
         self._config = config or RunnerConfig()
         self._listeners = tuple(listeners)
+        self._clock = clock
         self._timer = timer
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
@@ -160,7 +165,7 @@ class MissionRunner:
 
     def _tick(self) -> Verdict | None:
         clock = self._drone.clock
-        start_s = clock.now()
+        start_s = clock.now() if self._clock is None else self._clock.begin_tick()
         observation = self._drone.observe()
         self._write_board(observation, start_s)
         self._context.proposals.clear()

@@ -10,6 +10,7 @@ from typing import ClassVar
 import pytest
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, PHASE, STATE
+from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError, ValueRangeError
 from uav_bt.mission.arbiter import Override, Proposals
 from uav_bt.mission.blackboard import Blackboard
@@ -217,6 +218,34 @@ def test_a_mission_flies_up_ahead_and_down() -> None:
     assert flight.sent == ["TakeOff", "Velocity", "Land", "Hover"]
     assert flight.drone.x_m == pytest.approx(3 * TICK_S * 0.5)
     assert flight.landed
+
+
+def test_real_time_stands_still_within_a_tick() -> None:
+    drone = ScriptedDrone()
+    clock = TickClock(drone.clock)
+    seen: list[float] = []
+
+    class Computes(Leaf):
+        def update(self) -> Status:
+            for _ in range(2):
+                seen.append(self.clock.now())
+                drone.clock.advance(0.03)  # as a real clock would
+            return Status.RUNNING
+
+    context = MissionContext(
+        board=Blackboard(clock, MISSION_KEYS),
+        clock=clock,
+        proposals=Proposals(),
+        policy=lambda name: pytest.fail(f"asked for policy {name}"),
+    )
+    tree = MissionTree(Computes())
+    tree.setup(context)
+    records = Records()
+    stops = At(1, lambda: runner.request_abort("enough"))
+    runner = MissionRunner(drone, tree, context, Judge(), listeners=(records, stops), clock=clock)
+    runner.run()
+    assert seen == [0.0, 0.0, 0.1, 0.1]
+    assert [record.time_s for record in records][:2] == [0.0, 0.1]
 
 
 def test_listeners_get_every_tick_with_what_was_sent() -> None:
