@@ -19,9 +19,9 @@ from perception.segmentation.mapping import read_mapping
 from perception.telemetry import FixedTelemetry, FootageTelemetry, Telemetry
 from sim_bridge.twin.camera import anafi_camera
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
+from uav_bt.perceiving.sources import ArraySource, Picture, Pictures, PictureSource, open_source
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import CameraModel
-from uav_bt.video_source import ArraySource, Picture, Pictures, PictureSource, open_source
 
 __all__ = ["Look", "PerceiveOptions"]
 

@@ -15,9 +15,9 @@ import numpy as np
 from perception.classes import CLASS_COLOURS
 from perception.depth.scale import Scale
 from perception.pipeline import STAGES, Perceived
+from uav_bt.perceiving.sources import Picture
 from uav_bt.report.flight_report import Percentiles
 from uav_bt.types import CameraModel, Corridor, HelipadFix
-from uav_bt.video_source import Picture
 from uav_bt.view.perception_video import PerceptionPanes, Seen
 from uav_bt.view.video_file import VideoFile
 

@@ -11,7 +11,7 @@ from perception.pipeline import Perceived
 from uav_bt.errors import FileError, InputError
 from uav_bt.perceiving.inputs import Look, PerceiveOptions
 from uav_bt.perceiving.outputs import Film, PerceiveSummary, Tally, as_json
-from uav_bt.video_source import Picture
+from uav_bt.perceiving.sources import Picture
 
 __all__ = ["Advance", "perceive"]
 

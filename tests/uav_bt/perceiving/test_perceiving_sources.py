@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uav_bt.clock import ManualClock
 from uav_bt.errors import FileError, InputError, ShapeError
-from uav_bt.video_source import (
+from uav_bt.perceiving.sources import (
     ArraySource,
     CameraSource,
     FolderSource,
