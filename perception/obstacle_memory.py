@@ -5,31 +5,26 @@ A forward-looking camera does not see what is beside the drone, nor the carpet n
 a bearing meets the carpet there. Those points are kept in the dead-reckoned frame for a while, and
 forgotten where the carpet is seen again. What reaches down to the image's lower edge and is not
 explained by such a point has an unknown range: its bearing is reported apart, and for a while it is
-assumed to stand anywhere on that bearing. Where the carpet ends is remembered in the same way.
+assumed to stand anywhere on that bearing. Where the carpet ends is remembered in the same way, and
+bearings on which it has ended already where the view begins are reported like those of obstacles.
 """
 
 from __future__ import annotations
 
 import enum
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.bearing_scan import find_bases
 from perception.carpet_odometry import CarpetOdometry
-from perception.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
+from perception.classes import GROUP_CARPET, group_of
 from perception.geometry import project
 from perception.tracking import OdometryPose
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
 
-__all__ = ["Bases", "ObstacleMemory", "ObstacleMemoryConfig", "find_bases"]
-
-# The view is scanned along bearings, not along columns: away from the image's centre a vertical
-# edge leans, and the lowest obstacle pixel of a column may lie half-way up a box.
-_BEARING_STEP_RAD = math.radians(1.0)
-_ELEVATION_STEP_RAD = math.radians(0.5)
-_HIGHEST_RAD = math.radians(-8.0)  # carpet seen flatter than this is beyond the lab
+__all__ = ["ObstacleMemory", "ObstacleMemoryConfig"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,91 +47,6 @@ class ObstacleMemoryConfig:
     min_pitch_rad: float = -1.0  # looking further down, roofs are nearer than bases
 
 
-@dataclass(frozen=True)
-class Bases:
-    """Where the carpet meets obstacles and where it ends, from the point below the camera."""
-
-    placed_m: NDArray[np.float64]  # (N, 2) forward, right
-    # (M, 2): the nearest carpet in view on bearings where an obstacle hides it: the obstacle stands
-    # somewhere before it, since a vertical edge keeps its bearing.
-    hidden_m: NDArray[np.float64]
-    edges_m: NDArray[np.float64]  # (K, 2): where background follows the carpet
-
-
-def find_bases(
-    groups: NDArray[np.uint8],
-    camera: CameraModel,
-    gimbal_pitch_rad: float,
-    height_m: float,
-    *,
-    min_run: int = 4,
-) -> Bases:
-    """Scan a group map along bearings for the first obstacle on the carpet, and for its edge.
-
-    Args:
-        groups: (H, W) group ids.
-        camera: intrinsics at that size.
-        gimbal_pitch_rad: when the frame was captured.
-        height_m: of the camera above the carpet.
-        min_run: samples (half degrees) of obstacle or background that must stand above.
-    """
-    height_px, width_px = groups.shape
-    half_view = math.atan2(width_px / 2, camera.fx_px)
-    lowest = gimbal_pitch_rad - math.atan2(height_px / 2, camera.fy_px)
-    # At the lower edge the same columns span wider bearings than at the image's centre.
-    widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
-    bearings = np.arange(-widest, widest, _BEARING_STEP_RAD)
-    elevations = np.arange(lowest, min(_HIGHEST_RAD, gimbal_pitch_rad + 0.6), _ELEVATION_STEP_RAD)
-    ranges = max(height_m, 0.05) / np.tan(-elevations)
-    ground = np.empty((bearings.size, elevations.size, 3))
-    ground[..., 0] = np.cos(bearings)[:, None] * ranges
-    ground[..., 1] = np.sin(bearings)[:, None] * ranges
-    ground[..., 2] = max(height_m, 0.05)
-    pixels = np.rint(project(ground, camera, gimbal_pitch_rad))
-    columns, rows = pixels[..., 0], pixels[..., 1]
-    inside = (columns >= 0) & (columns < width_px) & (rows >= 0) & (rows < height_px)
-    sampled = np.where(
-        inside,
-        groups[
-            np.clip(rows, 0, height_px - 1).astype(int),
-            np.clip(columns, 0, width_px - 1).astype(int),
-        ],
-        _OUTSIDE,
-    )
-    rows, first, before = _first_runs(sampled, GROUP_OBSTACLE, min_run)
-    stands, hides = before == GROUP_CARPET, before == _OUTSIDE
-    edge_rows, edge, before = _first_runs(sampled, GROUP_BACKGROUND, min_run)
-    ends = before == GROUP_CARPET
-    level = ground[..., :2]
-    return Bases(
-        placed_m=level[rows[stands], first[stands]],
-        hidden_m=level[rows[hides], first[hides]],
-        edges_m=level[edge_rows[ends], edge[ends]],
-    )
-
-
-_OUTSIDE = 255
-
-
-def _first_runs(
-    sampled: NDArray[np.uint8], group: int, min_run: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8]]:
-    """Find the nearest run of a group on each bearing; samples go from near to far.
-
-    Returns:
-        The bearings that have one, where it begins, and the group before it.
-    """
-    solid = sampled == group
-    samples = solid.copy()
-    for shift in range(1, min_run):
-        solid[:, :-shift] &= samples[:, shift:]
-        solid[:, -shift:] = False
-    rows = np.flatnonzero(solid.any(axis=1))
-    first = solid[rows].argmax(axis=1)
-    before = np.where(first > 0, sampled[rows, np.maximum(first - 1, 0)], _OUTSIDE)
-    return rows, first, before
-
-
 class _Kind(enum.IntEnum):
     """What a remembered point is; the smaller stays where two fall into one cell."""
 
@@ -156,6 +66,7 @@ class ObstacleMemory:
         self._kinds = np.empty(0, dtype=np.int8)
         self._newest_s = -np.inf
         self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
+        self._unplaced_edges_rad = np.empty(0)
 
     def predict(self, state: DroneState) -> None:
         """Follow the drone's own motion up to a telemetry sample."""
@@ -172,7 +83,7 @@ class ObstacleMemory:
             camera: intrinsics at the class map's size.
         """
         self._newest_s = frame.captured_s
-        self._unplaced_rad = np.empty(0)
+        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
         self._odometry.see(class_map, frame, camera)
         pose = self._odometry.at(frame.captured_s)
         if pose is None or frame.gimbal_pitch_rad < self._config.min_pitch_rad:
@@ -195,8 +106,12 @@ class ObstacleMemory:
         ):
             near = seen_m[np.hypot(*seen_m.T) <= cfg.max_range_m] + offset
             self._add(_to_odometry(near, pose), frame.captured_s + age_s, kind)
-        unexplained = self._unexplained(hidden, pose, frame.captured_s)
+        unexplained = self._unexplained(hidden, pose, _Kind.BASE, frame.captured_s + cfg.max_age_s)
         self._unplaced_rad = unexplained + pose.yaw_rad
+        ended = self._unexplained(
+            bases.hidden_edges_m + offset, pose, _Kind.EDGE, frame.captured_s + cfg.edge_age_s
+        )
+        self._unplaced_edges_rad = ended + pose.yaw_rad
         rays = np.stack([np.cos(unexplained), np.sin(unexplained)], axis=-1)
         assumed = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
         self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s, _Kind.ASSUMED)
@@ -206,14 +121,14 @@ class ObstacleMemory:
         pose = self._odometry.now
         if pose is None:
             return ObstaclePoints(points_m=np.empty((0, 2)), captured_s=self._newest_s)
-        bearings = self._unplaced_rad - pose.yaw_rad
         local = _to_body(self._points, pose)
         return ObstaclePoints(
             points_m=local[self._kinds == _Kind.BASE],
             assumed_m=local[self._kinds == _Kind.ASSUMED],
             edges_m=local[self._kinds == _Kind.EDGE],
             captured_s=self._newest_s,
-            unplaced_rad=(bearings + np.pi) % (2.0 * np.pi) - np.pi,
+            unplaced_rad=_wrapped(self._unplaced_rad - pose.yaw_rad),
+            unplaced_edges_rad=_wrapped(self._unplaced_edges_rad - pose.yaw_rad),
         )
 
     def _forget_where_carpet_shows(
@@ -252,11 +167,11 @@ class ObstacleMemory:
         self._kinds = self._kinds[which]
 
     def _unexplained(
-        self, hidden: NDArray[np.float64], pose: OdometryPose, time_s: float
+        self, hidden: NDArray[np.float64], pose: OdometryPose, kind: _Kind, until_s: float
     ) -> NDArray[np.float64]:
-        """Return the bearings, from the pose's heading, of what no remembered base explains.
+        """Return the bearings, from the pose's heading, that no remembered point explains.
 
-        What does explain one is still there: it is remembered afresh.
+        Points of that kind explain. What does is still there: it is remembered until then.
         """
         bearings = np.arctan2(hidden[:, 1], hidden[:, 0])
         if not len(hidden) or not len(self._points):
@@ -268,9 +183,9 @@ class ObstacleMemory:
         explains = (
             (np.abs(bearings[:, None] - known_bearings) < self._config.explain_rad)
             & (known_ranges <= limits[:, None])
-            & (self._kinds == _Kind.BASE)
+            & (self._kinds == kind)
         )
-        self._until_s[explains.any(axis=0)] = time_s + self._config.max_age_s
+        self._until_s[explains.any(axis=0)] = until_s
         return np.asarray(bearings[~explains.any(axis=1)])
 
     def _add(self, points: NDArray[np.float64], until_s: float, kind: _Kind) -> None:
@@ -286,6 +201,10 @@ class ObstacleMemory:
         chosen = order[first]
         self._points, self._until_s = merged[chosen], expiries[chosen]
         self._kinds = kinds[chosen]
+
+
+def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _to_odometry(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:

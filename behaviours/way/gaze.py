@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from uav_bt.types import DroneState, HelipadFix, ObstaclePoints
 
 __all__ = ["PadGaze", "shows_unplaced"]
@@ -39,10 +41,18 @@ class PadGaze:
         now_s: float,
     ) -> float:
         """Return the camera's pitch, between the one in flight and the lowest."""
-        if shows_unplaced(obstacles, _NEAR_AHEAD_RAD):
+        if shows_unplaced(obstacles, _NEAR_AHEAD_RAD) or _ends_unseen(obstacles):
             self._look_down_until_s = now_s + _LOOK_DOWN_S
         if now_s < self._look_down_until_s:
             return _LOWEST_RAD
         above_m = max(state.height_above_carpet_m - _PAD_ROOF_M, 0.0)
         pad_rad = -math.atan2(above_m, max(fix.range_m, 0.05))
         return min(flight_rad, max(pad_rad, _LOWEST_RAD))
+
+
+def _ends_unseen(obstacles: ObstaclePoints | None) -> bool:
+    """Return whether the carpet ends ahead, nearer than anything in view."""
+    if obstacles is None:
+        return False
+    ahead = np.abs(obstacles.unplaced_edges_rad) < _NEAR_AHEAD_RAD
+    return int(np.count_nonzero(ahead)) >= _UNPLACED_MIN

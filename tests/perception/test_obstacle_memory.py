@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from perception.bearing_scan import Bases, find_bases
 from perception.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, group_of
 from perception.geometry import pixel_rays, project
-from perception.obstacle_memory import (
-    Bases,
-    ObstacleMemory,
-    ObstacleMemoryConfig,
-    find_bases,
-)
+from perception.obstacle_memory import ObstacleMemory, ObstacleMemoryConfig
 from sim_bridge.twin.camera import CAMERA_FORWARD_M, CameraPose, anafi_camera
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
@@ -47,6 +43,15 @@ def draw_box(ids: Ids, forward_m: float, left_m: float, right_m: float) -> Ids:
     across = forward_m / rays[..., 0] * rays[..., 1]
     down = forward_m / rays[..., 0] * rays[..., 2]
     ids[(across >= left_m) & (across <= right_m) & (down <= HEIGHT_M)] = BOXES[0]
+    return ids
+
+
+def end_carpet(ids: Ids, forward_m: float) -> Ids:
+    """Put background where carpet is further ahead of the camera than that."""
+    rows, columns = np.mgrid[: ids.shape[0], : ids.shape[1]]
+    rays = pixel_rays(np.stack([columns, rows], axis=-1), CAMERA, PITCH_RAD)
+    beyond = rays[..., 2] * forward_m < HEIGHT_M * rays[..., 0]
+    ids[beyond & (ids == CARPET)] = BACKGROUND
     return ids
 
 
@@ -111,11 +116,7 @@ def test_what_floats_before_the_background_has_no_base() -> None:
 
 def test_the_carpet_ends_where_background_follows_it() -> None:
     """Across the view 2.5 m ahead, but not behind a box, whose own base is no edge."""
-    ids = draw_box(carpet(), 1.8, -0.3, 0.2)
-    rows, columns = np.mgrid[: ids.shape[0], : ids.shape[1]]
-    rays = pixel_rays(np.stack([columns, rows], axis=-1), CAMERA, PITCH_RAD)
-    beyond = rays[..., 2] * 2.5 < HEIGHT_M * rays[..., 0]
-    ids[beyond & (ids == CARPET)] = BACKGROUND
+    ids = end_carpet(draw_box(carpet(), 1.8, -0.3, 0.2), 2.5)
 
     edges_m = bases(ids).edges_m
 
@@ -123,6 +124,15 @@ def test_the_carpet_ends_where_background_follows_it() -> None:
     assert np.median(edges_m[:, 0]) == pytest.approx(2.5, abs=0.06)
     behind = np.abs(edges_m[:, 1] / edges_m[:, 0] + 0.03) < 0.1
     assert not behind.any()
+
+
+def test_an_edge_nearer_than_the_view_has_bearings_and_no_place() -> None:
+    """The view begins with background: the carpet ends somewhere before."""
+    found = bases(end_carpet(carpet(), 0.8))
+
+    assert found.edges_m.shape == (0, 2)
+    assert len(found.hidden_edges_m) > 40
+    assert found.hidden_m.shape == (0, 2)
 
 
 def test_specks_have_no_base() -> None:
@@ -390,3 +400,33 @@ def test_the_twins_box_is_where_it_stands() -> None:
             # Not inside either, as far as the outline can tell.
             shrunk = BoxSpec(pattern=3, position_m=(0.8, 0.3), yaw_deg=30, size_m=(0.3, 0.3, 1.9))
             assert shrunk.footprint.distance_m(x, y) > 0.0
+
+
+def test_an_edge_that_was_never_seen_is_told_by_its_bearings() -> None:
+    """Its bearings turn with the drone, and an obstacle is not made of it."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0))
+    look(memory, end_carpet(carpet(), 0.8), 0.0)
+
+    found = memory.points()
+
+    assert len(found.unplaced_edges_rad) > 40
+    assert len(found.unplaced_rad) == len(found.edges_m) == len(found.assumed_m) == 0
+    memory.predict(state(0.1, yaw_rad=1.0))
+    assert memory.points().unplaced_edges_rad == pytest.approx(found.unplaced_edges_rad - 1.0)
+
+
+def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
+    """Flown up to, it is where it was seen to be."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0, forward_mps=0.5))
+    look(memory, end_carpet(carpet(), 2.0), 0.0)
+    for tick in range(1, 25):
+        memory.predict(state(0.1 * tick, forward_mps=0.5))
+    look(memory, end_carpet(carpet(), 0.8), 2.4)
+
+    found = memory.points()
+
+    ahead = np.abs(found.unplaced_edges_rad) < math.radians(20)
+    assert not ahead.any()
+    assert len(found.edges_m) > 10

@@ -52,6 +52,8 @@ class ObstaclePoints:
     # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
     # from the heading, clockwise positive, one for each degree that shows them. (M,)
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    # Likewise, where the carpet ends nearer than anything visible. (L,)
+    unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         for points in (self.points_m, self.assumed_m, self.edges_m):
