@@ -7,7 +7,8 @@ same Python:
 
 Latency is from a frame's arrival at this program to the moment its command was handed to the SDK:
 conversion, perception and tree included, rendering and encoding not. A frame that came while the
-one before was still worked on is never looked at and does not count.
+one before was still worked on is never looked at and does not count. On a virtual machine the time
+that its host gave to others is told, too: latencies grow with it.
 """
 
 from __future__ import annotations
@@ -88,6 +89,12 @@ class Latencies:
         )
 
 
+def machine_s() -> tuple[float, float]:
+    """Return the time of all cores, and how much of it the host gave to others, seconds (Linux)."""
+    hundredths = [int(number) for number in Path("/proc/stat").read_text().split()[1:9]]
+    return sum(hundredths) / 100.0, hundredths[7] / 100.0
+
+
 @contextmanager
 def served(python: str, address: str, scene: str, seed: int, rate: float) -> Iterator[None]:
     """Serve a drone while this lasts."""
@@ -124,6 +131,7 @@ def main() -> None:
         )
         with served(args.server_python, address, args.scene, number, args.rate):
             wall_s, cpu_s = time.perf_counter(), time.process_time()
+            cores_s, stolen_s = machine_s()
             with latencies.measured():
                 report = app.fly(
                     args.tree,
@@ -132,10 +140,13 @@ def main() -> None:
                     listeners=latencies.watch,
                 )
             share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
+            all_s, gone_s = machine_s()
+            stolen = (gone_s - stolen_s) / (all_s - cores_s)
         good += report.outcome == "success"
         print(
             f"{number}: {report.outcome}, {report.reason}; {report.duration_s or 0.0:.0f} s; "
-            f"{latencies.summary()}; {100 * share:.0f} % of a core",
+            f"{latencies.summary()}; {100 * share:.0f} % of a core; "
+            f"{100 * stolen:.0f} % of the machine's time was stolen",
             flush=True,
         )
     print(f"{good} of {args.flights} succeeded")
