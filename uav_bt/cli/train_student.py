@@ -118,8 +118,7 @@ def student(
         steps=steps, batch=batch, seed=seed, samples=SampleConfig(near_weight=near_weight)
     )
     kept = views_kept or run / "views"
-    others = training.records_of(held_out)
-    learnt = [record for record in training.records_of(records) if record not in others]
+    learnt, others = training.split_records(records, held_out)
     with progress_bars() as advance:
         score = training.train_student(
             training.read_advised_flights(learnt, net, kept, advance=advance),

@@ -41,6 +41,7 @@ __all__ = [
     "first_weights",
     "read_advised_flights",
     "records_of",
+    "split_records",
     "train_student",
 ]
 
@@ -66,6 +67,27 @@ def records_of(paths: Sequence[Path]) -> list[Path]:
             raise FileError(path, "there is no flight record in this folder")
         found |= dict.fromkeys(records)
     return list(found)
+
+
+def split_records(paths: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """Return the records to learn from, and those to measure on.
+
+    Args:
+        paths: files and folders; what is also held out is not learnt from.
+        held_out: files and folders.
+
+    Raises:
+        FileError: a path is neither, or a folder has none.
+        InputError: nothing is left to learn from.
+    """
+    others = records_of(held_out)
+    learnt = [record for record in records_of(paths) if record not in others]
+    if not learnt:
+        raise InputError(
+            f"all records to learn from are held out to measure on ({len(others)} records): name "
+            "others to learn from"
+        )
+    return learnt, others
 
 
 def read_advised_flights(

@@ -16,13 +16,14 @@ from perception.control.training import ControlTrainingConfig
 from perception.segmentation.export import save_unet
 from perception.segmentation.unet import UNet, UNetConfig
 from uav_bt import app
-from uav_bt.errors import FileError, WeightsError
+from uav_bt.errors import FileError, InputError, WeightsError
 from uav_bt.learning import student as student_training
 from uav_bt.learning.student import (
     StudentDiary,
     first_weights,
     read_advised_flights,
     records_of,
+    split_records,
     train_student,
 )
 from uav_bt.record.reader import RecordReader
@@ -136,6 +137,14 @@ def test_a_folder_stands_for_all_records_below_it(record: Path, tmp_path: Path) 
 
 
 # --- training -------------------------------------------------------------------------------------
+
+
+def test_what_is_held_out_is_not_learnt_from(record: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.mcap"
+    other.write_bytes(record.read_bytes())
+    assert split_records([tmp_path, record], [record]) == ([other], [record])
+    with pytest.raises(InputError, match=r"are held out to measure on \(1 records\): name others"):
+        split_records([record], [record.parent])
 
 
 def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Path) -> None:
