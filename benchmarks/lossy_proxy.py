@@ -73,7 +73,10 @@ class LossyProxy:
             ):
                 server = await asyncio.start_server(serve, self._address, port)
                 stack.callback(server.close)
+            stack.callback(self._close_sockets)
             yield
+
+    def _close_sockets(self) -> None:
         for transport in self._sockets:
             transport.close()
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from uav_bt.types import DroneState, HelipadFix, ObstaclePoints
 
 __all__ = ["PadGaze", "shows_unplaced"]
@@ -52,7 +50,4 @@ class PadGaze:
 
 def _ends_unseen(obstacles: ObstaclePoints | None) -> bool:
     """Return whether the carpet ends ahead, nearer than anything in view."""
-    if obstacles is None:
-        return False
-    ahead = np.abs(obstacles.unplaced_edges_rad) < _NEAR_AHEAD_RAD
-    return int(np.count_nonzero(ahead)) >= _UNPLACED_MIN
+    return obstacles is not None and obstacles.ends_within(_NEAR_AHEAD_RAD) >= _UNPLACED_MIN

@@ -94,6 +94,10 @@ class ObstaclePoints:
         """Return how many bearings of ahead show an obstacle of unknown range."""
         return int(np.count_nonzero(np.abs(self.unplaced_rad) < half_angle_rad))
 
+    def ends_within(self, half_angle_rad: float) -> int:
+        """Return on how many bearings of ahead the carpet ends nearer than the view."""
+        return int(np.count_nonzero(np.abs(self.unplaced_edges_rad) < half_angle_rad))
+
 
 @dataclass(frozen=True, kw_only=True)
 class HeldTurn:
