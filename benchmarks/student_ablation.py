@@ -1,0 +1,127 @@
+"""What each part of the control student's training is worth, off line and in flight.
+
+    uav-bt collect explore_and_land_advised --out runs/c0                      # the rule flies
+    uav-bt collect explore_and_land_student_advised --student S --out runs/c1  # the student does
+    uav-bt collect explore_and_land_advised --scene val-a --scene val-b --flights 8 --out runs/cv
+    python benchmarks/student_ablation.py runs/c0 runs/c1 --validate runs/cv --out runs/ablation
+
+Each variant trains for equally many steps, is scored on the held-out records, and flies the mission
+unguarded on the validation scenes, the same seeds for all. The first folder is the rule's own
+flights: the variant without aggregation learns from it alone. What was done before is not done
+again, so a run that was stopped goes on with the same command.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from perception.control.config import ControlNetConfig
+from perception.control.export import load_control_tensors
+from perception.control.samples import SampleConfig
+from perception.control.training import ControlTrainingConfig
+from uav_bt import campaigning
+from uav_bt.campaign.intervals import wilson
+from uav_bt.campaign.runner import LocalBackend
+from uav_bt.learning import student
+from uav_bt.learning.segmentation import SHIPPED_UNET
+
+TREE: Final = "explore_and_land_student"
+FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """One way to train."""
+
+    net: ControlNetConfig = field(default_factory=ControlNetConfig)
+    near_weight: float = 2.0
+    aggregated: bool = True
+
+
+VARIANTS: Final[Mapping[str, Variant]] = {
+    "as it ships": Variant(),
+    "mean squared error of the movement": Variant(net=ControlNetConfig(learns="movement")),
+    "without aggregation": Variant(aggregated=False),
+    "no history": Variant(net=ControlNetConfig(views=1)),
+    "history 1 s apart": Variant(net=ControlNetConfig(spacing_s=1.0)),
+    "history 2 s apart": Variant(net=ControlNetConfig(spacing_s=2.0)),
+    "no weight on near obstacles": Variant(near_weight=1.0),
+}
+
+
+def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapping[str, Any]:
+    """Train a variant unless that is done; return its score on the held-out flights."""
+    weights = home / "student.safetensors"
+    if not weights.with_suffix(".onnx").is_file():
+        folders = arguments.records if variant.aggregated else arguments.records[:1]
+        records, held_out = student.split_records(folders, arguments.validate)
+        kept = arguments.views_kept or arguments.out / "views"
+        config = ControlTrainingConfig(
+            steps=arguments.steps, samples=SampleConfig(near_weight=variant.near_weight)
+        )
+        student.train_student(
+            student.read_advised_flights(records, variant.net, kept),
+            weights,
+            config=config,
+            net_config=variant.net,
+            start=SHIPPED_UNET,
+            checkpoint=home / "checkpoint.safetensors",
+            held_out=student.read_advised_flights(held_out, variant.net, kept),
+        )
+    return load_control_tensors(weights)[2]["validation"]
+
+
+def flown(home: Path, arguments: argparse.Namespace) -> Counter[str]:
+    """Fly a variant's student; return how often each outcome came."""
+    policy = f"student:{(home / 'student.onnx').resolve()}"
+    plan = campaigning.make_plan(
+        [TREE],
+        scenes=["val-*"],
+        flights=arguments.flights,
+        policies=dict.fromkeys(FLYING, policy),
+    )
+    result = campaigning.campaign(plan, home / "flights", backend=LocalBackend())
+    return Counter(flight["outcome"] for flight in result.flights)
+
+
+def row(name: str, score: Mapping[str, Any], outcomes: Mapping[str, int]) -> str:
+    """Return a variant's line of the table."""
+    count, landed = sum(outcomes.values()), outcomes.get("success", 0)
+    low, high = wilson(landed, count)
+    others = ", ".join(f"{many} {what}" for what, many in outcomes.items() if what != "success")
+    shares = (score["missed"], score["stopped"], score["wrong_side"])
+    return (
+        f"| {name} | {' | '.join(f'{100 * share:.1f}' for share in shares)} | "
+        f"{score['step_error_m']:.3f} | {score['movement_mse']:.4f} | "
+        f"{landed} of {count} ({100 * low:.0f} to {100 * high:.0f} %) | {others or 'none'} |"
+    )
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Train, score and fly every variant; print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("records", nargs="+", type=Path, help="folders; the rule's flights first")
+    parser.add_argument("--validate", nargs="+", type=Path, required=True)
+    parser.add_argument("--views-kept", type=Path, help="views that `train student` kept")
+    parser.add_argument("--steps", type=int, default=2500)
+    parser.add_argument("--flights", type=int, default=10, help="in each validation scene")
+    parser.add_argument("--only", nargs="+", choices=list(VARIANTS), default=list(VARIANTS))
+    parser.add_argument("--out", type=Path, default=Path("runs/student_ablation"))
+    arguments = parser.parse_args(words)
+    print("| variant | missed, % | stopped, % | wrong side, % | step error, m |", end="")
+    print(" movement MSE | success | failures |\n|---|---|---|---|---|---|---|---|", flush=True)
+    for name in arguments.only:
+        variant = VARIANTS[name]
+        home = arguments.out / name.replace(" ", "_")
+        home.mkdir(parents=True, exist_ok=True)
+        score = trained(variant, home, arguments)
+        print(row(name, score, flown(home, arguments)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
