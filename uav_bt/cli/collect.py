@@ -43,7 +43,7 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
     "--layouts/--no-layouts",
     default=True,
     show_default=True,
-    help="Move the boxes of every second scene that is drawn, too; light is drawn for all.",
+    help="Draw the boxes of all scenes but the first of each, too; light is drawn in any case.",
 )
 @click.option(
     "--student",

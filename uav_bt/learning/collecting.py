@@ -36,8 +36,8 @@ class CollectionPlan:
     flights: int = 96  # at least, in all
     scenes: tuple[str, ...] = TRAINING_SCENES
     profiles: tuple[str, ...] = ("lab", "harsh")
-    # The first flight in each scene is in the scene as it is, all others under light of their own,
-    # and every second of those with its boxes elsewhere: four layouts would be learnt by heart.
+    # The first flight in each scene is in the scene as it is, all others under light of their own
+    # and with boxes of their own: few layouts would be learnt by heart.
     layouts: bool = True
     seed: int = 0  # of lights, layouts and flights
     policies: Mapping[str, str] = field(default_factory=dict)  # by node
@@ -137,8 +137,7 @@ def _scenes(plan: CollectionPlan, folder: Path) -> dict[str, list[str]]:
                 called = f"{scene.name}-{profile}-{plan.seed}-{number}"
                 # By name, so that a scene does not depend on which others are drawn.
                 rng = np.random.default_rng(zlib.crc32(called.encode()))
-                layout = plan.layouts and number % 2 == 0
-                drawn = varied_scene(scene, rng, name=called, layout=layout)
+                drawn = varied_scene(scene, rng, name=called, layout=plan.layouts)
                 path = folder / f"{called}.yaml"
                 path.write_text(scene_text(drawn), encoding="utf-8")
                 found[profile].append(str(path))

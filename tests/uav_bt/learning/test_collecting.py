@@ -68,14 +68,12 @@ def test_the_number_of_flights_is_rounded_up() -> None:
     assert len(CollectionPlan(tree=ADVISED, flights=17)) == 24
 
 
-def test_every_flight_but_the_first_has_light_of_its_own_and_every_second_a_layout(
-    tmp_path: Path,
-) -> None:
+def test_every_flight_but_the_first_has_light_and_boxes_of_its_own(tmp_path: Path) -> None:
     _, tasks = collected(tmp_path, flights=4, scenes=("train-a",), profiles=("lab",))
     scenes = [load_scene(task.scene_path) for task in tasks]
     shipped = load_scene("train-a")
     assert [scene.lighting == shipped.lighting for scene in scenes] == [True, False, False, False]
-    assert [scene.boxes == shipped.boxes for scene in scenes] == [True, True, False, True]
+    assert [scene.boxes == shipped.boxes for scene in scenes] == [True, False, False, False]
     assert len({scene.name for scene in scenes}) == 4
     assert {scene.helipad for scene in scenes} == {shipped.helipad}
 
