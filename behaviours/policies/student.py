@@ -100,11 +100,11 @@ class StudentPolicy:
         wanted = cfg.advance_at - cfg.relief * min(view.full_turns, cfg.max_full_turns)
         free_m = min(max(said.free_m, 0.0), cfg.longest_step_m)
         ends = said.carpet_ends > 0.5
-        if said.advance > wanted:
+        # An edge is turned away from however free of obstacles the way is, as by the rule.
+        if said.advance > wanted and not ends:
             step_m = min(max(said.step_m, cfg.shortest_step_m), cfg.longest_step_m)
             return Decision(
                 forward_m=step_m,
-                carpet_ends=ends,
                 reason=f"clear {said.advance:.2f}",
                 free_m=free_m,
             )

@@ -93,6 +93,15 @@ def test_it_turns_to_the_side_the_network_says(
     assert (decision.carpet_ends, decision.reason) == (True, "edge 0.05")
 
 
+@pytest.mark.parametrize("full_turns", [0, 3])
+def test_where_the_carpet_ends_it_turns_however_free_the_way(
+    policy_saying: Any, full_turns: int
+) -> None:
+    decision = policy_saying(3.0, 1.0, 0.7, 2.0, 1.0).decide(seen(full_turns=full_turns))
+    assert decision.blocked
+    assert (decision.carpet_ends, decision.reason) == (True, "edge 0.95")
+
+
 def test_a_turn_under_way_keeps_its_side(policy_saying: Any) -> None:
     assert policy_saying(-3.0, 3.0, 0.0, -3.0, 0.0).decide(seen(turning=-1)).yaw_rad < 0.0
 
