@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 import torch
 from control_world import TINY
@@ -22,7 +24,7 @@ from perception.control.runtime import OnnxControlStudent, meaning
 from perception.control.situation import situation_size
 from perception.segmentation.export import save_unet
 from perception.segmentation.unet import UNet, UNetConfig
-from perception.weights_io import read_weights, write_weights
+from perception.weights_io import SHIPPED_WEIGHTS, read_weights, write_weights
 from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError, WeightsError
 
 RNG = np.random.default_rng(3)
@@ -235,3 +237,35 @@ def test_a_movement_that_hardly_moves_is_a_turn(forward_m: float, *, goes: bool)
     said = meaning(np.array([forward_m, -0.2, 0.0, 0.9, 0.1]), paper)
     assert (said.advance > 0.5) is goes
     assert (said.clockwise, said.carpet_ends) == (0.0, 0.9)
+
+
+# --- what ships -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["student", "student-fp32"])
+def test_the_shipped_onnx_files_were_made_from_the_shipped_weights(name: str) -> None:
+    weights = SHIPPED_WEIGHTS / "student.safetensors"
+    model = onnx.load(SHIPPED_WEIGHTS / f"{name}.onnx")
+    properties = {p.key: p.value for p in model.metadata_props}
+    assert properties["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
+
+
+def test_the_shipped_student_says_in_flight_what_it_said_in_training() -> None:
+    tensors, config, notes = load_control_tensors(SHIPPED_WEIGHTS / "student.safetensors")
+    net = ControlNet(config).eval()
+    known = {name: torch.from_numpy(np.array(tensor)) for name, tensor in tensors.items()}
+    missing, unexpected = net.load_state_dict(known, strict=False)
+    assert all(name.endswith("num_batches_tracked") for name in missing)
+    assert not unexpected
+    assert parameter_count(net) == notes["parameters"] <= 1_600_000
+    rng = np.random.default_rng(0)
+    views = rng.integers(
+        0, 256, (config.views, config.height_px, config.width_px, 3), dtype=np.uint8
+    )
+    numbers = np.zeros(situation_size(config.views), dtype=np.float32)
+    frames = torch.from_numpy(views).permute(0, 3, 1, 2)[None].float() / 255.0
+    with torch.inference_mode():
+        trained = net(frames, torch.from_numpy(numbers)[None]).numpy()[0]
+    flies = OnnxControlStudent(SHIPPED_WEIGHTS / "student-fp32.onnx")
+    said, wanted = flies.estimate(list(views), numbers), meaning(trained, config)
+    assert astuple(said) == pytest.approx(astuple(wanted), abs=1e-3)

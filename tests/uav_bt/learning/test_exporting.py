@@ -10,6 +10,8 @@ import onnx
 import pytest
 from click.testing import CliRunner
 
+from perception.control.runtime import OnnxControlStudent
+from perception.control.situation import situation_size
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.weights_io import SHIPPED_WEIGHTS
@@ -47,7 +49,21 @@ def test_the_depth_network_that_flies_says_what_the_one_in_floats_says(
     assert np.quantile(off, 0.99) < 0.04
 
 
-@pytest.mark.parametrize("name", ["unet", "depth"])
+def test_the_student_that_flies_decides_as_the_one_in_floats(pictures: list[np.ndarray]) -> None:
+    both = [OnnxControlStudent(SHIPPED_WEIGHTS / f"student{end}.onnx") for end in ("", "-fp32")]
+    numbers = np.zeros(situation_size(both[0].config.views), dtype=np.float32)
+    said = []
+    for student in both:
+        views = [[student.looked_at(rgb)] * student.config.views for rgb in pictures]
+        said.append([student.estimate(one, numbers) for one in views])
+    off = np.array(
+        [[a.advance - b.advance, a.step_m - b.step_m] for a, b in zip(*said, strict=True)]
+    )
+    assert np.abs(off).mean() < 0.03
+    assert np.abs(off).max() < 0.25
+
+
+@pytest.mark.parametrize("name", ["unet", "depth", "student"])
 def test_the_shipped_pair_was_made_from_the_same_weights(name: str) -> None:
     notes = []
     for end in ("", "-fp32"):
