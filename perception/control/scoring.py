@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.config import ControlNetConfig
-from perception.control.runtime import meaning
+from perception.control.runtime import ControlEstimate
 from perception.control.samples import Batch, ControlSamples
 
 __all__ = ["ControlScore", "score_control"]
 
 _AT_ONCE: Final = 32  # windows
 
-Predict = Callable[[Batch], NDArray[np.float32]]
-"""Windows to the network's outputs, (N, 5)."""
+Predict = Callable[[Batch], Sequence[ControlEstimate]]
+"""Windows to what the network says of each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +35,15 @@ class ControlScore:
     movement_mse: float  # the paper's: of forward metres and yaw radians
 
 
-def score_control(
-    predict: Predict, samples: ControlSamples, config: ControlNetConfig, *, most: int = 2000
-) -> ControlScore:
+def score_control(predict: Predict, samples: ControlSamples, *, most: int = 2000) -> ControlScore:
     """Score a network on windows, evenly spread over all, as they were flown.
 
     Args:
         predict: the network.
         samples: the windows.
-        config: the network's shape.
         most: windows that are looked at.
     """
-    rows = [row for batch in _batches(samples, most) for row in _rows(predict, batch, config)]
+    rows = [row for batch in _batches(samples, most) for row in _rows(predict, batch)]
     said = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     free, goes = said["forward_m"] > 0.0, said["advance"] > 0.5
     begins, both = ~free & (said["turning"] == 0.0), free & goes
@@ -76,10 +72,8 @@ def _batches(samples: ControlSamples, most: int) -> Iterator[Batch]:
         yield samples.window([int(at) for at in chosen[first : first + _AT_ONCE]])
 
 
-def _rows(predict: Predict, batch: Batch, config: ControlNetConfig) -> Iterator[dict[str, float]]:
-    outputs = predict(batch)
-    for numbers, label, turning in zip(outputs, batch.labels, batch.turning, strict=True):
-        said = meaning(numbers, config)
+def _rows(predict: Predict, batch: Batch) -> Iterator[dict[str, float]]:
+    for said, label, turning in zip(predict(batch), batch.labels, batch.turning, strict=True):
         yield {
             "advance": said.advance,
             "clockwise": said.clockwise,

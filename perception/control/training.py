@@ -21,6 +21,7 @@ from perception.control.augment import ControlAugmentConfig, augmented
 from perception.control.config import ControlNetConfig
 from perception.control.losses import LOSSES
 from perception.control.network import ControlNet
+from perception.control.runtime import ControlEstimate, meaning
 from perception.control.samples import Batch, ControlSamples, SampleConfig
 from perception.networks.checkpoint import Checkpoint
 from perception.networks.torch_state import (
@@ -128,12 +129,12 @@ def train_control(
     return run.mean.eval()
 
 
-def predict_control(net: ControlNet, batch: Batch) -> NDArray[np.float32]:
-    """Return the network's outputs, (N, 5), of windows."""
+def predict_control(net: ControlNet, batch: Batch) -> list[ControlEstimate]:
+    """Return what the network says of windows."""
     net.eval()
     with torch.inference_mode():
         said: Tensor = net(_planes(batch.frames), torch.from_numpy(batch.situation))
-    return np.asarray(said.numpy(), dtype=np.float32)
+    return [meaning(numbers, net.config) for numbers in said.numpy()]
 
 
 def _planes(frames: NDArray[np.uint8]) -> Tensor:

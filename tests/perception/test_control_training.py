@@ -10,6 +10,7 @@ import pytest
 import torch
 from control_world import TINY, made_up_flight
 
+from perception.control.runtime import ControlEstimate
 from perception.control.samples import ControlSamples
 from perception.control.scoring import ControlScore, score_control
 from perception.control.training import (
@@ -28,7 +29,7 @@ SHORT = replace(QUICK, steps=6, checkpoint_every=3)
 
 
 def scored(samples: ControlSamples, net: object) -> ControlScore:
-    return score_control(lambda batch: predict_control(net, batch), samples, TINY)  # type: ignore[arg-type]  # a ControlNet
+    return score_control(lambda batch: predict_control(net, batch), samples)  # type: ignore[arg-type]  # a ControlNet
 
 
 def test_it_learns_what_the_rule_does() -> None:
@@ -44,7 +45,7 @@ def test_it_learns_the_movement_as_the_paper_does() -> None:
     paper = replace(TINY, learns="movement")
     net = train_control(ControlSamples([made_up_flight(1)], paper), QUICK, paper)
     samples = ControlSamples([made_up_flight(2)], paper)
-    score = score_control(lambda batch: predict_control(net, batch), samples, paper)
+    score = score_control(lambda batch: predict_control(net, batch), samples)
     assert max(score.missed, score.stopped) < 0.05
 
 
@@ -105,8 +106,8 @@ def test_settings_that_cannot_be_are_refused(changed: dict[str, float]) -> None:
 def test_the_score_tells_misses_from_stops() -> None:
     """A network that always goes on misses all that is blocked, and never stops."""
     samples = ControlSamples([made_up_flight(1)], TINY)
-    always = np.array([9.0, 9.0, 1.0, -9.0, 1.0], dtype=np.float32)
-    score = score_control(lambda batch: np.tile(always, (len(batch.labels), 1)), samples, TINY)
+    always = ControlEstimate(advance=1.0, clockwise=1.0, step_m=1.0, carpet_ends=0.0, free_m=1.0)
+    score = score_control(lambda batch: [always] * len(batch.labels), samples)
     assert (score.missed, score.stopped) == (1.0, 0.0)
     assert score.step_error_m == pytest.approx(0.2, abs=1e-6)
     assert score.step_excess_m == pytest.approx(0.2, abs=1e-6)

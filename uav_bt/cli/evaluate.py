@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from uav_bt.cli.options import output_option, seed_option, views_option
-from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.progress import need, progress_bars
 
 if TYPE_CHECKING:
     from perception.segmentation.evaluation import SegmentationScore
@@ -129,6 +131,58 @@ def depth(
     if out is not None:
         out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         click.echo(f"tables: {out}")
+
+
+@evaluate.command()
+@click.argument(
+    "records", nargs=-1, required=True, metavar="RECORDS...", type=click.Path(path_type=Path)
+)
+@click.option(
+    "--model",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="A control student's ONNX file; the shipped one if not given.",
+)
+@click.option(
+    "--views", type=click.IntRange(min=1), default=2000, show_default=True, help="That are scored."
+)
+@click.option(
+    "--views-kept",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Where `train student` keeps the records' views, to read them once only.",
+)
+@output_option("--out", "Write the scores there too, as JSON.")
+def student(
+    *,
+    records: tuple[Path, ...],
+    model: Path | None,
+    views: int,
+    views_kept: Path | None,
+    out: Path | None,
+) -> None:
+    """Measure how well a control student agrees with the rule that advised in RECORDS.
+
+    RECORDS are files that `uav-bt collect` made, or folders of them.
+    """
+    need("record", "mcap", "foxglove")
+    from perception.control.runtime import (  # noqa: PLC0415 - late, for --help
+        SHIPPED_STUDENT,
+        OnnxControlStudent,
+    )
+    from uav_bt.learning import student as training  # noqa: PLC0415
+
+    flies = OnnxControlStudent(model or SHIPPED_STUDENT, threads=2)
+    with tempfile.TemporaryDirectory() as folder, progress_bars() as advance:
+        flights = training.read_advised_flights(
+            training.records_of(records), flies.config, views_kept or Path(folder), advance=advance
+        )
+        score = training.evaluate_student(flights, flies, most=views)
+    click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
+    for name, value in asdict(score).items():
+        if name != "windows":
+            click.echo(f"  {name:<18}{value:.4f}")
+    if out is not None:
+        out.write_text(json.dumps(asdict(score), indent=2) + "\n", encoding="utf-8")
+        click.echo(f"scores: {out}")
 
 
 def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:

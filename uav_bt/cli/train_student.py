@@ -112,6 +112,7 @@ def student(
     from perception.control.training import ControlTrainingConfig  # noqa: PLC0415
     from uav_bt.learning import student as training  # noqa: PLC0415
     from uav_bt.learning.segmentation import SHIPPED_UNET  # noqa: PLC0415
+    from uav_bt.learning.student_diary import StudentDiary  # noqa: PLC0415
 
     net = ControlNetConfig(views=views, spacing_s=spacing_s, learns=learns)  # type: ignore[arg-type]  # click checked it
     config = ControlTrainingConfig(
@@ -128,7 +129,7 @@ def student(
             start=start or SHIPPED_UNET,
             checkpoint=run / "checkpoint.safetensors",
             held_out=training.read_advised_flights(others, net, kept, advance=advance),
-            diary=training.StudentDiary(run),
+            diary=StudentDiary(run),
             advance=advance,
         )
     if score is not None:

@@ -9,12 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.config import ControlNetConfig
+from perception.control.runtime import ControlEstimate, OnnxControlStudent
 from perception.control.samples import (
+    Batch,
     ControlFlight,
     ControlSamples,
     FlightBuilder,
@@ -27,6 +28,7 @@ from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.dataset.index_file import fingerprint
 from uav_bt.errors import FileError, InputError, WeightsError
 from uav_bt.learning.scenes import Advance, silent
+from uav_bt.learning.student_diary import StudentDiary
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
 from uav_bt.record.notes import FrameNote
@@ -37,7 +39,7 @@ from uav_bt.types import CameraModel
 
 __all__ = [
     "SHIPPED_STUDENT",
-    "StudentDiary",
+    "evaluate_student",
     "first_weights",
     "read_advised_flights",
     "records_of",
@@ -229,7 +231,7 @@ def train_student(
     def score(net: Any) -> ControlScore | None:
         if others is None:
             return None
-        return score_control(lambda batch: training.predict_control(net, batch), others, shape)
+        return score_control(lambda batch: training.predict_control(net, batch), others)
 
     def follow(now: Any, net: Any) -> None:
         losses.append(now.loss)
@@ -261,61 +263,23 @@ def train_student(
     return final
 
 
-# --- curves ---------------------------------------------------------------------------------------
-
-_CURVES: Final = ("loss", "missed", "stopped", "wrong_side", "step_error_m", "free_error_m")
-_PANE_PX: Final = (320, 200)  # width, height
-_BLACK, _BLUE = (40, 40, 40), (180, 90, 20)  # blue green red
-
-
-class StudentDiary:
-    """What a run keeps beside its checkpoint: a line for each validation, and curves.
+def evaluate_student(
+    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, most: int = 2000
+) -> ControlScore:
+    """Score a control student on advised flights.
 
     Args:
-        folder: `scores.jsonl` and `curves.png` go there.
+        flights: their views, of the network's size.
+        student: the network as it flies.
+        most: views that are looked at, evenly spread over all.
+
+    Raises:
+        ValueRangeError: no view can be scored.
+        WeightsError: the network answered with something that is not a number.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def said(batch: Batch) -> list[ControlEstimate]:
+        windows = zip(batch.frames, batch.situation, strict=True)
+        return [student.estimate(list(frames), numbers) for frames, numbers in windows]
 
-    def note(self, step: int, loss: float, score: ControlScore | None) -> None:
-        """Add a line, and draw the curves anew."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        told = {} if score is None else asdict(score)
-        plain = {name: value if np.isfinite(value) else None for name, value in told.items()}
-        with (self._folder / "scores.jsonl").open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"step": step, "loss": loss, **plain}) + "\n")
-        self._draw()
-
-    def lines(self) -> list[dict[str, Any]]:
-        """Return what was noted; of a step that was noted twice, the later line."""
-        file = self._folder / "scores.jsonl"
-        lines = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
-        by_step = {line["step"]: line for line in lines}
-        return [by_step[step] for step in sorted(by_step)]
-
-    def _draw(self) -> None:
-        lines = self.lines()
-        panes = [_pane(name, lines) for name in _CURVES]
-        sheet = np.vstack([np.hstack(panes[:3]), np.hstack(panes[3:])])
-        path = self._folder / "curves.png"
-        done, content = cv2.imencode(".png", sheet)
-        if not done:
-            raise FileError(path, "the picture cannot be written")
-        path.write_bytes(content.tobytes())
-
-
-def _pane(name: str, lines: Sequence[Mapping[str, Any]]) -> NDArray[np.uint8]:
-    """Return a curve over the steps, from nought to its most."""
-    width, height = _PANE_PX
-    pane = np.full((height, width, 3), 255, dtype=np.uint8)
-    points = [(line["step"], line[name]) for line in lines if line.get(name) is not None]
-    label = f"{name}  {points[-1][1]:.3f} at {points[-1][0]}" if points else f"{name}: none"
-    cv2.putText(pane, label, (8, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.42, _BLACK, 1, cv2.LINE_AA)
-    if points:
-        steps, values = np.array(points, dtype=np.float64).T
-        x = 8 + (width - 16) * steps / steps.max()
-        y = height - 8 - (height - 36) * values / max(values.max(), 1e-9)
-        curve = np.rint(np.stack([x, y], axis=1)).astype(np.int32)
-        cv2.polylines(pane, [curve.reshape(-1, 1, 2)], False, _BLUE, 2, cv2.LINE_AA)
-    return pane
+    return score_control(said, ControlSamples(flights, student.config), most=most)

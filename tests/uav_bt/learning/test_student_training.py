@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from perception.control.config import ControlNetConfig
 from perception.control.export import load_control_tensors
@@ -15,17 +16,20 @@ from perception.control.runtime import OnnxControlStudent
 from perception.control.training import ControlTrainingConfig
 from perception.segmentation.export import save_unet
 from perception.segmentation.unet import UNet, UNetConfig
+from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt import app
+from uav_bt.cli.root import uav_bt
 from uav_bt.errors import FileError, InputError, WeightsError
 from uav_bt.learning import student as student_training
 from uav_bt.learning.student import (
-    StudentDiary,
+    evaluate_student,
     first_weights,
     read_advised_flights,
     records_of,
     split_records,
     train_student,
 )
+from uav_bt.learning.student_diary import StudentDiary
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 
@@ -185,6 +189,30 @@ def test_a_run_goes_on_from_its_checkpoint(record: Path, tmp_path: Path) -> None
             advance=lambda _, done, __: steps.append(done),
         )
     assert steps == [1, 2, 3, 4]
+
+
+def test_what_flies_scores_as_it_did_in_training(record: Path, tmp_path: Path) -> None:
+    flights = read_advised_flights([record], NET, tmp_path / "views")
+    weights = tmp_path / "student.safetensors"
+    trained = train_student(flights, weights, config=QUICK, net_config=NET, held_out=flights)
+    flies = evaluate_student(flights, OnnxControlStudent(weights.with_suffix(".onnx")))
+    assert trained is not None
+    assert astuple(flies) == pytest.approx(astuple(trained), abs=1e-3, nan_ok=True)
+    result = CliRunner().invoke(
+        uav_bt,
+        ["evaluate", "student", str(record), "--model", str(weights.with_suffix(".onnx"))],
+    )
+    assert result.exit_code == 0, result.output
+    assert f"flights: 1, views scored: {flies.windows}" in result.output
+
+
+def test_a_network_of_another_kind_is_not_evaluated(record: Path) -> None:
+    result = CliRunner().invoke(
+        uav_bt,
+        ["evaluate", "student", str(record), "--model", str(SHIPPED_WEIGHTS / "unet.onnx")],
+    )
+    assert result.exit_code == 2
+    assert "is no control student" in result.output
 
 
 def test_a_step_that_is_noted_twice_counts_once(tmp_path: Path) -> None:
