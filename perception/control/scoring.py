@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -33,6 +33,10 @@ class ControlScore:
     wrong_end: float  # share of views where it errs on whether the carpet ends
     free_error_m: float  # mean absolute, of the way free of obstacles
     movement_mse: float  # the paper's: of forward metres and yaw radians
+
+    def to_json(self) -> dict[str, float | None]:
+        """Return the score as plain JSON values: None for what no window could tell."""
+        return {name: value if np.isfinite(value) else None for name, value in asdict(self).items()}
 
 
 def score_control(predict: Predict, samples: ControlSamples, *, most: int = 2000) -> ControlScore:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -177,11 +176,11 @@ def student(
         )
         score = training.evaluate_student(flights, flies, most=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
-    for name, value in asdict(score).items():
+    for name, value in score.to_json().items():
         if name != "windows":
-            click.echo(f"  {name:<18}{value:.4f}")
+            click.echo(f"  {name:<18}{'-' if value is None else format(value, '.4f')}")
     if out is not None:
-        out.write_text(json.dumps(asdict(score), indent=2) + "\n", encoding="utf-8")
+        out.write_text(json.dumps(score.to_json(), indent=2) + "\n", encoding="utf-8")
         click.echo(f"scores: {out}")
 
 

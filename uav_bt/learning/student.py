@@ -256,7 +256,7 @@ def train_student(
         "windows": len(samples),
         "near_share": round(samples.near_share, 4),
         "parameters": parameter_count(net),
-        "validation": None if final is None else asdict(final),
+        "validation": None if final is None else final.to_json(),
     }
     export.save_control_net(weights, net, notes=notes)
     export.export_control_onnx(weights, weights.with_suffix(".onnx"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,8 +34,7 @@ class StudentDiary:
     def note(self, step: int, loss: float, score: ControlScore | None) -> None:
         """Add a line, and draw the curves anew."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        told = {} if score is None else asdict(score)
-        plain = {name: value if np.isfinite(value) else None for name, value in told.items()}
+        plain = {} if score is None else score.to_json()
         with (self._folder / "scores.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps({"step": step, "loss": loss, **plain}) + "\n")
         self._draw()
