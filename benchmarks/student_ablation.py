@@ -8,7 +8,8 @@
 Each variant trains for equally many steps, is scored on the held-out records, and flies the mission
 unguarded on the validation scenes, the same seeds for all. The first folder is the rule's own
 flights: the variant without aggregation learns from it alone. What was done before is not done
-again, so a run that was stopped goes on with the same command.
+again, so a run that was stopped goes on with the same command; `--only` with `--threads 1
+--workers 1` shares the variants out between processes.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
+
+import torch
 
 from perception.control.config import ControlNetConfig
 from perception.control.export import load_control_tensors
@@ -85,7 +88,7 @@ def flown(home: Path, arguments: argparse.Namespace) -> Counter[str]:
         flights=arguments.flights,
         policies=dict.fromkeys(FLYING, policy),
     )
-    result = campaigning.campaign(plan, home / "flights", backend=LocalBackend())
+    result = campaigning.campaign(plan, home / "flights", backend=LocalBackend(arguments.workers))
     return Counter(flight["outcome"] for flight in result.flights)
 
 
@@ -110,9 +113,13 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--views-kept", type=Path, help="views that `train student` kept")
     parser.add_argument("--steps", type=int, default=2500)
     parser.add_argument("--flights", type=int, default=10, help="in each validation scene")
+    parser.add_argument("--threads", type=int, help="that train; torch's choice by default")
+    parser.add_argument("--workers", type=int, help="flights at a time; all cores by default")
     parser.add_argument("--only", nargs="+", choices=list(VARIANTS), default=list(VARIANTS))
     parser.add_argument("--out", type=Path, default=Path("runs/student_ablation"))
     arguments = parser.parse_args(words)
+    if arguments.threads:
+        torch.set_num_threads(arguments.threads)
     print("| variant | missed, % | stopped, % | wrong side, % | step error, m |", end="")
     print(" movement MSE | success | failures |\n|---|---|---|---|---|---|---|---|", flush=True)
     for name in arguments.only:
