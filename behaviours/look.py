@@ -9,7 +9,7 @@ from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import GimbalTo, Hover
 
-__all__ = ["HelipadKnown", "HoverFor", "PointCamera", "Turn"]
+__all__ = ["HelipadKnown", "HoverFor", "Hovering", "PointCamera", "Turn"]
 
 _PITCH_SLACK_RAD = math.radians(2)
 
@@ -89,3 +89,21 @@ class HelipadKnown(Leaf):
         reading = self.read(HELIPAD)
         fresh = reading.known and reading.age_s <= self.port_value("max_age_s")
         return Status.SUCCESS if fresh else Status.FAILURE
+
+
+class Hovering(Leaf):
+    """SUCCESS while the drone keeps its place, turning or not; FAILURE when nobody knows."""
+
+    condition = True
+    ports = (
+        Port("below_mps", float, default=0.15, doc="horizontal speed that counts as none, m/s"),
+    )
+    reads = (STATE,)
+
+    def update(self) -> Status:
+        """Look at the horizontal speed."""
+        state = self.read(STATE).value
+        if state is None:
+            return Status.FAILURE
+        speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
+        return Status.SUCCESS if speed_mps < self.port_value("below_mps") else Status.FAILURE

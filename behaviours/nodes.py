@@ -10,7 +10,7 @@ from behaviours.corridor_clear import CorridorClear
 from behaviours.explore import Explore
 from behaviours.helipad_center import HelipadCenter
 from behaviours.land import EmergencyLand, Land
-from behaviours.look import HelipadKnown, HoverFor, PointCamera, Turn
+from behaviours.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
 from behaviours.perceive import FindHelipad, RememberObstacles, Segment
 from behaviours.perceive_depth import BuildCorridor, EstimateDepth
 from behaviours.remember_views import RememberViews
@@ -32,6 +32,7 @@ NODES: Final[tuple[type[Leaf], ...]] = (
     HelipadCenter,
     HelipadKnown,
     HoverFor,
+    Hovering,
     Land,
     PointCamera,
     RememberObstacles,

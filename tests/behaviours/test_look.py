@@ -7,11 +7,11 @@ import math
 import pytest
 from leaf_world import halted_proposals, live
 
-from behaviours.look import HelipadKnown, HoverFor, PointCamera, Turn
+from behaviours.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, HelipadFix, Hover, MoveBy, MovementState
+from uav_bt.types import BodyVelocity, GimbalTo, HelipadFix, Hover, MoveBy, MovementState
 
 
 def test_hovers_for_its_time() -> None:
@@ -121,3 +121,26 @@ def test_a_stale_fix_is_not_known_however_patient_the_port() -> None:
     bench.allow_stale()
 
     assert bench.tick(advance_s=60.0) is Status.FAILURE
+
+
+@pytest.mark.parametrize(
+    ("velocity", "expected"),
+    [
+        (BodyVelocity(), Status.SUCCESS),
+        (BodyVelocity(forward_mps=0.1, right_mps=-0.1), Status.SUCCESS),
+        (BodyVelocity(forward_mps=0.12, right_mps=-0.12), Status.FAILURE),
+        (BodyVelocity(forward_mps=-0.3), Status.FAILURE),
+        (BodyVelocity(down_mps=0.5), Status.SUCCESS),
+    ],
+)
+def test_hovering_asks_for_the_horizontal_speed(velocity: BodyVelocity, expected: Status) -> None:
+    """Whatever its direction."""
+    assert live(LeafBench(Hovering, below_mps=0.15), velocity=velocity) is expected
+
+
+def test_a_drone_that_tells_nothing_is_not_taken_to_hover() -> None:
+    """Old telemetry says nothing of the present speed."""
+    bench = LeafBench(Hovering)
+    assert live(bench) is Status.SUCCESS
+    bench.allow_stale()
+    assert bench.tick(advance_s=10.0) is Status.FAILURE
