@@ -19,6 +19,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import fmean
 from typing import Any, Final
 
 import torch
@@ -76,11 +77,12 @@ def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapp
             checkpoint=home / "checkpoint.safetensors",
             held_out=student.read_advised_flights(held_out, variant.net, kept),
         )
-    return load_control_tensors(weights)[2]["validation"]
+    score: Mapping[str, Any] = load_control_tensors(weights)[2]["validation"]
+    return score
 
 
-def flown(home: Path, arguments: argparse.Namespace) -> Counter[str]:
-    """Fly a variant's student; return how often each outcome came."""
+def flown(home: Path, arguments: argparse.Namespace) -> Sequence[Mapping[str, Any]]:
+    """Fly a variant's student; return the flights' reports."""
     policy = f"student:{(home / 'student.onnx').resolve()}"
     plan = campaigning.make_plan(
         [TREE],
@@ -89,11 +91,14 @@ def flown(home: Path, arguments: argparse.Namespace) -> Counter[str]:
         policies=dict.fromkeys(FLYING, policy),
     )
     result = campaigning.campaign(plan, home / "flights", backend=LocalBackend(arguments.workers))
-    return Counter(flight["outcome"] for flight in result.flights)
+    return result.flights
 
 
-def row(name: str, score: Mapping[str, Any], outcomes: Mapping[str, int]) -> str:
+def row(name: str, score: Mapping[str, Any], flights: Sequence[Mapping[str, Any]]) -> str:
     """Return a variant's line of the table."""
+    outcomes = Counter(flight["outcome"] for flight in flights)
+    explored_m = fmean(flight["explore_distance_m"] for flight in flights)
+    clearance_m = fmean(flight["min_clearance_m"] for flight in flights)
     count, landed = sum(outcomes.values()), outcomes.get("success", 0)
     low, high = wilson(landed, count)
     others = ", ".join(f"{many} {what}" for what, many in outcomes.items() if what != "success")
@@ -101,7 +106,8 @@ def row(name: str, score: Mapping[str, Any], outcomes: Mapping[str, int]) -> str
     return (
         f"| {name} | {' | '.join(f'{100 * share:.1f}' for share in shares)} | "
         f"{score['step_error_m']:.3f} | {score['movement_mse']:.4f} | "
-        f"{landed} of {count} ({100 * low:.0f} to {100 * high:.0f} %) | {others or 'none'} |"
+        f"{landed} of {count} ({100 * low:.0f} to {100 * high:.0f} %) | {others or 'none'} | "
+        f"{explored_m:.1f} | {clearance_m:.2f} |"
     )
 
 
@@ -121,7 +127,8 @@ def main(words: Sequence[str] | None = None) -> None:
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
     print("| variant | missed, % | stopped, % | wrong side, % | step error, m |", end="")
-    print(" movement MSE | success | failures |\n|---|---|---|---|---|---|---|---|", flush=True)
+    print(" movement MSE | success | failures | explored, m | smallest clearance, m |")
+    print(f"|{'---|' * 10}", flush=True)
     for name in arguments.only:
         variant = VARIANTS[name]
         home = arguments.out / name.replace(" ", "_")
