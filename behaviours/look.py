@@ -92,7 +92,7 @@ class HelipadKnown(Leaf):
 
 
 class Hovering(Leaf):
-    """SUCCESS while the drone keeps its place, turning or not; FAILURE when nobody knows."""
+    """SUCCESS while the drone keeps its place, turning or not; FAILURE on old telemetry, too."""
 
     condition = True
     ports = (
