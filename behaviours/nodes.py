@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Final
 
-from behaviours.advise import Advise
-from behaviours.avoid import Avoid
-from behaviours.corridor_clear import CorridorClear
-from behaviours.explore import Explore
-from behaviours.helipad_center import HelipadCenter
-from behaviours.land import EmergencyLand, Land
-from behaviours.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
-from behaviours.perceive import FindHelipad, RememberObstacles, Segment
-from behaviours.perceive_depth import BuildCorridor, EstimateDepth
-from behaviours.remember_views import RememberViews
-from behaviours.return_to_base import ReturnToBase
-from behaviours.take_off import TakeOff
+from behaviours.fly.avoid import Avoid
+from behaviours.fly.corridor_clear import CorridorClear
+from behaviours.fly.explore import Explore
+from behaviours.fly.helipad_center import HelipadCenter
+from behaviours.fly.land import EmergencyLand, Land
+from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
+from behaviours.fly.return_to_base import ReturnToBase
+from behaviours.fly.take_off import TakeOff
+from behaviours.perceive.advise import Advise
+from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
+from behaviours.perceive.depth import BuildCorridor, EstimateDepth
+from behaviours.perceive.recent_views import RememberViews
 from uav_bt.tree import Leaf
 
 __all__ = ["NODES"]

@@ -23,7 +23,7 @@ from typing import Self
 import psutil
 from distributed import LocalCluster
 
-from uav_bt import campaigning
+from uav_bt import campaign as campaigns
 from uav_bt.campaign.cluster import DaskBackend
 from uav_bt.campaign.flight_lines import comparable
 from uav_bt.campaign.runner import Backend, LocalBackend
@@ -68,7 +68,7 @@ def main() -> int:
     parser.add_argument("--width", type=int, default=640, help="of the 16:9 video, pixels")
     parser.add_argument("--out", type=Path, default=Path("runs/campaign_benchmark"))
     args = parser.parse_args()
-    plan = campaigning.make_plan(
+    plan = campaigns.make_plan(
         [args.tree],
         scenes=[args.scenes],
         flights=args.flights,
@@ -104,7 +104,7 @@ def main() -> int:
             shutil.rmtree(folder, ignore_errors=True)
             began_s = time.perf_counter()
             with MemoryPeak() as peak:
-                result = campaigning.campaign(plan, folder, backend=backend)
+                result = campaigns.run(plan, folder, backend=backend)
             wall_s = time.perf_counter() - began_s
             flights = [comparable(flight) for flight in result.flights]
             first, base_s = first or flights, base_s or wall_s

@@ -20,13 +20,13 @@ from typing import Literal
 import numpy as np
 import torch
 
-from perception.depth.clips import ClipConfig, Flight
-from perception.depth.evaluation import DepthScore
-from perception.depth.footage import read_truth
-from perception.depth.labelling import exact_labels
-from perception.depth.network import DepthNetConfig
+from perception.depth.evaluation.scores import DepthScore
 from perception.depth.runtime import OnnxDepthEstimator
-from perception.depth.training_config import DepthTrainingConfig
+from perception.depth.training.clips import ClipConfig, Flight
+from perception.depth.training.config import DepthTrainingConfig
+from perception.depth.training.labelling import exact_labels
+from perception.depth.training.network import DepthNetConfig
+from perception.footage.file import read_truth
 from perception.segmentation.runtime import shipped_unet
 from uav_bt.learning.depth import (
     DepthViewPlan,

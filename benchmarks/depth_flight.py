@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import BOXES, CARPET
-from perception.depth.error_summary import summarise_errors
-from perception.depth.measured_points import MeasuredPoints, draw_points, ranges_at
+from perception.depth.evaluation.error_summary import summarise_errors
+from perception.depth.evaluation.measured_points import MeasuredPoints, draw_points, ranges_at
 from uav_bt import app
 from uav_bt.board import CAMERA, CORRIDOR, FRAME, METRIC_DEPTH
-from uav_bt.mission.context import MissionContext
+from uav_bt.board.context import MissionContext
+from uav_bt.classes import BOXES, CARPET
 from uav_bt.mission.runner import TickRecord
 from uav_bt.protocols import Drone
 

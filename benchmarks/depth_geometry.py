@@ -23,17 +23,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
-from perception.corridor import CorridorBuilder
-from perception.depth.footing import FootingDepth, footing_depth
-from perception.depth.ground import CameraView, ground_depth, ray_lengths
-from perception.depth.panorama import Unroller
+from perception.camera.ground_plane import CameraView, ground_depth, ray_lengths
+from perception.depth.contact.depth import FootingDepth, footing_depth
+from perception.depth.contact.panorama import Unroller
 from perception.depth.scale import make_scale, sample_carpet
+from perception.obstacles.corridor import CorridorBuilder
 from perception.segmentation.runtime import shipped_unet
-from sim_bridge.twin.camera import anafi_camera
+from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
+from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.types import DepthMap
 
 SIZE = (224, 112)

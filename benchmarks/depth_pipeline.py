@@ -25,17 +25,17 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-from perception.classes import CARPET
-from perception.corridor import CorridorBuilder
-from perception.depth.ground import view_of
+from perception.camera.ground_plane import view_of
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.runtime import load_depth_estimator
-from perception.helipad import HelipadDetector, locate
+from perception.landing.detector import HelipadDetector, locate
+from perception.obstacles.corridor import CorridorBuilder
 from perception.segmentation.runtime import SHIPPED_UNETS, shipped_unet
-from sim_bridge.twin.camera import anafi_camera
+from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
+from uav_bt.classes import CARPET
 from uav_bt.learning.scenes import VALIDATION_SCENES
 from uav_bt.types import Frame
 

@@ -22,22 +22,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
-from perception.depth.clips import ClipConfig, ClipSource, DepthLabels, Flight
-from perception.depth.evaluation import DepthSample, score_depth
-from perception.depth.footage import Footage, FootageTruth, read_footage, read_truth
-from perception.depth.ground import ground_depth, view_of
-from perception.depth.labelling import (
+from perception.camera.ground_plane import ground_depth, view_of
+from perception.depth.evaluation.scores import DepthSample, score_depth
+from perception.depth.runtime import OnnxDepthEstimator
+from perception.depth.training.clips import ClipConfig, ClipSource, DepthLabels, Flight
+from perception.depth.training.labelling import (
     LABEL_SIZE_PX,
     add_parallax,
     exact_labels,
     footing_labels,
     frames_of,
 )
-from perception.depth.motion import camera_track, measured_motion
-from perception.depth.runtime import OnnxDepthEstimator
+from perception.footage.file import Footage, FootageTruth, read_footage, read_truth
+from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.odometry.camera_track import camera_track, measured_motion
 from perception.segmentation.runtime import shipped_unet
-from perception.weights_io import SHIPPED_WEIGHTS
+from uav_bt.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
 from uav_bt.learning.depth import DepthViewPlan, depth_views, score_depth_on
 from uav_bt.learning.scenes import VALIDATION_SCENES
 
@@ -124,8 +124,8 @@ def motion(footage: Footage, truth: FootageTruth, pairs: int) -> None:
     """Print how well frames match when warped with exact depth and each kind of movement."""
     import torch  # noqa: PLC0415 - only this needs it
 
-    from perception.depth.losses import photometric_error  # noqa: PLC0415
-    from perception.depth.warping import warp  # noqa: PLC0415
+    from perception.depth.training.losses import photometric_error  # noqa: PLC0415
+    from perception.depth.training.warping import warp  # noqa: PLC0415
 
     track = camera_track(footage)
     source = ClipSource(

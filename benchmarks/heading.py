@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from behaviours.heading import HeadingGains
-from behaviours.heading_design import (
+from behaviours.fly.heading import HeadingGains
+from benchmarks.heading_design import (
     StepResponse,
     YawResponse,
     identify,
@@ -22,7 +22,7 @@ from behaviours.heading_design import (
     step_metrics,
     step_response,
 )
-from behaviours.heading_trial import fly_step, hover, record_yaw
+from benchmarks.heading_trial import fly_step, hover, record_yaw
 from sim_bridge.twin import create_drone
 from uav_bt.protocols import Drone, DroneOptions
 

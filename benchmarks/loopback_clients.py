@@ -57,9 +57,7 @@ def served(address: str, ports: list[str]) -> Iterator[subprocess.Popen[str]]:
 def examples_of(python: str) -> list[Path]:
     """Return the chosen examples of the Olympe that a Python has."""
     code = "import importlib.util as u; print(u.find_spec('olympe').submodule_search_locations[0])"
-    found = subprocess.run(  # noqa: S603 - the Python that was asked for
-        [python, "-c", code], check=True, capture_output=True, text=True
-    )
+    found = subprocess.run([python, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603 - the Python that was asked for
     home = Path(found.stdout.strip())
     paths = [home / folder / f"{name}.py" for folder, names in EXAMPLES.items() for name in names]
     return [path for path in paths if path.is_file()]

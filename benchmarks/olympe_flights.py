@@ -26,10 +26,10 @@ import numpy as np
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.video import NewestFrame, Picture
 from uav_bt import app
-from uav_bt.mission.context import MissionContext
+from uav_bt.app.site import Site
+from uav_bt.board.context import MissionContext
 from uav_bt.mission.runner import TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.site_file import Site
 from uav_bt.types import Command
 
 

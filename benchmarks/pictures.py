@@ -13,17 +13,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from perception.classes import colourise
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
-from uav_bt import app, watching
+from uav_bt import app
+from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
-from uav_bt.mission.context import MissionContext
+from uav_bt.board.context import MissionContext
+from uav_bt.classes import colourise
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import LabMap, draw_path_map
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.protocols import Drone
-from uav_bt.view.flown import FlownPath
-from uav_bt.view.map import LabMap, draw_path_map
 
 
 class _Album:
@@ -32,7 +33,7 @@ class _Album:
     def __init__(self, drone: Drone, context: MissionContext, at_s: float) -> None:
         self._context = context
         self._at_s = at_s
-        self.lab: LabMap | None = watching.lab_map_of(drone)
+        self.lab: LabMap | None = film.lab_map_of(drone)
         self.path = FlownPath()
         self.frame: np.ndarray | None = None
         self.mask: np.ndarray | None = None

@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from perception.segmentation.evaluation import score_segmentation
-from perception.segmentation.losses import LOSSES
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.teacher import TeacherConfig
-from perception.segmentation.training import TrainingConfig
+from perception.segmentation.training.losses import LOSSES
+from perception.segmentation.training.run import TrainingConfig
 from uav_bt.learning import segmentation as training
 from uav_bt.learning.scenes import TESTING_SCENES
 from uav_bt.learning.views import Image, ViewPlan, twin_views

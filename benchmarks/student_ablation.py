@@ -28,7 +28,7 @@ from perception.control.config import ControlNetConfig
 from perception.control.export import load_control_tensors
 from perception.control.samples import SampleConfig
 from perception.control.training import ControlTrainingConfig
-from uav_bt import campaigning
+from uav_bt import campaign as campaigns
 from uav_bt.campaign.intervals import wilson
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.learning import student
@@ -84,13 +84,13 @@ def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapp
 def flown(home: Path, arguments: argparse.Namespace) -> Sequence[Mapping[str, Any]]:
     """Fly a variant's student; return the flights' reports."""
     policy = f"student:{(home / 'student.onnx').resolve()}"
-    plan = campaigning.make_plan(
+    plan = campaigns.make_plan(
         [TREE],
         scenes=["val-*"],
         flights=arguments.flights,
         policies=dict.fromkeys(FLYING, policy),
     )
-    result = campaigning.campaign(plan, home / "flights", backend=LocalBackend(arguments.workers))
+    result = campaigns.run(plan, home / "flights", backend=LocalBackend(arguments.workers))
     return result.flights
 
 

@@ -23,9 +23,9 @@ from sklearn.multiclass import OneVsRestClassifier
 from sklearn.svm import LinearSVC
 
 from perception.segmentation.features import hsv_of, patch_features
-from perception.segmentation.picks import PickedPatches, gather_patches
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import TeacherConfig, fit_teacher
+from perception.segmentation.training.picks import PickedPatches, gather_patches
 from uav_bt.learning import segmentation as training
 from uav_bt.learning.scenes import VALIDATION_SCENES
 from uav_bt.learning.views import ViewPlan, twin_views

@@ -29,11 +29,11 @@ from pathlib import Path
 
 import py_trees
 
+from uav_bt.board.blackboard import Blackboard, Key
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import UnknownNameError
-from uav_bt.mission.arbiter import Proposals
-from uav_bt.mission.blackboard import Blackboard, Key
-from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Leaf, MissionTree, Node, Port, Status
 from uav_bt.tree.nodes import Fallback, Sequence

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
-from uav_bt.viewer.entities import TIMELINE
-from uav_bt.viewer.sinks import viewer_command
+from uav_bt.display.rerun.entities import TIMELINE
+from uav_bt.display.rerun.sinks import viewer_command
 
 PORT = 9911
 PATIENCE_S = 30.0

@@ -21,11 +21,11 @@ if __name__ == "__main__":
     # The folder of a script comes first on the path, and `tests/uav_bt` would hide the package.
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import UavBtError, UnknownNameError
-from uav_bt.mission.arbiter import Proposals
-from uav_bt.mission.blackboard import Blackboard
-from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS

@@ -15,19 +15,16 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 
-FLOOR_ONE = {f"uav_bt.{name}" for name in ("types", "protocols", "errors", "clock")}
-# What composes everything: it may import all, and only its own kind may import it.
-FLOOR_FOUR = {
+# Vocabulary: the flat files of the framework, and its values.
+FLOOR_ONE = {
     f"uav_bt.{name}"
-    for name in (
-        *("app", "assembly", "calibrated_drone", "campaigning", "cli", "viewing", "watching"),
-        *("depth_evaluation", "footage", "learning"),
-        *("dataset", "perceiving", "recording", "replaying"),
-    )
+    for name in ("types", "classes", "clock", "errors", "plugins", "progress", "protocols")
 }
+# What composes everything: it may import all, and only its own kind may import it.
+FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "campaign", "cli", "learning")}
 # Networks are made and trained there; what flies them needs no torch.
 TRAINERS = (
-    *("perception.segmentation", "perception.depth", "perception.control"),
+    *("perception.segmentation.training", "perception.depth.training", "perception.control"),
     *("perception.networks.checkpoint", "perception.networks.torch_state"),
 )
 
@@ -129,23 +126,29 @@ def test_imports_only_go_down(path: Path) -> None:
     ("importer", "source"),
     [
         ("uav_bt.types", "import uav_bt.board"),
-        ("uav_bt.clock", "from uav_bt import plugins"),
+        ("uav_bt.clock", "from uav_bt import tree"),
         ("uav_bt.tree.loading.loader", "from uav_bt.app import fly"),
         ("uav_bt.tree.loading.loader", "def late():\n    from uav_bt import cli"),
-        ("uav_bt.mission.runner", "import behaviours.explore"),
+        ("uav_bt.mission.runner", "import behaviours.fly.explore"),
         ("uav_bt.mission.runner", "if TYPE_CHECKING:\n    from sim_bridge.twin import drone"),
-        ("uav_bt.view.map", "import perception.classes"),
-        ("uav_bt.view.map", "import importlib\nimportlib.import_module('perception.classes')"),
+        ("uav_bt.display.lab_map", "import perception.pose"),
+        (
+            "uav_bt.display.lab_map",
+            "import importlib\nimportlib.import_module('perception.landing')",
+        ),
         ("uav_bt.plugins", "from ..behaviours import explore"),
-        ("uav_bt.view.map", "from .. import watching"),
-        ("perception.helipad", "from uav_bt.board import HELIPAD"),
-        ("perception.helipad", "try:\n    import sim_bridge\nexcept ImportError:\n    pass"),
-        ("perception.helipad", "import torch"),
+        ("uav_bt.display.lab_map", "from .. import app"),
+        ("perception.landing.detector", "from uav_bt.board import HELIPAD"),
+        (
+            "perception.landing.detector",
+            "try:\n    import sim_bridge\nexcept ImportError:\n    pass",
+        ),
+        ("perception.landing.detector", "import torch"),
         ("sim_bridge.twin.drone", "from perception import classes"),
         ("sim_bridge.twin.drone", "from uav_bt.mission import runner"),
-        ("behaviours.explore", "from sim_bridge.twin import create_drone"),
-        ("behaviours.explore", "def late():\n    import torch.nn"),
-        ("behaviours.explore", "from uav_bt import app"),
+        ("behaviours.fly.explore", "from sim_bridge.twin import create_drone"),
+        ("behaviours.fly.explore", "def late():\n    import torch.nn"),
+        ("behaviours.fly.explore", "from uav_bt import app"),
     ],
 )
 def test_an_upward_import_would_be_found(importer: str, source: str) -> None:
@@ -157,10 +160,13 @@ def test_an_upward_import_would_be_found(importer: str, source: str) -> None:
     [
         ("uav_bt.protocols", "import numpy\nfrom uav_bt.types import Frame"),
         ("uav_bt.tree.registry", "from uav_bt import errors\nfrom uav_bt.tree import node"),
-        ("perception.segmentation.unet", "import torch\nfrom perception.classes import CARPET"),
-        ("behaviours.explore", "from perception import helipad\nfrom uav_bt.tree import Leaf"),
+        (
+            "perception.segmentation.training.unet",
+            "import torch\nfrom uav_bt.classes import CARPET",
+        ),
+        ("behaviours.fly.explore", "from perception import helipad\nfrom uav_bt.tree import Leaf"),
         ("uav_bt.app", "from sim_bridge.twin import create_drone\nimport behaviours"),
-        ("uav_bt.cli.fly", "from uav_bt import __version__, app, watching"),
+        ("uav_bt.cli.fly", "from uav_bt import __version__, app"),
     ],
 )
 def test_a_downward_import_is_allowed(importer: str, source: str) -> None:
@@ -174,7 +180,7 @@ def test_flying_needs_no_torch() -> None:
     flown = [module_name(path) for path in (ROOT / "behaviours").rglob("*.py")]
     flown += ["perception.segmentation.runtime", "perception.depth.runtime"]
     flown += ["sim_bridge.twin.drone", "uav_bt.app"]
-    flown += ["uav_bt.watching", "uav_bt.cli.fly"]
+    flown += ["uav_bt.app.film", "uav_bt.cli.fly"]
     code = f"import sys\nsys.modules['torch'] = None\nimport {', '.join(flown)}"
     done = subprocess.run(  # noqa: S603  # our own interpreter and code
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
@@ -210,7 +216,7 @@ VOCABULARY = {
     # commands; the leaves that give them are called alike
     **{name: {"TakeOff", "Land"} for name in ("uav_bt.types", "uav_bt.types.commands")},
     # who writes a key of the mission board, shown to people in lists of keys
-    "uav_bt.board": {
+    "uav_bt.board.keys": {
         "Segment",
         "EstimateDepth",
         "BuildCorridor",

@@ -14,13 +14,14 @@ from typing import Any, Final
 
 import pytest
 
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
-from perception.weights_io import SHIPPED_WEIGHTS
 from sim_bridge.twin.scene_file import load_scene, scene_names
-from uav_bt import __version__, checking
+from uav_bt import __version__
 from uav_bt.learning.scenes import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
 from uav_bt.learning.segmentation import SHIPPED_TEACHER
+from uav_bt.tree import policy_check
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
@@ -50,7 +51,7 @@ MODULES = [path for room in ROOMS for path in files_below(ROOT / room) if path.s
 
 @pytest.mark.parametrize("path", sorted((ROOT / "trees").glob("*.xml")), ids=lambda p: p.stem)
 def test_every_shipped_tree_file_is_good(path: Path) -> None:
-    assert checking.tree_findings(path) == ()
+    assert policy_check.tree_findings(path) == ()
 
 
 def test_every_shipped_scene_loads_under_its_own_name() -> None:

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
-from perception.geometry import project
+from perception.camera.geometry import project
+from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 

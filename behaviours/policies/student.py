@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from perception.control.runtime import SHIPPED_STUDENT, ControlEstimate, OnnxControlStudent
 from perception.control.situation import Standing, situation
-from perception.odometry import OdometryPose
+from perception.odometry.dead_reckoning import OdometryPose
 from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import PastView

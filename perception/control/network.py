@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from perception.control.config import OUTPUTS, ControlNetConfig
 from perception.control.situation import situation_size
-from perception.segmentation.unet import UNet, UNetConfig
+from perception.segmentation.training.unet import UNet, UNetConfig
 
 __all__ = ["ControlNet", "parameter_count"]
 

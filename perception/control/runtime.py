@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from perception.control.config import OUTPUTS, VERSION, ControlNetConfig
 from perception.control.situation import situation_size
 from perception.networks.onnx_runtime import compile_model, read_model, shrunk
-from perception.weights_io import SHIPPED_WEIGHTS
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
 
 __all__ = ["SHIPPED_STUDENT", "ControlEstimate", "OnnxControlStudent", "meaning"]

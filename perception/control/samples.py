@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from perception.control.config import ControlNetConfig
 from perception.control.situation import Standing, situation
-from perception.odometry import OdometryPose
+from perception.odometry.dead_reckoning import OdometryPose
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.protocols import Advice, Decision
 

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.bases import Remembered
-from perception.depth.footing import FootingConfig, FootingDepth, footing_depth
-from perception.depth.ground import CameraView, view_of
-from perception.depth.panorama import Unroller
+from perception.camera.ground_plane import CameraView, view_of
+from perception.depth.contact.contacts import Remembered
+from perception.depth.contact.depth import FootingConfig, FootingDepth, footing_depth
+from perception.depth.contact.panorama import Unroller
 from perception.depth.scale import (
     Scale,
     ScaleConfig,

@@ -15,7 +15,7 @@ from perception.networks.onnx_runtime import (
     shrunk,
     taking_pictures,
 )
-from perception.weights_io import SHIPPED_WEIGHTS
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import DepthMap, Frame
 

@@ -1,7 +1,8 @@
 """From relative depth to metres: the paper's three ways, per frame.
 
 A network trained without truth gives depth in a unit of its own. The carpet is a plane at a known
-distance (`perception.depth.ground`), so each pixel that shows it tells what that unit is worth:
+distance (`perception.camera.ground_plane`), so each pixel that shows it tells what that unit is
+worth:
 
 *constant*       ratio of known to predicted depth of a region, the median of all frames so far;
 *least_squares*  ``scale * predicted + shift = known`` (equation 1), one equation a frame, solved
@@ -25,9 +26,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import CARPET
-from perception.depth.ground import CameraView, ground_depth
+from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.scale_filter import ScaleFilter
+from uav_bt.classes import CARPET
 from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
 
 __all__ = [

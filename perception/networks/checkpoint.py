@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from perception.networks.torch_state import named_arrays, tensors_under
-from perception.weights_io import read_weights, write_weights
+from perception.networks.weights_file import read_weights, write_weights
 from uav_bt.errors import WeightsError
 
 __all__ = ["Checkpoint"]

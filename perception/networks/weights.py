@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.weights_io import read_weights, write_weights
+from perception.networks.weights_file import read_weights, write_weights
 from uav_bt.errors import WeightsError
 
 __all__ = ["load_tensors", "save_network"]

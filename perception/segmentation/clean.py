@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import BACKGROUND, CARPET, CLASS_COUNT
+from uav_bt.classes import BACKGROUND, CARPET, CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
 __all__ = ["dilated_grid", "drop_small_components", "filled_holes", "keep_largest_components"]

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import CLASS_COUNT, CLASS_TO_GROUP, GROUP_COUNT
+from uav_bt.classes import CLASS_COUNT, CLASS_TO_GROUP, GROUP_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
 __all__ = ["SegmentationScore", "confusion", "score_segmentation"]

@@ -28,7 +28,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from perception.classes import BACKGROUND, BOXES, CARPET, CLASS_NAMES, HELIPAD_BOX, class_id
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, CLASS_NAMES, HELIPAD_BOX, class_id
 from uav_bt.errors import FileError, UavBtError, ValueRangeError, did_you_mean
 
 __all__ = ["GROUP_ALIASES", "ClassMapping", "InputFormat", "read_mapping"]

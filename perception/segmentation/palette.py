@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import CLASS_COUNT
+from uav_bt.classes import CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
 __all__ = ["COLOUR_COUNT", "colour_codes", "count_colours", "palette_of_counts"]

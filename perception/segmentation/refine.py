@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import HELIPAD_H, OBSTACLES
 from perception.segmentation.clean import drop_small_components, filled_holes
 from perception.segmentation.palette import colour_codes
 from perception.segmentation.teacher import Teacher
+from uav_bt.classes import HELIPAD_H, OBSTACLES
 from uav_bt.errors import ShapeError, ValueRangeError
 
 __all__ = ["RefineConfig", "refined_ids", "sharpened"]

@@ -17,10 +17,10 @@ from perception.networks.onnx_runtime import (
     shrunk,
     taking_pictures,
 )
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.mapping import ClassMapping, read_mapping
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, load_teacher
-from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import ClassMap, Frame
 

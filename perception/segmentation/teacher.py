@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import CLASS_COUNT, CLASS_NAMES
+from perception.networks.weights_file import read_weights, write_weights
 from perception.segmentation.clean import dilated_grid, keep_largest_components
 from perception.segmentation.features import (
     FEATURE_COUNT,
@@ -27,8 +27,8 @@ from perception.segmentation.features import (
     spread_to_border,
 )
 from perception.segmentation.palette import COLOUR_COUNT, palette_of_counts
-from perception.segmentation.picks import PickedPatches
-from perception.weights_io import read_weights, write_weights
+from perception.segmentation.training.picks import PickedPatches
+from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
 
 __all__ = ["Teacher", "TeacherConfig", "fit_teacher", "load_teacher", "save_teacher"]

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
+from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
 from sim_bridge.loopback.earth import place
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.video.frame import GeoPosition, NorthEastDown, VideoFrame
-from sim_bridge.twin.camera import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
 from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.simulation import Capture

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
+from sim_bridge.anafi import anafi_camera
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.courier import Courier, Job
 from sim_bridge.olympe.link import OlympeLink
@@ -17,7 +18,6 @@ from sim_bridge.olympe.sdk import Sdk, load_sdk
 from sim_bridge.olympe.speed import SpeedHolder
 from sim_bridge.olympe.telemetry import STANDING_M, Telemetry
 from sim_bridge.olympe.video import NewestFrame
-from sim_bridge.twin.camera import anafi_camera
 from uav_bt.errors import DroneError
 from uav_bt.types import (
     CameraModel,

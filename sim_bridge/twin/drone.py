@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
-from sim_bridge.twin.camera import anafi_camera
+from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.profile import Profile

@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.camera import FOCAL_SHARE, CameraPose
+from sim_bridge.anafi import FOCAL_SHARE
+from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import context_class, no_gl
 from sim_bridge.twin.model import LabModel
 from uav_bt.errors import ValueRangeError

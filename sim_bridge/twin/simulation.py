@@ -6,9 +6,10 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.twin.airframe import CONTROL_STEP_S, Airframe, Motion
 from sim_bridge.twin.autopilot import Autopilot
-from sim_bridge.twin.camera import CAMERA_FORWARD_M, CameraPose
+from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile

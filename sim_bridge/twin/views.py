@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.twin.camera import CAMERA_FORWARD_M, CameraPose, anafi_camera
+from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.optics import Optics

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import CARPET
 from uav_bt.board import CLASS_MAP, STATE
+from uav_bt.classes import CARPET
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, Status

@@ -1,1 +1,17 @@
-"""Many flights: planned, flown in processes of their own, kept line by line, resumed."""
+"""Many flights: planned, flown in processes of their own, kept line by line, resumed, reported.
+
+Example:
+    >>> from pathlib import Path
+    >>> from uav_bt import campaign
+    >>> plan = campaign.make_plan(["land_only"], scenes=["val-*"], flights=10)
+    >>> campaign.run(plan, Path("runs/land")).flights[0]["outcome"]
+    'success'
+    >>> from uav_bt.campaign.report.write import write_report  # needs matplotlib
+    >>> write_report([Path("runs/land")]).page
+    PosixPath('runs/land/report.html')
+"""
+
+from uav_bt.campaign.fly import CampaignResult, run
+from uav_bt.campaign.planning import make_plan, plan_of
+
+__all__ = ["CampaignResult", "make_plan", "plan_of", "run"]

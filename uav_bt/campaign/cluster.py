@@ -17,9 +17,9 @@ from distributed import CancelledError, Client, as_completed
 from distributed.comm.core import connect
 
 import uav_bt
-from uav_bt.campaign.pilot import FAILED
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
+from uav_bt.campaign.worker_process import FAILED
 from uav_bt.campaign.workers import Pilots
 from uav_bt.errors import InputError, UavBtError
 

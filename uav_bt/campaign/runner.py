@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import joblib
 
-from uav_bt.campaign.pilot import FLOWN, REFUSED
 from uav_bt.campaign.plan import FlightTask
+from uav_bt.campaign.worker_process import FLOWN, REFUSED
 from uav_bt.campaign.workers import Pilots
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import Outcome

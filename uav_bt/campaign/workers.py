@@ -20,7 +20,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final
 
-from uav_bt.campaign.pilot import FAILED
+from uav_bt.campaign.worker_process import FAILED
 
 __all__ = ["Pilot", "Pilots"]
 
@@ -45,7 +45,7 @@ class Pilot:
         self._stderr = tempfile.TemporaryFile("w+b")  # noqa: SIM115 - closed with the pilot
 
     def fly(self, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
-        """Return the answer to a task: what `uav_bt.campaign.pilot` says, or what became of it."""
+        """Return the answer of the worker process to a task, or what became of it."""
         process = self._running()
         if process is None:
             return {FAILED: _STOPPED}
@@ -88,7 +88,7 @@ class Pilot:
 
     def _started(self) -> subprocess.Popen[bytes]:
         return subprocess.Popen(  # noqa: S603 - our own interpreter and module
-            [sys.executable, "-m", "uav_bt.campaign.pilot", self._function],
+            [sys.executable, "-m", "uav_bt.campaign.worker_process", self._function],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._stderr,

@@ -13,7 +13,7 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.errors import FileError
 
 if TYPE_CHECKING:
-    from perception.calibration import Calibration
+    from perception.camera.calibration import Calibration
 
 __all__ = ["calibrate"]
 
@@ -39,8 +39,8 @@ def calibrate(*, images: tuple[Path, ...], square_mm: float, out: Path | None) -
     of inner corners that the pictures allow is tried, and the camera with the lowest reprojection
     error is kept. What cannot be used is named.
     """
-    from perception import calibration  # noqa: PLC0415 - late, for --help
-    from perception.camera_file import write_camera  # noqa: PLC0415
+    from perception.camera import calibration  # noqa: PLC0415
+    from perception.camera.camera_file import write_camera  # noqa: PLC0415
 
     photographs = {str(path): _reader(path) for path in _pictures(images)}
     config = calibration.CalibrationConfig(square_m=square_mm / 1000.0)

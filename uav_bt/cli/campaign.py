@@ -13,9 +13,9 @@ from uav_bt.cli.progress import need
 from uav_bt.errors import MissionError
 
 if TYPE_CHECKING:
+    from uav_bt.campaign import CampaignResult
     from uav_bt.campaign.plan import CampaignPlan
     from uav_bt.campaign.runner import Backend
-    from uav_bt.campaigning import CampaignResult
 
 __all__ = ["campaign"]
 
@@ -116,12 +116,12 @@ def campaign(
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
     need("campaign", "joblib")
 
-    from uav_bt import campaigning  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt import campaign as campaigns  # noqa: PLC0415
 
     if resume is not None:
-        plan, folder = campaigning.plan_of(resume), resume
+        plan, folder = campaigns.plan_of(resume), resume
     else:
-        plan = campaigning.make_plan(
+        plan = campaigns.make_plan(
             trees,
             scenes=scenes or ("val-*",),
             flights=flights or 10,
@@ -169,12 +169,12 @@ def _backend(workers: int | None, address: str | None) -> Backend:
 
 
 def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:
-    from uav_bt import campaigning  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt import campaign as campaigns  # noqa: PLC0415
     from uav_bt.cli.campaign_progress import campaign_progress  # noqa: PLC0415
 
     with campaign_progress(len(plan)) as progress:
         try:
-            return campaigning.campaign(
+            return campaigns.run(
                 plan, folder, backend=backend, on_flight=progress.add, on_note=progress.note
             )
         except KeyboardInterrupt:
@@ -186,7 +186,7 @@ def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend)
 
 
 def _tell(result: CampaignResult, folder: Path) -> None:
-    from uav_bt.report.statistics import by_tree  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.campaign.report.statistics import by_tree  # noqa: PLC0415 - `--help` need not wait for it
 
     for tree, flights in by_tree(result.flights).items():
         _tell_tree(tree, flights)
@@ -194,7 +194,7 @@ def _tell(result: CampaignResult, folder: Path) -> None:
 
 
 def _tell_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
-    from uav_bt.report.statistics import summarise  # noqa: PLC0415
+    from uav_bt.campaign.report.statistics import summarise  # noqa: PLC0415
 
     summary = summarise(flights)
     low, high = summary.success_95

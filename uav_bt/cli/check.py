@@ -43,8 +43,8 @@ def check(ctx: click.Context, trees: tuple[str, ...], palette: Path | None, form
                 another one than the file's in what it includes, line and
                 column count from 1 and are null for the file as a whole
     """
-    from uav_bt.checking import check_file, findings_of  # noqa: PLC0415 - `--help` need not wait
-    from uav_bt.tree_files import tree_files  # noqa: PLC0415
+    from uav_bt.tree.policy_check import check_file, findings_of  # noqa: PLC0415 - `--help` need not wait
+    from uav_bt.tree.shipped import tree_files  # noqa: PLC0415
 
     registry = registry_with(palette)
     refused = 0

@@ -13,7 +13,7 @@ import click
 from uav_bt.cli.progress import progress_bars
 
 if TYPE_CHECKING:
-    from uav_bt.dataset.summary import DatasetSummary
+    from uav_bt.learning.dataset.summary import DatasetSummary
 
 __all__ = ["dataset"]
 
@@ -48,8 +48,8 @@ def info(*, files: tuple[Path, ...], folder: Path | None, form: str) -> None:
     FILES are records of `uav-bt fly --record`. Each is read once; what it says beside its pictures
     is kept in an index.
     """
-    from uav_bt.dataset.index_file import flight_data  # noqa: PLC0415 - `--help` need not wait
-    from uav_bt.dataset.summary import summarise  # noqa: PLC0415
+    from uav_bt.learning.dataset.index_file import flight_data  # noqa: PLC0415 - `--help` need not wait
+    from uav_bt.learning.dataset.summary import summarise  # noqa: PLC0415
 
     flights = []
     with progress_bars() as advance:

@@ -11,7 +11,7 @@ from uav_bt.errors import UavBtError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from uav_bt.preflight import Check
+    from uav_bt.mission.preflight import Check
 
 __all__ = ["doctor"]
 
@@ -29,7 +29,7 @@ def doctor(ctx: click.Context, *, drone: str | None) -> None:
 
     Exits with 1 when something that uav-bt needs is wrong; extras are a choice.
     """
-    from uav_bt.doctor import examine  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.app.doctor import examine  # noqa: PLC0415 - `--help` need not wait for it
 
     bad = 0
     for check in examine(_draws):
@@ -64,7 +64,7 @@ def _draws() -> str:
 
 def _drone_checks(drone: str) -> Iterator[Check]:
     from uav_bt import app  # noqa: PLC0415
-    from uav_bt.preflight import check_drone  # noqa: PLC0415
+    from uav_bt.mission.preflight import check_drone  # noqa: PLC0415
 
     flown = app.make_drone(app.FlightOptions(drone=drone))
     flown.connect()

@@ -111,12 +111,12 @@ def depth(
     from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415 - late, for --help
     from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
     from uav_bt.cli.depth_tables import depth_report  # noqa: PLC0415
-    from uav_bt.depth_evaluation import pictures, report  # noqa: PLC0415
     from uav_bt.learning.depth import DepthViewPlan  # noqa: PLC0415
-    from uav_bt.learning.scenes import TESTING_SCENES  # noqa: PLC0415
+    from uav_bt.learning.depth_tables import images, report  # noqa: PLC0415
+    from uav_bt.learning.scenes import TESTING_SCENES  # noqa: PLC0415 - late, for --help
 
     network = None if model == "footing" else load_depth_estimator(model, threads=2)
-    plan = pictures.PicturePlan(
+    plan = images.PicturePlan(
         views=DepthViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed), masks=masks
     )
     wanted = [name.strip() for name in tables.split(",") if name.strip()]
@@ -213,7 +213,7 @@ def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:
 
 
 def _figures(score: SegmentationScore) -> dict[str, Any]:
-    from perception.classes import CLASS_NAMES, GROUP_NAMES  # noqa: PLC0415 - late, for --help
+    from uav_bt.classes import CLASS_NAMES, GROUP_NAMES  # noqa: PLC0415 - late, for --help
 
     return {
         "pictures": score.pictures,

@@ -22,7 +22,7 @@ from uav_bt.cli.options import (
 from uav_bt.errors import MissionError
 
 if TYPE_CHECKING:
-    from uav_bt.viewing.live import ViewListeners
+    from uav_bt.app.view.live import ViewListeners
 
 __all__ = ["fly"]
 
@@ -139,14 +139,15 @@ def fly(
 
     from rich.console import Console  # noqa: PLC0415 - `--help` need not wait for all of these
 
-    from uav_bt import app, watching  # noqa: PLC0415
+    from uav_bt import app  # noqa: PLC0415
+    from uav_bt.app import film  # noqa: PLC0415
+    from uav_bt.app.footage import flight_footage  # noqa: PLC0415
+    from uav_bt.app.site import load_site  # noqa: PLC0415
+    from uav_bt.app.view.live import live_view  # noqa: PLC0415
     from uav_bt.cli.keys import pilot_keys  # noqa: PLC0415
-    from uav_bt.footage import flight_footage  # noqa: PLC0415
-    from uav_bt.live import GrootConfig, watched_live  # noqa: PLC0415
+    from uav_bt.display.status import summary  # noqa: PLC0415
+    from uav_bt.groot import GrootConfig, watched_live  # noqa: PLC0415
     from uav_bt.mission.judge import Outcome  # noqa: PLC0415
-    from uav_bt.site_file import load_site  # noqa: PLC0415
-    from uav_bt.view.status import summary  # noqa: PLC0415
-    from uav_bt.viewing.live import live_view  # noqa: PLC0415
 
     options = app.FlightOptions(
         scene=scene,
@@ -164,12 +165,12 @@ def fly(
         record_quality=quality,
     )
     with ExitStack() as stack:
-        watchers: list[watching.Listeners] = [stack.enter_context(watching.live_status())]
-        film = None
+        watchers: list[film.Listeners] = [stack.enter_context(film.live_status())]
+        filmed = None
         title = f"{Path(tree).stem}, {scene or drone}, seed {seed}"
         if video is not None:
-            film = stack.enter_context(watching.flight_video(video, title=title))
-            watchers.append(film)
+            filmed = stack.enter_context(film.flight_video(video, title=title))
+            watchers.append(filmed)
         viewed = None
         if view is not None:
             # Of the command, not of the flight: a browser still looks when the summary is printed.
@@ -177,26 +178,26 @@ def fly(
             watchers.append(viewed)
         if footage is not None:
             watchers.append(stack.enter_context(flight_footage(footage, truth=truth)))
-        tree_watchers: list[watching.TreeListeners] = [
+        tree_watchers: list[film.TreeListeners] = [
             stack.enter_context(
                 watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
             )
         ]
-        if film is not None:
-            tree_watchers.append(film.show_tree)
+        if filmed is not None:
+            tree_watchers.append(filmed.show_tree)
         if viewed is not None:
             tree_watchers.append(viewed.show_tree)
         flown = app.fly(
             tree,
             options,
             report=report,
-            listeners=watching.all_of(*watchers),
-            tree_listeners=watching.all_of_trees(*tree_watchers),
+            listeners=film.all_of(*watchers),
+            tree_listeners=film.all_of_trees(*tree_watchers),
             told=click.echo,
             controls=pilot_keys,
         )
-        if film is not None:
-            film.conclude(flown)
+        if filmed is not None:
+            filmed.conclude(flown)
     Console().print(summary(flown))
     for what, path in files.items():
         click.echo(f"{what}: {path}")

@@ -12,10 +12,10 @@ import click
 from uav_bt.errors import FileError
 
 if TYPE_CHECKING:
-    from uav_bt.live.btlog import BtlogReader
-    from uav_bt.live.durations import NodeDurations
-    from uav_bt.live.logged_tree import LoggedNode
-    from uav_bt.live.transitions import Transition
+    from uav_bt.groot.btlog import BtlogReader
+    from uav_bt.groot.durations import NodeDurations
+    from uav_bt.groot.logged_tree import LoggedNode
+    from uav_bt.groot.transitions import Transition
 
 __all__ = ["log"]
 
@@ -39,9 +39,9 @@ def log(*, file: Path, durations: bool, form: str) -> None:
     A line is a node whose status changed; times are seconds since the log began. A log that was cut
     short is printed as far as it goes.
     """
-    from uav_bt.live.btlog import BtlogReader  # noqa: PLC0415 - `--help` need not wait for these
-    from uav_bt.live.durations import node_durations  # noqa: PLC0415
-    from uav_bt.live.logged_tree import read_logged_tree  # noqa: PLC0415
+    from uav_bt.groot.btlog import BtlogReader  # noqa: PLC0415 - `--help` need not wait for these
+    from uav_bt.groot.durations import node_durations  # noqa: PLC0415
+    from uav_bt.groot.logged_tree import read_logged_tree  # noqa: PLC0415
 
     with BtlogReader(file) as reader:
         nodes = read_logged_tree(reader.xml, file)
@@ -86,7 +86,7 @@ _HEADS: Final = {
 
 def _known(reader: BtlogReader, nodes: dict[int, LoggedNode], file: Path) -> Iterator[Transition]:
     """Pass transitions on; refuse one of a node that the log's tree does not have."""
-    from uav_bt.live.transitions import RECORD_BYTES  # noqa: PLC0415
+    from uav_bt.groot.transitions import RECORD_BYTES  # noqa: PLC0415
 
     for transition in reader:
         if transition.uid not in nodes:

@@ -24,7 +24,7 @@ def new(*, file: Path, start: str) -> None:
 
     FILE is the new file, such as my_mission.xml. A file that exists is not overwritten.
     """
-    from uav_bt.starter import write_starter  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.tree.starter import write_starter  # noqa: PLC0415 - `--help` need not wait for it
 
     write_starter(file, start)
     click.echo(f"written: {file} (fly it: uav-bt fly {file})")

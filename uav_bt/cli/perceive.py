@@ -12,7 +12,7 @@ from uav_bt.cli.options import output_option, threads_option
 from uav_bt.cli.progress import progress_bars
 
 if TYPE_CHECKING:
-    from uav_bt.perceiving import PerceiveSummary
+    from uav_bt.app.perceive import PerceiveSummary
 
 __all__ = ["perceive"]
 
@@ -107,9 +107,9 @@ def perceive(
     if out is not None and out == json:
         raise click.UsageError("--out and --json name the same file")
 
-    from uav_bt import perceiving  # noqa: PLC0415 - late, for --help
+    from uav_bt.app import perceive  # noqa: PLC0415
 
-    options = perceiving.PerceiveOptions(
+    options = perceive.PerceiveOptions(
         camera=camera,
         height_m=height_m,
         gimbal_pitch_rad=math.radians(gimbal_deg),
@@ -122,7 +122,7 @@ def perceive(
         threads=threads,
     )
     with progress_bars() as advance:
-        summary = perceiving.perceive(source, options, out=out, lines=json, advance=advance)
+        summary = perceive.perceive(source, options, out=out, lines=json, advance=advance)
     _show(summary)
     if out is not None and summary.frames:
         click.echo(f"video: {out}")

@@ -26,7 +26,7 @@ def pick() -> None:
 )
 def photographs(*, folder: Path, picks: Path | None, port: int) -> None:
     """Click picks on the photographs of FOLDER, on a page in the browser."""
-    from perception.segmentation.pick_tool import (  # noqa: PLC0415 - late, for --help
+    from perception.segmentation.training.pick_tool import (  # noqa: PLC0415 - late, for --help
         PickSession,
         make_pick_server,
     )
@@ -49,8 +49,8 @@ def photographs(*, folder: Path, picks: Path | None, port: int) -> None:
 )
 def twin(*, picks: Path | None, scenes: tuple[str, ...], views: int, seed: int, total: int) -> None:
     """Draw picks from the twin's exact class ids, as a person would click them."""
-    from perception.segmentation.picks import write_picks  # noqa: PLC0415 - late, for --help
     from perception.segmentation.teacher import TeacherConfig  # noqa: PLC0415
+    from perception.segmentation.training.picks import write_picks  # noqa: PLC0415 - late, for --help
     from uav_bt.learning import segmentation as training  # noqa: PLC0415
     from uav_bt.learning.scenes import TRAINING_SCENES  # noqa: PLC0415
     from uav_bt.learning.views import ViewPlan  # noqa: PLC0415

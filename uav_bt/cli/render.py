@@ -31,7 +31,7 @@ def render(*, tree: str, format_: str, out: Path | None, palette: Path | None) -
     """
     from uav_bt.tree import load_tree  # noqa: PLC0415 - `--help` need not wait for it
     from uav_bt.tree.render import render as draw  # noqa: PLC0415
-    from uav_bt.tree_files import resolve_tree  # noqa: PLC0415
+    from uav_bt.tree.shipped import resolve_tree  # noqa: PLC0415
 
     mission = load_tree(resolve_tree(tree), registry_with(palette))
     tell_or_write(draw(mission, format_), out)

@@ -13,7 +13,7 @@ from uav_bt.cli.options import policy_option
 from uav_bt.errors import MissionError
 
 if TYPE_CHECKING:
-    from uav_bt.replaying import Difference, ReplayReport
+    from uav_bt.app.replay import Difference, ReplayReport
 
 __all__ = ["replay"]
 
@@ -54,7 +54,7 @@ def replay(
     commands are the recorded ones (of a lossy record: within the tolerance that is printed), 1 when
     they differ, and 2 when the record or what was given is refused.
     """
-    from uav_bt.replaying import ReplayOptions, replay  # noqa: PLC0415 - for --help
+    from uav_bt.app.replay import ReplayOptions, replay  # noqa: PLC0415 - for --help
 
     report = replay(file, ReplayOptions(tree=tree, policies=policies, masks=masks))
     if form == "json":
@@ -90,7 +90,7 @@ def _text(report: ReplayReport) -> Iterator[str]:
 
 
 def _tolerance(report: ReplayReport) -> str:
-    from uav_bt.replaying.differences import LOSSY_NUMBERS, LOSSY_TICKS  # noqa: PLC0415 - late
+    from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS  # noqa: PLC0415 - late
 
     if report.exact:
         return ""

@@ -24,10 +24,8 @@ def report(*, sources: tuple[Path, ...], out: Path | None) -> None:
     but itself; its pictures (PNG) and tables (CSV) are written beside it as well.
     """
     need("campaign", "matplotlib")
-    from uav_bt import campaigning  # noqa: PLC0415 - `--help` need not wait for it
+    from uav_bt.campaign.report.write import write_report  # noqa: PLC0415
 
-    written = campaigning.report(
-        sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True)
-    )
+    written = write_report(sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True))
     for file in (written.page, *written.pictures, *written.tables):
         click.echo(file)

@@ -58,8 +58,8 @@ def _line(scene: Scene) -> str:
 def _draw(scene: Scene, path: Path) -> None:
     import cv2  # noqa: PLC0415 - only drawing needs these
 
-    from uav_bt.view.map import draw_path_map  # noqa: PLC0415
-    from uav_bt.watching import map_of_scene  # noqa: PLC0415
+    from uav_bt.app.film import map_of_scene  # noqa: PLC0415
+    from uav_bt.display.lab_map import draw_path_map  # noqa: PLC0415
 
     picture = draw_path_map(map_of_scene(scene), [], title=scene.name)
     _, png = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))

@@ -126,7 +126,7 @@ async def _serve(setup: DroneSetup) -> None:
     Raises:
         DroneError: the simulation failed.
     """
-    import asyncio  # noqa: PLC0415
+    import asyncio  # noqa: PLC0415 - `--help` need not wait for it
     import signal  # noqa: PLC0415
 
     from sim_bridge.loopback.drone import LoopbackDrone  # noqa: PLC0415

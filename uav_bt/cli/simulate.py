@@ -12,7 +12,7 @@ import click
 from uav_bt.cli.options import palette_option, registry_with
 
 if TYPE_CHECKING:
-    from uav_bt.simulation import SimulatedTick
+    from uav_bt.tree.dry_run import SimulatedTick
 
 __all__ = ["simulate"]
 
@@ -80,8 +80,8 @@ def simulate(
       variables: {laps: 3}    # before the first tick
       board: {phase: explore}
     """
-    from uav_bt.simulation import Simulation, read_script, status_name  # noqa: PLC0415 - for --help
-    from uav_bt.tree_files import resolve_tree  # noqa: PLC0415
+    from uav_bt.tree.dry_run import Simulation, read_script, status_name  # noqa: PLC0415 - for --help
+    from uav_bt.tree.shipped import resolve_tree  # noqa: PLC0415
 
     simulation = Simulation(
         resolve_tree(tree), read_script(script), registry_with(palette), tick_s=tick_s
@@ -128,7 +128,7 @@ def _events(step: SimulatedTick) -> tuple[Any, ...]:
 
 
 def _line(step: SimulatedTick) -> str:
-    from uav_bt.simulation import status_name  # noqa: PLC0415 - for --help
+    from uav_bt.tree.dry_run import status_name  # noqa: PLC0415 - for --help
 
     parts = [", ".join(f"{one.leaf} {status_name(one.status)[0]}" for one in step.answers)]
     if step.halted:
@@ -149,7 +149,7 @@ def _plain(value: Any) -> Any:
 
 
 def _as_json(step: SimulatedTick) -> dict[str, Any]:
-    from uav_bt.simulation import status_name  # noqa: PLC0415 - for --help
+    from uav_bt.tree.dry_run import status_name  # noqa: PLC0415 - for --help
 
     return {
         "tick": step.tick,

@@ -62,8 +62,8 @@ def teacher(
     weights = out or _RUNS / "teacher.safetensors"
     if photographs is not None and picks is None:
         raise click.UsageError("--photographs needs --picks: what was clicked on them")
-    from perception.segmentation.picks import read_picks  # noqa: PLC0415 - late, for --help
     from perception.segmentation.teacher import TeacherConfig, save_teacher  # noqa: PLC0415
+    from perception.segmentation.training.picks import read_picks  # noqa: PLC0415 - late, for --help
     from uav_bt.learning import segmentation as training  # noqa: PLC0415
     from uav_bt.learning.scenes import TRAINING_SCENES  # noqa: PLC0415
     from uav_bt.learning.views import ViewPlan  # noqa: PLC0415
@@ -143,7 +143,7 @@ def segmentation(
     if weights.suffix != ".safetensors":
         raise click.UsageError(f"--out must end in .safetensors, got '{weights}'")
     from perception.segmentation.teacher import load_teacher  # noqa: PLC0415 - late, for --help
-    from perception.segmentation.training import TrainingConfig  # noqa: PLC0415
+    from perception.segmentation.training.run import TrainingConfig  # noqa: PLC0415
     from uav_bt.learning import segmentation as training  # noqa: PLC0415
     from uav_bt.learning.flight_labels import label_flights  # noqa: PLC0415
     from uav_bt.learning.scenes import TRAINING_SCENES  # noqa: PLC0415
@@ -244,7 +244,7 @@ def depth(
         raise click.UsageError(f"--out must end in .safetensors, got '{weights}'")
     if not photometric and labels == "none":
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
-    from perception.depth.training_config import DepthTrainingConfig  # noqa: PLC0415 - late, for --help
+    from perception.depth.training.config import DepthTrainingConfig  # noqa: PLC0415 - late, for --help
     from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
     from uav_bt.learning import depth as training  # noqa: PLC0415
 

@@ -11,7 +11,7 @@ from uav_bt.cli.options import output_option
 from uav_bt.cli.progress import progress_bars
 
 if TYPE_CHECKING:
-    from uav_bt.viewing.recorded import RecordedFlight
+    from uav_bt.app.view.recorded import RecordedFlight
 
 __all__ = ["view"]
 
@@ -50,12 +50,12 @@ def view(
     """
     if from_s is not None and to_s is not None and from_s >= to_s:
         raise click.UsageError(f"--from {from_s:g} must lie before --to {to_s:g}")
-    from uav_bt.viewer import sinks  # noqa: PLC0415 - `--help` need not wait for these
-    from uav_bt.viewing.recorded import (  # noqa: PLC0415
+    from uav_bt.app.view.recorded import (  # noqa: PLC0415
         WITHOUT_DISPLAY,
         RecordedFlight,
         Span,
     )
+    from uav_bt.display.rerun import sinks  # noqa: PLC0415 - `--help` need not wait for these
 
     window = not (web or save or video)
     if window:

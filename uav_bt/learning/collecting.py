@@ -16,12 +16,13 @@ import numpy as np
 
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.variation import varied_scene
-from uav_bt import app, campaigning
+from uav_bt import app
+from uav_bt import campaign as campaigns
+from uav_bt.app.flight_record import scene_text
+from uav_bt.campaign.fly import Progress
 from uav_bt.campaign.runner import Backend
-from uav_bt.campaigning.campaign import Progress
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.scenes import TRAINING_SCENES
-from uav_bt.recording import scene_text
 
 __all__ = ["CollectionPlan", "collect"]
 
@@ -91,7 +92,7 @@ def collect(
     scenes = _scenes(plan, folder / "scenes")
     records: list[Path] = []
     for profile in plan.profiles:
-        flown = campaigning.make_plan(
+        flown = campaigns.make_plan(
             [plan.tree],
             scenes=scenes[profile],
             flights=1,
@@ -104,9 +105,7 @@ def collect(
             timeout_s=plan.timeout_s,
         )
         home = folder / profile
-        result = campaigning.campaign(
-            flown, home, backend=backend, on_flight=on_flight, on_note=on_note
-        )
+        result = campaigns.run(flown, home, backend=backend, on_flight=on_flight, on_note=on_note)
         # A flight that crashed its process may have left no record, or half a one.
         whole = [one for one in result.flights if one["outcome"] != "error"]
         records += [home / one["record"] for one in whole if one.get("record")]

@@ -13,21 +13,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.clips import ClipSource, DepthLabels, Flight
-from perception.depth.evaluation import DepthSample, DepthScore, score_depth
-from perception.depth.footage import Footage, shrink
-from perception.depth.ground import CameraView, ground_depth
-from perception.depth.labelling import (
+from perception.camera.ground_plane import CameraView, ground_depth
+from perception.depth.evaluation.scores import DepthSample, DepthScore, score_depth
+from perception.depth.training.clips import ClipSource, DepthLabels, Flight
+from perception.depth.training.labelling import (
     LABEL_SIZE_PX,
     add_parallax,
     footing_labels,
     read_labels,
     write_labels,
 )
-from perception.weights_io import SHIPPED_WEIGHTS
-from uav_bt.dataset.footage import footage_of
+from perception.footage.file import Footage, shrink
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import FileError
-from uav_bt.learning.scenes import VALIDATION_SCENES, Advance, silent
+from uav_bt.learning.dataset.footage import footage_of
+from uav_bt.learning.scenes import VALIDATION_SCENES
+from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Segmenter
 from uav_bt.types import CameraModel
 
@@ -127,7 +128,7 @@ def depth_views(plan: DepthViewPlan) -> DepthViews:
         MissingDependencyError: OpenGL does not work here.
     """
     # Imported here: training on real flights needs no simulator.
-    from sim_bridge.twin.camera import anafi_camera  # noqa: PLC0415
+    from sim_bridge.anafi import anafi_camera  # noqa: PLC0415
     from sim_bridge.twin.profile import Profile  # noqa: PLC0415
     from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
     from sim_bridge.twin.views import render_views, sample_flight_poses  # noqa: PLC0415
@@ -243,8 +244,8 @@ def train_depth(
     Args:
         flights: what to learn from.
         weights: the safetensors file; the ONNX file has the same name.
-        config: a `perception.depth.training.DepthTrainingConfig`; None for its defaults.
-        net_config: a `perception.depth.network.DepthNetConfig`; None for its defaults.
+        config: a `perception.depth.training.run.DepthTrainingConfig`; None for its defaults.
+        net_config: a `perception.depth.training.network.DepthNetConfig`; None for its defaults.
         start: weights of a depth network to begin with; None for random ones.
         checkpoint: the state of a run to go on from, and to keep.
         views: pictures with the truth to validate on; None where nobody knows it.
@@ -256,14 +257,14 @@ def train_depth(
         The score at the end, None without views.
     """
     # Imported here: torch is large and only training needs it.
-    from perception.depth import network, training  # noqa: PLC0415
+    from perception.depth.training import network, run  # noqa: PLC0415
 
-    settings = training.DepthTrainingConfig() if config is None else config
+    settings = run.DepthTrainingConfig() if config is None else config
     shape = network.DepthNetConfig() if net_config is None else net_config
 
     def predictions(net: Any, pictures: Image) -> NDArray[np.float32]:
         parts = [
-            training.predict_depth(net, pictures[first : first + 8])
+            run.predict_depth(net, pictures[first : first + 8])
             for first in range(0, len(pictures), 8)
         ]
         return np.concatenate(parts)
@@ -277,11 +278,11 @@ def train_depth(
             diary.draw(now.step, views, predicted)
 
     clips = ClipSource(flights, settings.clips)
-    net = training.train_depth(
+    net = run.train_depth(
         clips, settings, shape, start=start, checkpoint=checkpoint, progress=validate
     )
     final = score_depth_on(views, predictions(net, views.rgb)) if views is not None else None
-    from perception.depth import export  # noqa: PLC0415
+    from perception.depth.training import export  # noqa: PLC0415
 
     notes = {
         "training": asdict(settings),

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import UnknownNameError
-from uav_bt.learning.scenes import Advance, silent
 from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.progress import Advance, silent
 
 __all__ = [
     "CALIBRATION_VIEWS",
@@ -53,7 +53,7 @@ def export_segmentation(
         MissingDependencyError: onnx is absent, or OpenGL does not work here.
     """
     # Imported here, as below: who asks for help need not wait for it.
-    from perception.segmentation.export import export_onnx  # noqa: PLC0415
+    from perception.segmentation.training.export import export_onnx  # noqa: PLC0415
 
     export_onnx(weights, out, calibration=_calibration(precision, views, advance))
 
@@ -67,7 +67,7 @@ def export_depth(
     advance: Advance = silent,
 ) -> None:
     """Write the ONNX file of a depth network; as `export_segmentation` does."""
-    from perception.depth.export import export_depth_onnx  # noqa: PLC0415
+    from perception.depth.training.export import export_depth_onnx  # noqa: PLC0415
 
     export_depth_onnx(weights, out, calibration=_calibration(precision, views, advance))
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from perception.segmentation.refine import refined_ids
 from perception.segmentation.teacher import Teacher, load_teacher
-from uav_bt.dataset.index_file import flight_data
-from uav_bt.dataset.pictures import PictureStore
-from uav_bt.dataset.windows import thinned
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.learning.scenes import Advance, silent
+from uav_bt.learning.dataset.images import PictureStore
+from uav_bt.learning.dataset.index_file import flight_data
+from uav_bt.learning.dataset.windows import thinned
 from uav_bt.learning.segmentation import StudentPlan
 from uav_bt.learning.views import Image
+from uav_bt.progress import Advance, silent
 
 __all__ = ["label_flights"]
 

@@ -16,14 +16,14 @@ from typing import Any, Final
 import cv2
 import numpy as np
 
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
-from perception.segmentation.picks import Pick, draw_picks, gather_patches, read_picks
 from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, load_teacher
-from perception.weights_io import SHIPPED_WEIGHTS
+from perception.segmentation.training.picks import Pick, draw_picks, gather_patches, read_picks
 from uav_bt.errors import FileError
-from uav_bt.learning.scenes import Advance, silent
 from uav_bt.learning.views import Image, ViewPlan, twin_views
+from uav_bt.progress import Advance, silent
 
 __all__ = [
     "SHIPPED_TEACHER",
@@ -179,19 +179,19 @@ def train_segmentation(
     Args:
         pictures: (N, h, w, 3) and labels (N, h, w), as `label_pictures` gives them.
         weights: the safetensors file; the ONNX file has the same name.
-        config: a `perception.segmentation.training.TrainingConfig`; None for its defaults.
+        config: a `perception.segmentation.training.run.TrainingConfig`; None for its defaults.
         checkpoint: the state of a run to go on from, and to keep.
         advance: told after every step, with the loss in the stage's name.
     """
     # Imported here: torch is large and only training needs it.
     from dataclasses import asdict  # noqa: PLC0415
 
-    from perception.segmentation import export, training, unet  # noqa: PLC0415
+    from perception.segmentation.training import export, run, unet  # noqa: PLC0415
 
-    settings = training.TrainingConfig() if config is None else config
+    settings = run.TrainingConfig() if config is None else config
     rgb, ids = pictures
-    net = training.train_unet(
-        training.LabelledPictures(rgb=rgb, ids=ids),
+    net = run.train_unet(
+        run.LabelledPictures(rgb=rgb, ids=ids),
         settings,
         unet.UNetConfig(width_px=rgb.shape[2], height_px=rgb.shape[1]),
         checkpoint=checkpoint,

@@ -24,15 +24,15 @@ from perception.control.samples import (
 )
 from perception.control.scoring import ControlScore, score_control
 from perception.networks.onnx_runtime import shrunk
-from perception.weights_io import SHIPPED_WEIGHTS
-from uav_bt.dataset.index_file import fingerprint
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import FileError, InputError, WeightsError
-from uav_bt.learning.scenes import Advance, silent
+from uav_bt.learning.dataset.index_file import fingerprint
 from uav_bt.learning.student_diary import StudentDiary
+from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
+from uav_bt.record.images import decode_image, image_bytes
 from uav_bt.record.notes import FrameNote
-from uav_bt.record.pictures import decode_image, image_bytes
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.values import decode
 from uav_bt.types import CameraModel
@@ -176,7 +176,7 @@ def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
         WeightsError: the file holds neither.
     """
     from perception.control.export import load_control_tensors  # noqa: PLC0415 - as below
-    from perception.segmentation.export import load_unet_tensors  # noqa: PLC0415
+    from perception.segmentation.training.export import load_unet_tensors  # noqa: PLC0415
 
     try:
         return load_control_tensors(path)[0]

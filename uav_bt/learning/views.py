@@ -79,7 +79,7 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
 
 
 def _towards(pose: Any, target_m: tuple[float, float], generator: np.random.Generator) -> Any:
-    from sim_bridge.twin.camera import CAMERA_FORWARD_M  # noqa: PLC0415
+    from sim_bridge.anafi import CAMERA_FORWARD_M  # noqa: PLC0415
 
     centre_x = pose.x_m - CAMERA_FORWARD_M * math.cos(pose.yaw_rad)
     centre_y = pose.y_m - CAMERA_FORWARD_M * math.sin(pose.yaw_rad)

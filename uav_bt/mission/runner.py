@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, PHASE, STATE
+from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.arbiter import Arbiter, Limits, Override
-from uav_bt.mission.context import MissionContext
 from uav_bt.mission.judge import Judge, Verdict
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status

@@ -135,7 +135,7 @@ def need_extra() -> None:
         MissingDependencyError: it is not, with the cure.
     """
     try:
-        import foxglove  # noqa: F401, PLC0415 - an extra
+        import foxglove  # noqa: F401, PLC0415
         import mcap  # noqa: F401, PLC0415
     except ImportError as error:
         raise MissingDependencyError(

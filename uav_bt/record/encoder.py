@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from uav_bt import board as keys
-from uav_bt.live.plain_values import plain
+from uav_bt.board.plain_values import plain
 from uav_bt.mission.runner import TickRecord
 from uav_bt.record import channels, messages
 from uav_bt.record.channels import Channel
 from uav_bt.record.config import RecordConfig
+from uav_bt.record.images import millimetres
 from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
-from uav_bt.record.pictures import millimetres
 from uav_bt.record.timeline import Timeline
 from uav_bt.record.values import dump, encode, finite
 from uav_bt.record.worker import Encoded

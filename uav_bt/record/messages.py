@@ -10,7 +10,7 @@ from foxglove import messages as foxglove
 from numpy.typing import NDArray
 
 from uav_bt.record.config import Quality
-from uav_bt.record.pictures import RawPicture, encode_image
+from uav_bt.record.images import RawPicture, encode_image
 from uav_bt.types import Attitude, CameraModel, Pose
 
 __all__ = [

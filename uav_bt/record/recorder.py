@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Final, Self
 
-from uav_bt.mission.context import MissionContext
+from uav_bt.board.context import MissionContext
 from uav_bt.mission.runner import TickRecord
 from uav_bt.record import channels, messages
 from uav_bt.record.channels import END, SCHEMA_VERSION, START

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 from typing import Any, TypeVar
 
+from uav_bt.board.blackboard import Blackboard, Key, Reading
 from uav_bt.errors import BoardAccessError, did_you_mean
-from uav_bt.mission.blackboard import Blackboard, Key, Reading
 from uav_bt.protocols import Clock
 
 __all__ = ["BenchBoard", "StrictBlackboard"]

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from uav_bt.checking import tree_findings
+from uav_bt.tree.policy_check import tree_findings
 
 __all__ = ["TreeFile", "is_tree_file"]
 

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from uav_bt.errors import TreeError
 from uav_bt.testing.branches import NodeBranches, Outcome, tree_branches
-from uav_bt.testing.watching import Happening, watch_nodes
 from uav_bt.tree import MissionTree, Node, NodeKind, NodeRegistry
+from uav_bt.tree.observer import Happening, watch_nodes
 
 __all__ = ["FileCoverage", "TreeCoverage", "percentage"]
 

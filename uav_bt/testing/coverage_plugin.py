@@ -12,7 +12,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.testing.collector import is_tree_file
 from uav_bt.testing.coverage import FileCoverage, TreeCoverage, percentage
 from uav_bt.tree import MissionTree, NodeRegistry
-from uav_bt.tree_files import tree_files
+from uav_bt.tree.shipped import tree_files
 
 __all__ = ["CoveragePlugin", "coverage_plugin"]
 

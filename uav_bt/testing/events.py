@@ -8,8 +8,8 @@ from typing import Final
 
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import Clock
-from uav_bt.testing.watching import Happening, watch_nodes
 from uav_bt.tree import MissionTree, Node
+from uav_bt.tree.observer import Happening, watch_nodes
 
 __all__ = ["Event", "EventLog"]
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from uav_bt.clock import ManualClock
-    from uav_bt.testing.bench import LeafBench
+    from uav_bt.clock import ManualClock  # see the module's docstring
+    from uav_bt.testing.bench import LeafBench  # see the module's docstring
     from uav_bt.testing.board import StrictBlackboard
-    from uav_bt.testing.drone import ScriptedDrone
+    from uav_bt.testing.drone import ScriptedDrone  # see the module's docstring
     from uav_bt.testing.tree_bench import TreeBench
 
 __all__ = ["leaf_bench", "manual_clock", "scripted_drone", "strict_board", "tree_bench"]

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from uav_bt import plugins
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import MissionError
-from uav_bt.mission.arbiter import Proposals
-from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import LeafPolicy, Segmenter
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
 from uav_bt.testing.drone import blank_frame, pinhole

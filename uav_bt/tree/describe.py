@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 from xml.sax.saxutils import escape, quoteattr
 
-from uav_bt.mission.blackboard import Key
+from uav_bt.board.blackboard import Key
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, TypeVar
 
+from uav_bt.board.blackboard import BoardView, Key, Reading
+from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError
-from uav_bt.mission.blackboard import BoardView, Key, Reading
-from uav_bt.mission.context import MissionContext
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement

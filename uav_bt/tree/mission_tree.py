@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError, NodeFailedError
-from uav_bt.mission.context import MissionContext
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.node import Node

@@ -13,9 +13,9 @@ from typing import Any, ClassVar, Final, TypeVar
 
 from py_trees.behaviour import Behaviour
 
+from uav_bt.board.blackboard import Key, Reading
+from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailedError
-from uav_bt.mission.blackboard import Key, Reading
-from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Clock
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
 from uav_bt.tree.port import Port, Reference, bind_ports

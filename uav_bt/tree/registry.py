@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 
 from uav_bt import plugins
 from uav_bt.board import MISSION_KEYS
+from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError
-from uav_bt.mission.blackboard import Key
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import ClassVar, Final
 
+from uav_bt.board.context import MissionContext
 from uav_bt.errors import ValueRangeError
-from uav_bt.mission.context import MissionContext
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 

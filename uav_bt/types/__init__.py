@@ -18,8 +18,8 @@ from uav_bt.types.commands import (
     TakeOff,
     Velocity,
 )
+from uav_bt.types.images import ClassMap, Corridor, DepthMap
 from uav_bt.types.observation import Observation, PastView, RecentViews
-from uav_bt.types.pictures import ClassMap, Corridor, DepthMap
 from uav_bt.types.surroundings import HeldTurn, HelipadFix, ObstaclePoints
 from uav_bt.types.telemetry import (
     Attitude,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.classes import BACKGROUND, BOXES, CARPET
-from perception.geometry import ground_points, pixel_rays
+from perception.camera.geometry import ground_points, pixel_rays
+from uav_bt.classes import BACKGROUND, BOXES, CARPET
 from uav_bt.protocols import PolicyView
 from uav_bt.types import CameraModel, ClassMap
 

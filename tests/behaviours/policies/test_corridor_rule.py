@@ -7,12 +7,12 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from cast_world import CAMERA, cast, view
 from hypothesis import given
 from hypothesis import strategies as st
 
 from behaviours.policies.corridor_rule import CorridorRule, CorridorRuleConfig, carpet_reach
-from perception.classes import group_of
+from tests.behaviours.policies.cast_world import CAMERA, cast, view
+from uav_bt.classes import group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints

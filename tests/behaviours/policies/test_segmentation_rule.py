@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cast_world import CAMERA, FOR_EVER, Box, cast, view
 from numpy.typing import NDArray
 
 from behaviours.policies.segmentation_rule import (
@@ -16,8 +15,9 @@ from behaviours.policies.segmentation_rule import (
     SegmentationRule,
     SegmentationRuleConfig,
 )
-from perception.classes import BACKGROUND, BOXES, HELIPAD_BOX
-from perception.geometry import ground_points
+from perception.camera.geometry import ground_points
+from tests.behaviours.policies.cast_world import CAMERA, FOR_EVER, Box, cast, view
+from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_BOX
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
 from uav_bt.types import CameraModel, ObstaclePoints

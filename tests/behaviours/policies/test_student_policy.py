@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cast_world
 import numpy as np
 import pytest
 import torch
@@ -18,6 +17,7 @@ from perception.control.config import ControlNetConfig
 from perception.control.export import export_control_onnx, save_control_net
 from perception.control.network import ControlNet
 from perception.control.runtime import OnnxControlStudent
+from tests.behaviours.policies import cast_world
 from uav_bt.app import make_policy
 from uav_bt.errors import InputError, MissionError, ValueRangeError, WeightsError
 from uav_bt.protocols import Decision, PolicyView

@@ -14,7 +14,7 @@ from typing import Any
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.errors import InputError
 
-FLY = "campaign_world:fly"
+FLY = "tests.uav_bt.campaign.campaign_world:fly"
 
 
 def plan(

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from campaign_world import plan
 
+from tests.uav_bt.campaign.campaign_world import plan
 from uav_bt.campaign.plan import CampaignPlan, FlightTask, PlannedFile
 from uav_bt.errors import InputError, ValueRangeError
 

@@ -7,17 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_world import FLY, plan
 
+from tests.uav_bt.campaign.campaign_world import FLY, plan
+from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.flight_lines import comparable
+from uav_bt.campaign.fly import run
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.runner import LocalBackend
-from uav_bt.campaigning import CampaignResult, campaign
 from uav_bt.errors import FileError, InputError, ValueRangeError
 
 
-def run(wanted: CampaignPlan, folder: Path, *, workers: int = 2, **how: Any) -> CampaignResult:
-    return campaign(wanted, folder, backend=LocalBackend(workers), fly=FLY, **how)
+def flown(wanted: CampaignPlan, folder: Path, *, workers: int = 2, **how: Any) -> CampaignResult:
+    return run(wanted, folder, backend=LocalBackend(workers), fly=FLY, **how)
 
 
 def kept_seeds(folder: Path) -> list[int]:
@@ -27,8 +28,8 @@ def kept_seeds(folder: Path) -> list[int]:
 
 def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
     wanted = plan(trees=("a.xml", "b.xml"), flights=3)
-    one = run(wanted, tmp_path / "one", workers=1)
-    two = run(wanted, tmp_path / "two", workers=2)
+    one = flown(wanted, tmp_path / "one", workers=1)
+    two = flown(wanted, tmp_path / "two", workers=2)
     assert len(one.flights) == 6
     assert [comparable(f) for f in one.flights] == [comparable(f) for f in two.flights]
     assert len({flight["wall_s"] for flight in one.flights}) == 1, "one process flies them all"
@@ -36,7 +37,7 @@ def test_one_and_two_workers_fly_the_same_flights(tmp_path: Path) -> None:
 
 def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(tmp_path: Path) -> None:
     fates = {"1": "crashes", "2": "exits", "3": "raises"}
-    flights = run(plan(flights=5, policies=fates), tmp_path).flights
+    flights = flown(plan(flights=5, policies=fates), tmp_path).flights
     assert [flight["outcome"] for flight in flights] == [
         *("success", "error", "error", "error", "success")
     ]
@@ -48,7 +49,7 @@ def test_what_crashes_hangs_or_raises_is_an_error_and_the_campaign_goes_on(tmp_p
 
 
 def test_a_flight_that_hangs_is_an_error(tmp_path: Path) -> None:
-    (flight,) = run(plan(flights=1, policies={"0": "hangs"}, timeout_s=0.5), tmp_path).flights
+    (flight,) = flown(plan(flights=1, policies={"0": "hangs"}, timeout_s=0.5), tmp_path).flights
     assert (flight["outcome"], flight["tree"], flight["scene"]) == ("error", "one.xml", "lab")
     assert flight["reason"].startswith("no end after 0.5 s")
 
@@ -60,40 +61,40 @@ def test_a_stopped_campaign_goes_on_and_flies_nothing_twice(tmp_path: Path) -> N
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(wanted, tmp_path, on_flight=stop)
+        flown(wanted, tmp_path, on_flight=stop)
     assert len(kept_seeds(tmp_path)) == 1
     told: list[bool] = []
-    result = run(wanted, tmp_path, on_flight=lambda _, now: told.append(now))
+    result = flown(wanted, tmp_path, on_flight=lambda _, now: told.append(now))
     assert told == [False, True, True, True]
     assert result.flown_now == 3
     assert sorted(kept_seeds(tmp_path)) == [0, 1, 2, 3]
-    assert run(wanted, tmp_path).flown_now == 0
+    assert flown(wanted, tmp_path).flown_now == 0
 
 
 def test_more_flights_are_added(tmp_path: Path) -> None:
-    run(plan(flights=1), tmp_path)
-    result = run(plan(flights=3), tmp_path)
+    flown(plan(flights=1), tmp_path)
+    result = flown(plan(flights=3), tmp_path)
     assert (result.flown_now, len(result.flights)) == (2, 3)
 
 
 def test_a_half_written_flight_is_flown_again_and_damaged_lines_are_told(tmp_path: Path) -> None:
-    run(plan(flights=2), tmp_path, workers=1)
+    flown(plan(flights=2), tmp_path, workers=1)
     path = tmp_path / "flights.jsonl"
     path.write_bytes(b"rubbish\n" + path.read_bytes()[:-5])
     notes: list[str] = []
-    assert run(plan(flights=2), tmp_path, on_note=notes.append).flown_now == 1
+    assert flown(plan(flights=2), tmp_path, on_note=notes.append).flown_now == 1
     assert notes[0].startswith(f"left out: {path}:1: no JSON")
     assert notes[1].startswith("the last line was only half written")
 
 
 def test_a_refused_flight_ends_the_campaign_and_is_not_kept(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such weights"):
-        run(plan(flights=9, policies={"1": "is refused"}), tmp_path, workers=1)
+        flown(plan(flights=9, policies={"1": "is refused"}), tmp_path, workers=1)
     assert kept_seeds(tmp_path) == [0]
 
 
 def test_records_are_named_in_the_flights(tmp_path: Path) -> None:
-    (flight,) = run(plan(flights=1, scenes=("../lab",), record=True), tmp_path).flights
+    (flight,) = flown(plan(flights=1, scenes=("../lab",), record=True), tmp_path).flights
     assert flight["record"] == "records/one-.._lab-0.mcap"
     assert (tmp_path / "records").is_dir()
 
@@ -101,7 +102,7 @@ def test_records_are_named_in_the_flights(tmp_path: Path) -> None:
 def test_a_file_for_a_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(FileError):
-        run(plan(), tmp_path / "file")
+        flown(plan(), tmp_path / "file")
 
 
 def test_no_workers_are_refused() -> None:

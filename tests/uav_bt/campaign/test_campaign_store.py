@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_world import line, plan
 
+from tests.uav_bt.campaign.campaign_world import line, plan
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.store import CampaignStore, read_plan
 from uav_bt.errors import FileError, InputError

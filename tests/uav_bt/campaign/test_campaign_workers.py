@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from campaign_world import FLY, plan
 
-from uav_bt.campaign.pilot import FAILED, FLOWN, REFUSED
+from tests.uav_bt.campaign.campaign_world import FLY, plan
+from uav_bt.campaign.worker_process import FAILED, FLOWN, REFUSED
 from uav_bt.campaign.workers import Pilot, Pilots
 
 

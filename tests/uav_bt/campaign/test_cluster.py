@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from campaign_world import FLY, plan
 from distributed import LocalCluster
 
 import uav_bt
+from tests.uav_bt.campaign.campaign_world import FLY, plan
 from uav_bt.campaign import cluster as module
 from uav_bt.campaign.cluster import DaskBackend
 from uav_bt.campaign.flight_lines import comparable
+from uav_bt.campaign.fly import run
 from uav_bt.campaign.runner import LocalBackend
-from uav_bt.campaigning import campaign
 from uav_bt.errors import InputError
 
 
@@ -36,10 +36,8 @@ def unanswered() -> Iterator[str]:
 
 def test_a_cluster_flies_the_same_flights(cluster: LocalCluster, tmp_path: Path) -> None:
     wanted = plan(flights=3, policies={"1": "exits"})
-    there = campaign(
-        wanted, tmp_path / "there", backend=DaskBackend(cluster.scheduler_address), fly=FLY
-    )
-    here = campaign(wanted, tmp_path / "here", backend=LocalBackend(2), fly=FLY)
+    there = run(wanted, tmp_path / "there", backend=DaskBackend(cluster.scheduler_address), fly=FLY)
+    here = run(wanted, tmp_path / "here", backend=LocalBackend(2), fly=FLY)
     assert [comparable(one) for one in there.flights] == [comparable(one) for one in here.flights]
     assert [one["outcome"] for one in there.flights] == ["success", "error", "success"]
 

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from campaign_world import line
 
+from tests.uav_bt.campaign.campaign_world import line
 from uav_bt.campaign.flight_lines import comparable, key_of, parse_flight, read_flights
 from uav_bt.errors import FileError, InputError
 

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from perception.weights_io import SHIPPED_WEIGHTS
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
+from uav_bt.campaign import make_plan, plan_of
 from uav_bt.campaign.path_keeper import PathKeeper
 from uav_bt.campaign.store import CampaignStore
-from uav_bt.campaigning import make_plan, plan_of
 from uav_bt.errors import InputError, SceneError, TreeError, UnknownNameError
-from uav_bt.tree_files import shipped_trees
+from uav_bt.tree.shipped import shipped_trees
 
 SCENES = Path(scene_file.__file__).parent / "scenes"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.campaign.pilot import FAILED, FLOWN
+from uav_bt.campaign import planning
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
-from uav_bt.campaigning import planning
+from uav_bt.campaign.worker_process import FAILED, FLOWN
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.collecting import CollectionPlan, collect
 from uav_bt.mission.judge import Outcome

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from perception.control.runtime import OnnxControlStudent
 from perception.control.situation import situation_size
 from perception.depth.runtime import load_depth_estimator
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
-from perception.weights_io import SHIPPED_WEIGHTS
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import UnknownNameError
 from uav_bt.learning.exporting import CALIBRATION_VIEWS, export_depth, export_segmentation

@@ -14,9 +14,9 @@ from perception.control.config import ControlNetConfig
 from perception.control.export import load_control_tensors
 from perception.control.runtime import OnnxControlStudent
 from perception.control.training import ControlTrainingConfig
-from perception.segmentation.export import save_unet
-from perception.segmentation.unet import UNet, UNetConfig
-from perception.weights_io import SHIPPED_WEIGHTS
+from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.segmentation.training.export import save_unet
+from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt import app
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import FileError, InputError, WeightsError
@@ -72,9 +72,9 @@ def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None =
         encoding="utf-8",
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(app, "make_drone", lambda _: drone or ScriptedDrone())
+        patch.setattr("uav_bt.app.flight.make_drone", lambda _: drone or ScriptedDrone())
         patch.setattr(
-            "behaviours.perceive.Segment._load", lambda *_: Grey()
+            "behaviours.perceive.class_map.Segment._load", lambda *_: Grey()
         )  # no network: only its place in the tree matters here
         app.fly(tree, app.FlightOptions(record=folder / "flight.mcap", record_quality="small"))
     return folder / "flight.mcap"

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from perception.classes import CARPET
-from perception.segmentation.picks import Pick, write_picks
 from perception.segmentation.refine import RefineConfig
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.segmentation.teacher import Teacher, TeacherConfig, load_teacher, save_teacher
-from perception.segmentation.training import TrainingConfig
+from perception.segmentation.training.picks import Pick, write_picks
+from perception.segmentation.training.run import TrainingConfig
+from uav_bt.classes import CARPET
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
 from uav_bt.learning import segmentation as training
 from uav_bt.learning.scenes import VALIDATION_SCENES

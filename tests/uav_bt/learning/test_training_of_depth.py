@@ -9,10 +9,10 @@ import pytest
 import torch
 from click.testing import CliRunner
 
-from perception.depth.footage import Footage, write_footage
 from perception.depth.runtime import load_depth_estimator
-from perception.depth.training_config import DepthTrainingConfig
-from sim_bridge.twin.camera import anafi_camera
+from perception.depth.training.config import DepthTrainingConfig
+from perception.footage.file import Footage, write_footage
+from sim_bridge.anafi import anafi_camera
 from uav_bt.cli.root import uav_bt
 from uav_bt.learning import depth as depth_training
 from uav_bt.types import ClassMap, Frame

@@ -10,11 +10,12 @@ from typing import ClassVar
 import pytest
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, PHASE, STATE
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError, ValueRangeError
-from uav_bt.mission.arbiter import Override, Proposals
-from uav_bt.mission.blackboard import Blackboard
-from uav_bt.mission.context import MissionContext
+from uav_bt.mission.arbiter import Override
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome
 from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone, blank_frame

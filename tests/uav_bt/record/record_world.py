@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from uav_bt import app
+from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import Drone
-from uav_bt.report.flight_report import FlightReport
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Observation
 
@@ -58,7 +58,7 @@ def fly_noisy(
 ) -> tuple[Path, FlightReport]:
     """Fly a mission with a scripted drone and return its record."""
     flown = drone or NoisyDrone()
-    monkeypatch.setattr(app, "make_drone", lambda _: flown)
+    monkeypatch.setattr("uav_bt.app.flight.make_drone", lambda _: flown)
     record = folder / "flight.mcap"
     options = replace(options or app.FlightOptions(seed=5), record=record)
     return record, app.fly(tree_file(folder, body), options)

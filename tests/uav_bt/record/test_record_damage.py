@@ -10,22 +10,22 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
-from record_world import fly_noisy
 
+from tests.uav_bt.record.record_world import fly_noisy
 from uav_bt.errors import FileError
 from uav_bt.record import channels
 from uav_bt.record.copying import cut_record, repair_record
 from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[3]
 
 # A flight that kills itself in a tick, as `kill -9` would: nothing is closed, nothing is flushed.
 KILLED = """
 import os, signal, sys
 from pathlib import Path
 sys.path[0] = {here!r}
-from record_world import NoisyDrone, tree_file
+from tests.uav_bt.record.record_world import NoisyDrone, tree_file
 from uav_bt import app
 
 class Kill:

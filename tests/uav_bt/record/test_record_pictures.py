@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from uav_bt.errors import InputError
 from uav_bt.record import messages
-from uav_bt.record.pictures import (
+from uav_bt.record.images import (
     RawPicture,
     decode_image,
     encode_image,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, HEIGHT, STATE
+from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailedError
-from uav_bt.mission.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, Port, Status

@@ -260,7 +260,7 @@ def test_fixtures(pytester: pytest.Pytester) -> None:
         import pytest
         from uav_bt.board import HEIGHT
         from uav_bt.errors import BoardAccessError
-        from uav_bt.mission.blackboard import Key
+        from uav_bt.board.blackboard import Key
         from uav_bt.tree import Status
 
         def test_tree(tree_bench):

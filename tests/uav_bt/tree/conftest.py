@@ -18,7 +18,7 @@ _MODULE = importlib.util.module_from_spec(_SPEC)
 sys.modules["conformance"] = _MODULE
 _SPEC.loader.exec_module(_MODULE)
 
-from tree_world import World  # noqa: E402  # after its own import is possible
+from tests.uav_bt.tree.tree_world import World  # noqa: E402  # after its own import is possible
 
 
 @pytest.fixture

@@ -6,17 +6,17 @@ import logging
 from typing import ClassVar
 
 import pytest
-from tree_world import World
 
+from tests.uav_bt.tree.tree_world import World
 from uav_bt.board import MISSION_KEYS
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
-from uav_bt.mission.arbiter import Proposals
-from uav_bt.mission.blackboard import Blackboard
-from uav_bt.mission.context import MissionContext
+from uav_bt.mission.flight_report import FlightLog
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner, TickRecord
-from uav_bt.report.flight_report import FlightLog
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, Port, Status
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf

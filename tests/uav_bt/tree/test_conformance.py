@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conformance import main, mismatch, read_traces
+
+from tests.conformance import main, mismatch, read_traces
 
 SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
 TRACES = list(read_traces(SAMPLE))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from conformance import Scripted
-from tree_world import document
 
+from tests.conformance import Scripted
+from tests.uav_bt.tree.tree_world import document
 from uav_bt.board import HEIGHT, STATE
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 import pytest
-from tree_world import World
 
+from tests.uav_bt.tree.tree_world import World
 from uav_bt.board import ELAPSED, HEIGHT
+from uav_bt.board.blackboard import Key
 from uav_bt.errors import BoardAccessError, MissionError, NodeFailedError, ProposalConflictError
-from uav_bt.mission.blackboard import Key
 from uav_bt.tree import SKIPPED, Leaf, MissionTree, NodeKind, Port, Status
 from uav_bt.tree.nodes import Parallel, ReactiveFallback, Sequence
 from uav_bt.types import Hover, Land

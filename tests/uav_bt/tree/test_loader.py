@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from conformance import Scripted
-from tree_world import World, document, leaf
 
+from tests.conformance import Scripted
+from tests.uav_bt.tree.tree_world import World, document, leaf
 from uav_bt.board import HELIPAD
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, load_tree, parse_tree

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conformance import REGISTRY, read_traces
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tree_world import World, document
 
+from tests.conformance import REGISTRY, read_traces
+from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.board import HEIGHT
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conformance import Scripted
-from tree_world import World, document
 
+from tests.conformance import Scripted
+from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.describe import palette_xml

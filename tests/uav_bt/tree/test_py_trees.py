@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import py_trees
 import pytest
-from conformance import Scripted
-from tree_world import World, leaf
 
+from tests.conformance import Scripted
+from tests.uav_bt.tree.tree_world import World, leaf
 from uav_bt.errors import MissionError
 from uav_bt.tree import MissionTree, Status
 

@@ -6,12 +6,12 @@ import importlib.metadata
 from typing import Any
 
 import pytest
-from conformance import Scripted
 
+from tests.conformance import Scripted
 from uav_bt import plugins
 from uav_bt.board import HEIGHT
+from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError
-from uav_bt.mission.blackboard import Key
 from uav_bt.tree import Leaf, NodeRegistry, Status
 
 OWN = Key("own_key", int, "a plug-in's")
@@ -52,7 +52,9 @@ def test_duplicates_name_both() -> None:
     registry = NodeRegistry([Scripted])
     registry.register(Scripted)
     other = type("Scripted", (Leaf,), {"__module__": "elsewhere"})
-    with pytest.raises(InputError, match=r"by conformance\.Scripted and by elsewhere\.Scripted"):
+    with pytest.raises(
+        InputError, match=r"by tests\.conformance\.Scripted and by elsewhere\.Scripted"
+    ):
         registry.register(other)
     with pytest.raises(InputError, match="expected a node class"):
         registry.register(object)  # type: ignore[arg-type]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conformance import REGISTRY as TRACED
-from conformance import Scripted, read_traces
 from lxml import etree
-from tree_world import document
 
+from tests.conformance import REGISTRY as TRACED
+from tests.conformance import Scripted, read_traces
+from tests.uav_bt.tree.tree_world import document
 from uav_bt.board import STATE
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree

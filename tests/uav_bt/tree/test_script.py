@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uav_bt.board import ELAPSED, HEIGHT, HELIPAD
+from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
-from uav_bt.mission.blackboard import Blackboard
 from uav_bt.tree.script import Environment, ScriptError, parse_script
 from uav_bt.tree.variables import Variables
 

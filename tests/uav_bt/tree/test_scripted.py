@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tree_world import World, document
 
+from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.board import ELAPSED
+from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, TreeError, ValueRangeError
-from uav_bt.mission.blackboard import Key
 from uav_bt.tree import Leaf, MissionTree, NodeKind, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.scripted import AnswerScript, ScriptedLeaf, mock_class
 

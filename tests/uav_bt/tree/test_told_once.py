@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tree_world import World, document
 
+from tests.uav_bt.tree.tree_world import World, document
+from uav_bt.board.context import MissionContext
 from uav_bt.errors import NodeFailedError
-from uav_bt.mission.context import MissionContext
 from uav_bt.tree import SKIPPED, Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 
 ANSWERS = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING, "K": SKIPPED}

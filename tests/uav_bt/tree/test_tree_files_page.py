@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from conformance import read_traces
-from tree_world import World
 
+from tests.conformance import read_traces
+from tests.uav_bt.tree.tree_world import World
 from uav_bt.board import HEIGHT
 from uav_bt.errors import TreeError
 from uav_bt.tree import MissionTree, NodeRegistry, Status, parse_tree

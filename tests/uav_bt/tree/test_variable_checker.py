@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from tree_world import document
 
+from tests.uav_bt.tree.tree_world import document
 from uav_bt.board import HEIGHT, HELIPAD
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree

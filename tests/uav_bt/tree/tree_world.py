@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from conformance import Scripted
-
+from tests.conformance import Scripted
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
-from uav_bt.mission.arbiter import Proposals
-from uav_bt.mission.blackboard import Blackboard
-from uav_bt.mission.context import MissionContext
 from uav_bt.tree import MissionTree, NodeRegistry, parse_tree
 
 

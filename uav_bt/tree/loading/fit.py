@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from typing import Any, Final
 
-from uav_bt.mission.blackboard import Key
+from uav_bt.board.blackboard import Key
 from uav_bt.tree.port import Port
 
 __all__ = ["key_fits", "may_convert"]

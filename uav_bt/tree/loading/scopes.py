@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from uav_bt.mission.blackboard import Key
+from uav_bt.board.blackboard import Key
 from uav_bt.tree.loading.elements import label
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.port import Port

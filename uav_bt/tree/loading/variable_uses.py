@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
+from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError
-from uav_bt.mission.blackboard import Key
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.elements import node_id_of, walk

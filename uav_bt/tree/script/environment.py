@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from uav_bt.board.blackboard import Blackboard
 from uav_bt.errors import did_you_mean
-from uav_bt.mission.blackboard import Blackboard
 from uav_bt.tree.script.values import ScriptError, Value, assigned
 from uav_bt.tree.variables import Variables
 

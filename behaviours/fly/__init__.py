@@ -1,0 +1,1 @@
+"""Leaves that move the drone."""

@@ -1,0 +1,32 @@
+"""Avoid: turn away from what blocks the way until it is free."""
+
+from __future__ import annotations
+
+from behaviours.fly.steering import SteeringLeaf
+from uav_bt.tree import Status
+
+__all__ = ["Avoid"]
+
+
+class Avoid(SteeringLeaf):
+    """Turn away until the policy finds the way free; SUCCESS at once when it is already."""
+
+    def initialise(self) -> None:
+        """Forget the last turn."""
+        self.look_afresh()
+
+    def update(self) -> Status:
+        """Look, and go on turning or be done."""
+        state = self.state()
+        if state is None or self.moving(state):
+            return Status.RUNNING
+        decision = self.decide()
+        if decision is not None and not decision.blocked and self.turn_is_complete:
+            if not self.turning:
+                return Status.SUCCESS
+            self.turn_back(state)
+            return Status.RUNNING
+        # The turn itself takes seconds in which the drone drifts: first clear an intrusion.
+        if decision is None or not self.make_room():
+            self.keep_turning(state, decision)
+        return Status.RUNNING

@@ -1,0 +1,109 @@
+"""Small leaves for looking around: useful first missions, and pieces of larger ones."""
+
+from __future__ import annotations
+
+import math
+
+from behaviours.fly.movement import MovingLeaf, Progress
+from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import GimbalTo, Hover
+
+__all__ = ["HelipadKnown", "HoverFor", "Hovering", "PointCamera", "Turn"]
+
+_PITCH_SLACK_RAD = math.radians(2)
+
+
+class HoverFor(Leaf):
+    """Hover for a while."""
+
+    ports = (Port("seconds", float, default=3.0, doc="how long, s"),)
+    writes = (PHASE,)
+
+    def initialise(self) -> None:
+        """Note when it began."""
+        self.write(PHASE, "hover")
+        self._until_s = self.clock.now() + self.port_value("seconds")
+
+    def update(self) -> Status:
+        """Hover until the time is over."""
+        if self.clock.now() >= self._until_s:
+            return Status.SUCCESS
+        self.propose(Hover())
+        return Status.RUNNING
+
+
+class PointCamera(Leaf):
+    """Tilt the camera and wait until frames come from there."""
+
+    ports = (Port("pitch_deg", float, default=-28.0, doc="0 level, -90 straight down, degrees"),)
+    reads = (FRAME,)
+
+    def update(self) -> Status:
+        """Ask for the pitch until a frame has it."""
+        pitch_rad = math.radians(self.port_value("pitch_deg"))
+        frame = self.read(FRAME).value
+        if frame is not None and abs(frame.gimbal_pitch_rad - pitch_rad) < _PITCH_SLACK_RAD:
+            return Status.SUCCESS
+        self.point(GimbalTo(pitch_rad=pitch_rad))
+        return Status.RUNNING
+
+
+class Turn(MovingLeaf):
+    """Turn on the spot; FAILURE when the drone was kept from it."""
+
+    ports = (Port("degrees", float, doc="clockwise positive, seen from above"),)
+    reads = (STATE,)
+    writes = (PHASE,)
+
+    def initialise(self) -> None:
+        """Begin the turn."""
+        self.write(PHASE, "look")
+        yaw_rad = math.radians(self.port_value("degrees"))
+        self._mover.start(self.mission.proposals, self.clock.now(), yaw_rad=yaw_rad)
+
+    def update(self) -> Status:
+        """Propose the turn until the drone says it ended."""
+        state = self.read(STATE).value
+        if state is None:
+            return Status.RUNNING
+        match self._mover.update(state, self.clock.now()):
+            case Progress.RUNNING if self._mover.proposal:
+                self.propose(self._mover.proposal)
+                return Status.RUNNING
+            case Progress.DONE:
+                return Status.SUCCESS
+            case _:
+                return Status.FAILURE
+
+
+class HelipadKnown(Leaf):
+    """SUCCESS while the helipad is in view or tracked."""
+
+    condition = True
+    ports = (Port("max_age_s", float, default=1.0, doc="age of the last detection, s"),)
+    reads = (HELIPAD,)
+
+    def update(self) -> Status:
+        """Look at the fix's age."""
+        reading = self.read(HELIPAD)
+        fresh = reading.known and reading.age_s <= self.port_value("max_age_s")
+        return Status.SUCCESS if fresh else Status.FAILURE
+
+
+class Hovering(Leaf):
+    """SUCCESS while the drone keeps its place, turning or not; FAILURE on old telemetry, too."""
+
+    condition = True
+    ports = (
+        Port("below_mps", float, default=0.15, doc="horizontal speed that counts as none, m/s"),
+    )
+    reads = (STATE,)
+
+    def update(self) -> Status:
+        """Look at the horizontal speed."""
+        state = self.read(STATE).value
+        if state is None:
+            return Status.FAILURE
+        speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
+        return Status.SUCCESS if speed_mps < self.port_value("below_mps") else Status.FAILURE

@@ -1,0 +1,1 @@
+"""Path planning over what is remembered."""

@@ -1,0 +1,154 @@
+"""The cheapest way to a place round everything remembered, with room to spare where there is any.
+
+A metre costs more the nearer an obstacle stands or the carpet ends, and no way leads where the body
+would touch. Where an obstacle is only assumed a way is dear, not closed: it is looked at from
+nearer before it is flown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.path.grid import Floats, Grid, costs_to_go, descent, heading_north
+from behaviours.path.straight_edges import straight_edges
+from uav_bt.types import ObstaclePoints
+
+__all__ = ["WayConfig", "first_leg"]
+
+_AHEAD_M = 0.3  # on the way being flown; further on it may turn
+_AS_CHEAP = 1.02  # the last cells of a straight line are rounded
+_FIRST_CELLS = 3  # of a way that no straight line cuts short: so many show its direction
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayConfig:
+    """How near to obstacles a way may pass, and what that costs.
+
+    Distances are from the body's centre: half of its diagonal is 0.2 m, and the memory errs by a
+    decimetre. Costs are of a metre, in metres: so long a detour is a better way worth.
+    """
+
+    cell_m: float = 0.1
+    margin_m: float = 1.5  # of the grid around drone and goal, for ways round
+    wide_m: float = 0.60  # further away obstacles cost nothing
+    narrow_cost: float = 3.0  # at the least distance; in proportion in between
+    least_m: float = 0.36
+    tight_cost: float = 20.0  # nearer than the least: only where there is no other way
+    touch_m: float = 0.24  # no way leads nearer
+    doubt_cost: float = 6.0  # nearer than the least to where an obstacle is assumed
+    edge_m: float = 0.3
+    edge_cost: float = 5.0  # nearer than that to the carpet's edge
+    end_m: float = 0.12  # no way leads nearer to the edge
+    # The drone may already be nearer to something than a way may pass, and so may the goal.
+    free_start_m: float = 0.25
+    free_goal_m: float = 0.35
+    waver_m: float = 0.4  # so much a way may cost more than another before it is given up
+
+
+def first_leg(
+    known: ObstaclePoints,
+    goal_m: tuple[float, float],
+    config: WayConfig,
+    *,
+    yaw_rad: float = 0.0,
+    lately_rad: float | None = None,
+) -> float | None:
+    """Return the bearing of the way's first straight piece, or None without a way.
+
+    Args:
+        known: what stands around, and where the carpet ends.
+        goal_m: forward and right of the body's centre.
+        config: what a way costs.
+        yaw_rad: of the drone.
+        lately_rad: the bearing of the way that is being flown, if one is; it is kept unless another
+            is clearly better.
+
+    Returns:
+        Radians from the heading, clockwise positive, within a half turn.
+    """
+    there_m = heading_north(np.array([goal_m]), yaw_rad)[0]
+    grid = Grid.around(there_m, margin_m=config.margin_m, cell_m=config.cell_m)
+    start, goal = grid.cell(np.zeros(2)), grid.cell(there_m)
+    if start == goal:
+        return math.atan2(goal_m[1], goal_m[0])
+    costs = _costs(known, there_m, grid, config, yaw_rad)
+    to_go = costs_to_go(config.cell_m * costs, goal)
+    if not math.isfinite(to_go[start]):
+        return None
+    way, slack_m = descent(to_go, start), 0.0
+    if lately_rad is not None:
+        azimuth_rad = lately_rad + yaw_rad
+        ahead = grid.cell(_AHEAD_M * np.array([math.cos(azimuth_rad), math.sin(azimuth_rad)]))
+        if to_go[ahead] + _AHEAD_M <= to_go[start] + config.waver_m:
+            way, slack_m = np.vstack([way[:1], descent(to_go, ahead)]), config.waver_m
+    azimuth_rad = _azimuth(way, costs, to_go, config, slack_m)
+    return math.remainder(azimuth_rad - yaw_rad, 2.0 * math.pi)
+
+
+def _costs(
+    known: ObstaclePoints, goal_m: Floats, grid: Grid, config: WayConfig, yaw_rad: float
+) -> Floats:
+    """Return what a metre costs in each cell; inf where no way leads."""
+    clear_m = grid.clearance_m(heading_north(known.points_m, yaw_rad))
+    inside_m = _inside_m(grid, heading_north(known.edges_m, yaw_rad))
+    doubt_m = grid.clearance_m(heading_north(known.assumed_m, yaw_rad))
+    narrowness = (config.wide_m - clear_m) / (config.wide_m - config.least_m)
+    tightness = np.clip(1.0 - clear_m / config.least_m, 0.0, None)
+    cost = 1.0 + config.narrow_cost * np.clip(narrowness, 0.0, 1.0)
+    # Within what is too near, outwards is cheaper.
+    cost += config.tight_cost * ((tightness > 0.0) + 2.0 * tightness)
+    cost += config.doubt_cost * (doubt_m < config.least_m)
+    cost += config.edge_cost * (inside_m < config.edge_m)
+    closed = (clear_m < config.touch_m) | (inside_m < config.end_m)
+    places_m = grid.places_m()
+    exempt = np.linalg.norm(places_m, axis=-1) <= config.free_start_m
+    exempt |= np.linalg.norm(places_m - goal_m, axis=-1) <= config.free_goal_m
+    return np.where(closed & ~exempt, np.inf, cost)
+
+
+def _inside_m(grid: Grid, edges_m: Floats) -> Floats:
+    """Return how far within the carpet each cell lies, negative beyond a straight edge of it."""
+    inside_m = grid.clearance_m(edges_m)
+    places_m = grid.places_m()
+    for normal, range_m in straight_edges(edges_m):
+        inside_m = np.minimum(inside_m, range_m - places_m @ normal)
+    return inside_m
+
+
+def _azimuth(
+    way: NDArray[np.intp],
+    costs: Floats,
+    to_go: Floats,
+    config: WayConfig,
+    slack_m: float,
+) -> float:
+    """Return the azimuth of the furthest cell of the way that is reached straight as cheaply.
+
+    A way over the grid goes by eighths of a turn; what it costs more than a straight one is that.
+    """
+    start = way[0]
+    for cell in way[:0:-1]:
+        straight_m = _straight_cost(start, cell, costs) * config.cell_m
+        if straight_m <= (_at(to_go, start) - _at(to_go, cell)) * _AS_CHEAP + slack_m:
+            break
+    else:
+        cell = way[min(_FIRST_CELLS, len(way) - 1)]
+    return math.atan2(cell[1] - start[1], cell[0] - start[0])
+
+
+def _straight_cost(start: NDArray[np.intp], end: NDArray[np.intp], costs: Floats) -> float:
+    """Return what the straight line between two cells costs, in cells."""
+    apart = end - start
+    count = 2 * int(np.abs(apart).max())
+    along = start + np.linspace(0.0, 1.0, count + 1)[:, None] * apart
+    passed = costs[tuple(np.rint(along).astype(int).T)]
+    return float(np.hypot(*apart) * passed.mean())
+
+
+def _at(values: Floats, cell: NDArray[np.intp]) -> float:
+    row, column = cell
+    return float(values[row, column])

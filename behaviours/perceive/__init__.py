@@ -1,0 +1,1 @@
+"""Leaves that fill the board: perception runs ahead of the mission."""

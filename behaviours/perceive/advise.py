@@ -1,0 +1,68 @@
+"""Advise: ask a leaf policy about every view, whoever flies; what it says is for the records.
+
+A network learns from it what the rule does. In flights of the rule it is what was done; in flights
+of the network it is what should have been done where the network led (dataset aggregation: Ross,
+Gordon, Bagnell, arXiv 1011.0686).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
+from uav_bt.board import ADVICE, HELD_TURN, RECENT_VIEWS
+from uav_bt.board.context import MissionContext
+from uav_bt.protocols import Advice, Decision, LeafPolicy
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import HeldTurn
+
+__all__ = ["Advise"]
+
+
+class Advise(Leaf):
+    """Ask a leaf policy about each new view, and write what it says; SUCCESS always.
+
+    It stands behind the perception leaves, `RememberViews` among them. Nobody has to follow it.
+    """
+
+    ports = (Port("policy", str, default="corridor", doc="leaf policy that is asked"),)
+    reads = VIEW_KEYS
+    writes = (ADVICE,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Find the policy; raises UnknownNameError for a name that nobody registered."""
+        self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
+        self._rng: np.random.Generator = mission.rng(self.path)
+        self._last_index = -1
+
+    def update(self) -> Status:
+        """Ask about the newest view, if it is a new one."""
+        view, recent = current_view(self), self.read(RECENT_VIEWS).value
+        if view is None or recent is None or view[0].index == self._last_index:
+            return Status.SUCCESS
+        frame, newest = view[0], recent.newest
+        if newest.frame.index != frame.index:
+            return Status.SUCCESS
+        self._last_index = frame.index
+        held, coin = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
+
+        def asked(turn: HeldTurn) -> Decision:
+            return self._policy.decide(policy_view(self, *view, held=turn, coin=coin))
+
+        decision = asked(held)
+        advice = Advice(
+            frame_index=frame.index,
+            captured_s=frame.captured_s,
+            x_m=newest.x_m,
+            y_m=newest.y_m,
+            yaw_rad=newest.yaw_rad,
+            height_above_carpet_m=frame.height_above_carpet_m,
+            gimbal_pitch_rad=frame.gimbal_pitch_rad,
+            turning=held.direction,
+            full_turns=held.full_turns,
+            decision=decision,
+            fresh=decision if held == HeldTurn() else asked(HeldTurn()),
+        )
+        self.feedback_message = decision.reason
+        self.write(ADVICE, advice, captured_s=frame.captured_s)
+        return Status.SUCCESS

@@ -1,0 +1,165 @@
+"""The perception leaves: they stand ahead of the mission and fill the board, one network each."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
+from uav_bt.board.context import MissionContext
+from uav_bt.protocols import Segmenter
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import ClassMap
+
+__all__ = ["FindHelipad", "RememberObstacles", "Segment", "StageTimer"]
+
+# Where the mask looks straight ahead the helipad's own box is 0.4 m high in every lab.
+_PAD_HEIGHT = Port("pad_height_m", float, default=0.4, doc="top of the helipad above the carpet, m")
+
+
+class StageTimer:
+    """Adds the wall time of one perception stage to the mission's figures."""
+
+    def __init__(self, mission: MissionContext, stage: str) -> None:
+        self._times = mission.stage_times_s.setdefault(stage, [])
+
+    def __enter__(self) -> None:
+        self._start_s = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self._times.append(time.perf_counter() - self._start_s)
+
+
+class Segment(Leaf):
+    """Segment each new frame into the seventeen classes; SUCCESS always, staleness shows by age."""
+
+    ports = (
+        Port("model", str, default="unet", doc="'unet', 'unet-fp32', 'teacher', or an ONNX file"),
+        Port("classes", str, default="", doc="class-mapping file of a foreign ONNX network"),
+    )
+    reads = (FRAME,)
+    writes = (CLASS_MAP,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Load the network; raises WeightsError or FileError when it cannot be."""
+        self._segmenter = mission.segmenter or self._load(mission.inference_threads)
+        if mission.ground:
+            from perception.segmentation.ground_classes import CountedAsCarpet  # noqa: PLC0415 - late, as below
+
+            self._segmenter = CountedAsCarpet(self._segmenter, mission.ground)
+        self._timer = StageTimer(mission, "segmentation")
+        self._last_index = -1
+
+    def update(self) -> Status:
+        """Segment the frame if it is a new one."""
+        frame = self.read(FRAME).value
+        if frame is not None and frame.index != self._last_index:
+            self._last_index = frame.index
+            with self._timer:
+                class_map = self._segmenter.segment(frame)
+            self.write(CLASS_MAP, class_map, captured_s=frame.captured_s)
+        return Status.SUCCESS
+
+    def _load(self, threads: int) -> Segmenter:
+        # Late: an inference runtime takes seconds to import and `uav-bt check` must answer at once.
+        from perception.segmentation import runtime  # noqa: PLC0415
+        from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
+
+        model, classes = self.port_value("model"), self.port_value("classes")
+        if model in runtime.SHIPPED_UNETS:
+            return runtime.shipped_unet(model, threads=threads)
+        if model == "teacher":
+            return runtime.shipped_teacher()
+        mapping = read_mapping(Path(classes)) if classes else None
+        return runtime.OnnxSegmenter(Path(model), mapping=mapping, threads=threads)
+
+
+class FindHelipad(Leaf):
+    """Find the helipad in each new class map and carry it through misses; SUCCESS always."""
+
+    ports = (_PAD_HEIGHT,)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
+    writes = (HELIPAD,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make detector and tracker."""
+        from perception.landing.detector import HelipadDetector  # noqa: PLC0415 - late, as above
+        from perception.landing.tracker import HelipadTracker  # noqa: PLC0415
+
+        self._detector = HelipadDetector()
+        self._tracker = HelipadTracker()
+        self._timer = StageTimer(mission, "helipad")
+        self._last_s = -1.0
+        self._detected = False
+
+    def update(self) -> Status:
+        """Follow the drone's motion, and take in a new class map."""
+        state = self.read(STATE).value
+        if state is None:
+            return Status.SUCCESS
+        self._tracker.predict(state)
+        class_map = self.read(CLASS_MAP).value
+        if class_map is None:
+            self._detected = False
+        elif class_map.captured_s != self._last_s:
+            self._last_s = class_map.captured_s
+            with self._timer:
+                self._detected = self._detect(class_map)
+        fix = self._tracker.fix(detected=self._detected)
+        if fix is not None:
+            self.write(HELIPAD, fix, captured_s=fix.captured_s)
+        return Status.SUCCESS
+
+    def _detect(self, class_map: ClassMap) -> bool:
+        from perception.landing.detector import locate  # noqa: PLC0415
+
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        if frame is None or camera is None or frame.captured_s != class_map.captured_s:
+            return False
+        detection = self._detector.detect(class_map)
+        if detection is None:
+            return False
+        height_px, width_px = class_map.ids.shape
+        place = locate(
+            detection,
+            camera.resized(width_px, height_px),
+            frame.gimbal_pitch_rad,
+            frame.height_above_carpet_m - self.port_value("pad_height_m"),
+        )
+        if place is None:
+            return False
+        return self._tracker.update(*place, captured_s=frame.captured_s, confidence=detection.score)
+
+
+class RememberObstacles(Leaf):
+    """Remember where obstacles stand after they have left the view; SUCCESS always."""
+
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
+    writes = (OBSTACLES,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the memory."""
+        from perception.obstacles.memory import ObstacleMemory  # noqa: PLC0415 - late, as above
+
+        self._memory = ObstacleMemory()
+        self._timer = StageTimer(mission, "obstacles")
+        self._last_s = -1.0
+
+    def update(self) -> Status:
+        """Follow the drone's motion, and take in a new class map."""
+        state = self.read(STATE).value
+        if state is None:
+            return Status.SUCCESS
+        self._memory.predict(state)
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        class_map = self.read(CLASS_MAP).value
+        if frame is None or camera is None or class_map is None:
+            return Status.SUCCESS
+        if self._last_s != class_map.captured_s == frame.captured_s:
+            self._last_s = class_map.captured_s
+            height_px, width_px = class_map.ids.shape
+            with self._timer:
+                self._memory.update(class_map, frame, camera.resized(width_px, height_px))
+        points = self._memory.points()
+        self.write(OBSTACLES, points, captured_s=points.captured_s)
+        return Status.SUCCESS

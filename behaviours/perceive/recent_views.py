@@ -1,0 +1,46 @@
+"""RememberViews: keep the frames of the last seconds, for policies that see movement in pixels."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from uav_bt.board import FRAME, RECENT_VIEWS, STATE
+from uav_bt.board.context import MissionContext
+from uav_bt.tree import Leaf, Port, Status
+from uav_bt.types import PastView, RecentViews
+
+__all__ = ["RememberViews"]
+
+
+class RememberViews(Leaf):
+    """Keep the frames of the last seconds and where they were captured; SUCCESS always."""
+
+    # As far back as any network of ours looks, twice two seconds, and the frames' rhythm beside it.
+    ports = (Port("keep_s", float, default=4.2, doc="how long frames are kept, s"),)
+    reads = (STATE, FRAME)
+    writes = (RECENT_VIEWS,)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make the odometry."""
+        del mission
+        from perception.odometry.dead_reckoning import Odometry  # noqa: PLC0415 - late, as all perception
+
+        self._odometry = Odometry()
+        self._views: deque[PastView] = deque()
+
+    def update(self) -> Status:
+        """Follow the drone's motion, and take in a new frame."""
+        state, frame = self.read(STATE).value, self.read(FRAME).value
+        if state is not None:
+            self._odometry.update(state)
+        pose = None if frame is None else self._odometry.at(frame.captured_s)
+        if frame is None or pose is None:
+            return Status.SUCCESS
+        if self._views and self._views[-1].frame.index == frame.index:
+            return Status.SUCCESS
+        self._views.append(PastView(frame=frame, x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad))
+        while self._views[0].frame.captured_s < frame.captured_s - self.port_value("keep_s"):
+            self._views.popleft()
+        recent = RecentViews(views=tuple(self._views))
+        self.write(RECENT_VIEWS, recent, captured_s=frame.captured_s)
+        return Status.SUCCESS

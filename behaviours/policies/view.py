@@ -1,0 +1,77 @@
+"""What a leaf policy is shown: the board's values that belong to one frame, put together."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from uav_bt.board import (
+    CAMERA,
+    CLASS_MAP,
+    CORRIDOR,
+    FRAME,
+    HELD_TURN,
+    OBSTACLES,
+    RECENT_VIEWS,
+)
+from uav_bt.board.blackboard import Key
+from uav_bt.protocols import PolicyView
+from uav_bt.tree import Leaf
+from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
+
+__all__ = ["VIEW_KEYS", "current_view", "policy_view"]
+
+VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
+    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, OBSTACLES, RECENT_VIEWS, HELD_TURN),
+)
+"""What a leaf must declare that it reads, to show views to policies."""
+
+
+def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
+    """Return the newest frame, its class map and the camera; None while one is missing.
+
+    Args:
+        leaf: declares `VIEW_KEYS`.
+    """
+    frame, class_map = leaf.read(FRAME).value, leaf.read(CLASS_MAP).value
+    camera = leaf.read(CAMERA).value
+    if frame is None or class_map is None or camera is None:
+        return None
+    # Pitch and height belong to the frame that the class map was made from.
+    return (frame, class_map, camera) if class_map.captured_s == frame.captured_s else None
+
+
+def policy_view(
+    leaf: Leaf,
+    frame: Frame,
+    class_map: ClassMap,
+    camera: CameraModel,
+    *,
+    held: HeldTurn,
+    coin: float,
+) -> PolicyView:
+    """Return what a policy is shown of a frame.
+
+    Args:
+        leaf: declares `VIEW_KEYS`.
+        frame: the newest.
+        class_map: of that frame.
+        camera: at the frame's size.
+        held: the turn under way.
+        coin: a uniform draw from [0, 1).
+    """
+    height_px, width_px = class_map.ids.shape
+    recent = leaf.read(RECENT_VIEWS).value
+    if recent is not None and recent.newest.frame.index != frame.index:
+        recent = None
+    return PolicyView(
+        class_map=class_map,
+        camera=camera.resized(width_px, height_px),
+        gimbal_pitch_rad=frame.gimbal_pitch_rad,
+        height_above_carpet_m=frame.height_above_carpet_m,
+        corridor=leaf.read(CORRIDOR).value,
+        obstacles=leaf.read(OBSTACLES).value,
+        recent=recent,
+        turning=held.direction,
+        full_turns=held.full_turns,
+        coin=coin,
+    )

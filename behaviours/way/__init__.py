@@ -1,1 +1,0 @@
-"""The way to a place round what is remembered: planned on a grid, kept while it is as good."""

@@ -1,0 +1,318 @@
+"""Camera calibration from photographs of a checkerboard of unknown layout.
+
+As the paper does it: every corner layout that the photographs allow is tried, and the one with the
+lowest reprojection error is kept. A layout of few corners is easily explained, by a wrong camera
+too: its own error says little. So each camera is also measured on the same corners, all that were
+found in all photographs, with only the board's pose fitted anew; the layout with the lowest error
+there wins, and of those within a fiftieth of it the one with the most corners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.checkerboards import LEAST_CORNERS, Corners, Grey, find_any_board, find_board
+from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
+from uav_bt.types import CameraModel
+
+__all__ = ["Calibration", "CalibrationConfig", "LayoutTrial", "calibrate"]
+
+Photographs = Mapping[str, Callable[[], Grey]]
+Advance = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationConfig:
+    """What is tried and what is believed."""
+
+    square_m: float = 0.02  # edge of a square; changes distances, never the camera
+    least_images: int = 3  # of a layout; fewer leave the focal length open
+    most_layouts: int = 12  # tried, those with the most corners in all
+    most_images: int = 80  # a layout's camera is solved from; more take minutes and add nothing
+    stray_factor: float = 3.0  # a photograph this many times worse than the median is left out
+    stray_floor_px: float = 0.5  # but not when it is this good
+    tie: float = 0.02  # errors closer than this are equal: then more corners win
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.square_m) and self.square_m > 0.0):
+            raise ValueRangeError(f"the square's edge must be positive, got {self.square_m} m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayoutTrial:
+    """What one corner layout gives."""
+
+    columns: int  # inner corners along the longer side
+    rows: int
+    images: tuple[str, ...]  # that went in
+    error_px: float  # root mean square reprojection error of its own corners
+    common_error_px: float  # of all corners found in all photographs
+    camera: CameraModel
+
+    @property
+    def corners(self) -> int:
+        """Corners of all its photographs."""
+        return self.columns * self.rows * len(self.images)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """The result, and all that was tried."""
+
+    best: LayoutTrial
+    trials: tuple[LayoutTrial, ...]  # by falling number of corners
+    skipped: Mapping[str, str]  # photograph -> why the best layout did not use it
+
+
+def calibrate(
+    photographs: Photographs,
+    config: CalibrationConfig | None = None,
+    *,
+    advance: Advance = lambda _stage, _done, _total: None,
+) -> Calibration:
+    """Find the camera's intrinsics.
+
+    Args:
+        photographs: by name, what reads the picture as (H, W) grey; all of one size.
+        config: what is tried.
+        advance: told of the progress.
+
+    Raises:
+        ShapeError: the pictures differ in size.
+        InputError: too few photographs show a board.
+    """
+    config = config or CalibrationConfig()
+    boards, size_px, unreadable = _find_boards(photographs, advance)
+    layouts = _layouts(boards, config)
+    if not layouts:
+        raise InputError(
+            f"a calibration needs at least {config.least_images} photographs that show a "
+            f"checkerboard of {LEAST_CORNERS} inner corners or more, got {len(boards)} of "
+            f"{len(photographs)}; take more, in good light, with the whole board in view"
+        )
+    trials = []
+    for done, (columns, rows) in enumerate(layouts, start=1):
+        trial = _try_layout(boards, columns, rows, size_px, config)
+        if trial is not None:
+            trials.append(trial)
+        advance(f"layouts, {columns}x{rows}", done, len(layouts))
+    if not trials:
+        raise InputError(
+            "no layout of the boards gives a plausible camera; photograph the board from several "
+            "sides, tilted, not only from the front"
+        )
+    lowest = min(trial.common_error_px for trial in trials)
+    near = [trial for trial in trials if trial.common_error_px <= lowest * (1.0 + config.tie)]
+    best = max(near, key=lambda trial: trial.corners)
+    trials.sort(key=lambda trial: -trial.corners)
+    skipped = _skipped(photographs, boards, best, config) | unreadable
+    return Calibration(best=best, trials=tuple(trials), skipped=skipped)
+
+
+# --- boards ---------------------------------------------------------------------------------------
+
+
+def _find_boards(
+    photographs: Photographs, advance: Advance
+) -> tuple[dict[str, Corners], tuple[int, int], dict[str, str]]:
+    """Return each photograph's board, their width and height, and what could not be read."""
+    boards: dict[str, Corners] = {}
+    unreadable: dict[str, str] = {}
+    shape: tuple[int, ...] = ()
+    for done, (name, read) in enumerate(photographs.items(), start=1):
+        try:
+            image = read()
+        except FileError as error:
+            unreadable[name] = str(error)
+            continue
+        if shape and image.shape != shape:
+            expected = f"{shape[0]}x{shape[1]}, as the rest"
+            raise ShapeError(name, expected=expected, actual=image.shape)
+        shape = image.shape
+        found = find_any_board(image)
+        if found is not None:
+            boards[name] = found
+        advance("boards", done, len(photographs))
+    if not shape:
+        raise InputError(f"none of {len(photographs)} photographs can be read")
+    readable = {name: read for name, read in photographs.items() if name not in unreadable}
+    _look_again(readable, boards, advance)
+    return boards, (shape[1], shape[0]), unreadable
+
+
+def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: Advance) -> None:
+    """Look for the commonest layout where less of a board was found: knowing it helps."""
+    votes = Counter(grid.shape[:2] for grid in boards.values())
+    agreed = [layout for layout, count in votes.items() if count > 1]
+    if not agreed:
+        return
+    rows, columns = max(agreed, key=lambda layout: (votes[layout], layout[0] * layout[1]))
+    less = [
+        name
+        for name in photographs
+        if name not in boards or not _shows(boards[name], columns, rows)
+    ]
+    for done, name in enumerate(less, start=1):
+        whole = find_board(photographs[name](), columns, rows)
+        if whole is not None:
+            boards[name] = whole
+        advance("boards again", done, len(less))
+
+
+def _layouts(boards: Mapping[str, Corners], config: CalibrationConfig) -> list[tuple[int, int]]:
+    """Return (columns, rows) of the layouts that enough photographs allow, by falling corners."""
+    counted = {}
+    for rows, columns in {grid.shape[:2] for grid in boards.values()}:
+        images = sum(_shows(grid, columns, rows) for grid in boards.values())
+        if images >= config.least_images:
+            counted[columns, rows] = columns * rows * images
+    return sorted(counted, key=lambda layout: -counted[layout])[: config.most_layouts]
+
+
+def _shows(grid: Corners, columns: int, rows: int) -> bool:
+    return bool(grid.shape[0] >= rows and grid.shape[1] >= columns)
+
+
+# --- solving --------------------------------------------------------------------------------------
+
+
+def _try_layout(
+    boards: Mapping[str, Corners],
+    columns: int,
+    rows: int,
+    size_px: tuple[int, int],
+    config: CalibrationConfig,
+) -> LayoutTrial | None:
+    """Solve for a camera from one layout; of larger boards that many corners are taken."""
+    views = {
+        name: np.ascontiguousarray(grid[:rows, :columns])
+        for name, grid in boards.items()
+        if _shows(grid, columns, rows)
+    }
+    names = _spread(list(views), config.most_images)
+    error_px, camera, per_view = _solve([views[name] for name in names], size_px, config)
+    limit_px = max(config.stray_floor_px, config.stray_factor * float(np.median(per_view)))
+    kept = [name for name, view_px in zip(names, per_view, strict=True) if view_px <= limit_px]
+    if len(kept) < config.least_images:
+        return None
+    if len(kept) < len(names):
+        error_px, camera, _ = _solve([views[name] for name in kept], size_px, config)
+    if camera is None:
+        return None
+    return LayoutTrial(
+        columns=columns,
+        rows=rows,
+        images=tuple(kept),
+        error_px=error_px,
+        common_error_px=_common_error(boards, camera, config),
+        camera=camera,
+    )
+
+
+def _spread(names: list[str], most: int) -> list[str]:
+    """Return so many names at most, evenly from all: neighbours of a video are alike."""
+    if len(names) <= most:
+        return names
+    places = np.linspace(0, len(names) - 1, most).round().astype(int)
+    return [names[place] for place in places]
+
+
+def _points(grid: Corners, square_m: float) -> NDArray[np.float32]:
+    rows, columns = grid.shape[:2]
+    down, along = np.mgrid[:rows, :columns].astype(np.float32)
+    flat = np.stack([along, down, np.zeros_like(along)], axis=-1).reshape(-1, 3)
+    return np.asarray(flat * np.float32(square_m))
+
+
+def _solve(
+    views: list[Corners], size_px: tuple[int, int], config: CalibrationConfig
+) -> tuple[float, CameraModel | None, NDArray[np.float64]]:
+    """Return error, camera (None when it is no real one) and the error of each view."""
+    error, matrix, distortion, _, _, _, _, per_view = cv2.calibrateCameraExtended(
+        [_points(grid, config.square_m) for grid in views],
+        [grid.reshape(-1, 1, 2) for grid in views],
+        size_px,
+        np.eye(3),
+        np.zeros(5),
+        # A third radial term bends the image's corners, where boards seldom reach.
+        flags=cv2.CALIB_FIX_K3,
+    )
+    camera = _camera(np.asarray(matrix, np.float64), np.asarray(distortion, np.float64), size_px)
+    return float(error), camera, np.asarray(per_view, np.float64).ravel()
+
+
+def _camera(
+    matrix: NDArray[np.float64], distortion: NDArray[np.float64], size_px: tuple[int, int]
+) -> CameraModel | None:
+    width_px, height_px = size_px
+    (fx, _, cx), (_, fy, cy), _ = matrix
+    numbers = np.concatenate([[fx, fy, cx, cy], distortion.ravel()])
+    inside = 0.0 < cx < width_px and 0.0 < cy < height_px
+    if not np.isfinite(numbers).all() or not inside or not 0.2 < fx / max(size_px) < 20.0:
+        return None
+    return CameraModel(
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=float(fx),
+        fy_px=float(fy),
+        cx_px=float(cx),
+        cy_px=float(cy),
+        distortion=tuple(float(value) for value in distortion.ravel()),
+    )
+
+
+def _common_error(
+    boards: Mapping[str, Corners], camera: CameraModel, config: CalibrationConfig
+) -> float:
+    """Return the root mean square error over all corners, the median photograph's for strays."""
+    matrix = np.array(
+        [[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]]
+    )
+    distortion = np.array(camera.distortion)
+    errors, weights = [], []
+    for grid in boards.values():
+        points, seen = _points(grid, config.square_m), grid.reshape(-1, 1, 2)
+        solved, turn, place = cv2.solvePnP(points, seen, matrix, distortion)
+        if not solved:
+            continue
+        drawn, _ = cv2.projectPoints(points, turn, place, matrix, distortion)
+        errors.append(float(np.mean(np.sum((drawn - seen) ** 2, axis=-1))))
+        weights.append(grid.shape[0] * grid.shape[1])
+    squared = np.array(errors)
+    limit = max(config.stray_floor_px, config.stray_factor * math.sqrt(np.median(squared))) ** 2
+    kept = squared <= limit
+    return math.sqrt(float(np.average(squared[kept], weights=np.array(weights)[kept])))
+
+
+def _skipped(
+    photographs: Photographs,
+    boards: Mapping[str, Corners],
+    best: LayoutTrial,
+    config: CalibrationConfig,
+) -> dict[str, str]:
+    """Say of each photograph that the best layout did not use why."""
+    whole = f"{best.columns}x{best.rows}"
+    reasons = {}
+    for name in photographs:
+        if name in best.images:
+            continue
+        grid = boards.get(name)
+        if grid is None:
+            reasons[name] = "no board found"
+        elif not _shows(grid, best.columns, best.rows):
+            reasons[name] = (
+                f"only {grid.shape[1]}x{grid.shape[0]} of {whole} corners found: the board is "
+                "partly out of view, or too small"
+            )
+        elif len(boards) > config.most_images:
+            reasons[name] = f"{config.most_images} others are enough"
+        else:
+            reasons[name] = "does not fit the others"
+    return reasons

@@ -1,0 +1,133 @@
+"""The ground plane in the image: how far away the carpet is at every pixel.
+
+Frames are those of `perception.camera.geometry`: a level frame at the lens, x forward, y right,
+z down.
+Two distances are kept apart throughout:
+
+*depth*  along the optical axis; what networks predict and what the twin's truth holds;
+*range*  along the pixel's ray, the Euclidean distance; what a tape measure gives, and the distance
+         between P'' and the camera in the paper (Mocanu et al., equations 4 to 9).
+
+The paper's equation 9 is ``lambda = x_t / (x_t - x')`` with x up: the height over what the ray
+descends per unit of lambda. With rays of unit depth that very lambda is the depth, and the range is
+lambda times the ray's length.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.geometry import camera_axes
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import CameraModel, Frame
+
+__all__ = ["CameraView", "ground_depth", "level_rays", "ray_lengths", "view_of"]
+
+_LEVEL = 1e-6  # rays that descend less than this per unit of depth never meet the ground
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraView:
+    """Where the lens is above the carpet and how it is turned."""
+
+    camera: CameraModel  # at the size of the map that is looked at; undistorted
+    pitch_rad: float  # of the optical axis to the horizon, negative down
+    height_m: float  # of the lens above the carpet
+    roll_rad: float = 0.0  # of the image about the optical axis, its right side down positive
+
+    def __post_init__(self) -> None:
+        numbers = (self.pitch_rad, self.height_m, self.roll_rad)
+        if not all(map(math.isfinite, numbers)) or abs(self.pitch_rad) > math.pi / 2 + 1e-6:
+            raise ValueRangeError(
+                "a view needs a finite height, roll, and a pitch within -pi/2 and pi/2 rad, got "
+                f"height {self.height_m} m, roll {self.roll_rad} rad, pitch {self.pitch_rad} rad"
+            )
+
+    def resized(self, width_px: int, height_px: int) -> CameraView:
+        """Return the same view in an image resized (not cropped) to another size."""
+        if (width_px, height_px) == (self.camera.width_px, self.camera.height_px):
+            return self
+        return replace(self, camera=self.camera.resized(width_px, height_px))
+
+
+def view_of(
+    frame: Frame, camera: CameraModel, size_px: tuple[int, int], *, roll_rad: float = 0.0
+) -> CameraView:
+    """Return the view of a frame's telemetry, for maps of a size.
+
+    The gimbal holds its pitch to the horizon whatever the body does, so of the body's attitude only
+    the lever remains: the lens is ahead of the body's centre, and goes up and down with its nose.
+
+    Args:
+        frame: its gimbal pitch, attitude and height above the carpet are used.
+        camera: intrinsics of that camera, at any size.
+        size_px: width and height of the map that is looked at.
+        roll_rad: what the gimbal leaves of roll; no drone of ours reports it.
+
+    Raises:
+        ValueRangeError: the telemetry is not finite.
+    """
+    lever_m = camera.forward_offset_m * math.sin(frame.attitude.pitch_rad)
+    return CameraView(
+        camera=camera.resized(*size_px),
+        pitch_rad=frame.gimbal_pitch_rad,
+        height_m=frame.height_above_carpet_m + lever_m,
+        roll_rad=roll_rad,
+    )
+
+
+def level_rays(view: CameraView) -> NDArray[np.float32]:
+    """Return every pixel's ray of unit depth in the level frame (equations 4 to 7).
+
+    Returns:
+        (3, H, W) float32: forward, right, down. A point at depth d of a pixel is d times its ray.
+    """
+    camera = view.camera
+    across = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
+    along = (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px
+    axes = camera_axes(view.pitch_rad, view.roll_rad)
+    # Each component is a plane over the image: a row plus a column, added out.
+    columns = (axes[:, :1] * across).astype(np.float32)
+    rows = (axes[:, 1:2] * along + axes[:, 2:]).astype(np.float32)
+    return np.asarray(columns[:, None, :] + rows[:, :, None])
+
+
+def ray_lengths(camera: CameraModel) -> NDArray[np.float32]:
+    """Return the length of every pixel's ray of unit depth, (H, W) float32: range over depth."""
+    across = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
+    along = (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px
+    squared = across[None, :] ** 2 + along[:, None] ** 2 + 1.0
+    return np.sqrt(squared).astype(np.float32)
+
+
+def ground_depth(
+    view: CameraView, *, plane_m: float = 0.0, rays: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
+    """Return the depth at which each pixel's ray meets a level plane (equations 8 and 9).
+
+    Args:
+        view: the camera.
+        plane_m: height of the plane above the carpet; 0.4 for the top of the helipad.
+        rays: `level_rays(view)` where it is at hand.
+
+    Returns:
+        (H, W) float32 metres along the optical axis; NaN where the ray does not go down to it.
+
+    Raises:
+        ValueRangeError: the lens is not above the plane.
+    """
+    above_m = view.height_m - plane_m
+    if not above_m > 0.0:
+        raise ValueRangeError(
+            f"the lens must be above the plane it looks at, got {view.height_m:.3f} m above the "
+            f"carpet with the plane at {plane_m:.3f} m"
+        )
+    down = (level_rays(view) if rays is None else rays)[2]
+    meets = down > _LEVEL
+    depth = np.full(down.shape, np.nan, dtype=np.float32)
+    np.divide(np.float32(above_m), down, out=depth, where=meets)
+    return depth

@@ -1,0 +1,259 @@
+"""Where a standing thing meets the carpet, azimuth by azimuth, out of an unrolled class map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.depth.contact.lines import BaseLine, fit_base
+from perception.depth.contact.panorama import OUTSIDE, Panorama
+from uav_bt.classes import CARPET
+
+__all__ = ["Base", "BaseConfig", "Remembered", "find_base", "rows_above"]
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaseConfig:
+    """What counts as standing on the carpet."""
+
+    min_run_px: float = 2.0  # of side above a base; less is a speck of the mask
+    gap_px: float = 2.0  # between carpet and side; networks blur the border into other classes
+    max_rms_px: float = 1.5  # of a fitted base; what is more crooked is taken as it was seen
+    # A fitted base is followed by this many times the azimuth it was seen over: behind other boxes
+    # and below the image's lower edge, not for ever.
+    reach: float = 1.0
+    # Something whose base is cut off shows a ragged upright edge with carpet beside it: fewer
+    # columns that seem to stand on carpet are no base.
+    least_beside_cut: int = 10
+    specks: float = 0.25  # of a base's columns; so many may be at odds with it before it is wrong
+    slack_px: float = 2.0  # by which a side may reach below its fitted base
+    max_range_m: float = 7.0  # the lab's diagonal; a pixel of the base weighs 0.2 m there
+    # Remembered bases stray by decimetres and a few degrees: this far from the azimuths they are
+    # remembered at they are believed, and this far beyond what hides them.
+    recall_rad: float = 0.09
+    recall_m: float = 0.1
+    recall_least: int = 3  # points; fewer may be specks of an old mask
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """Where one thing stands, by column of the panorama."""
+
+    steepness: Array  # (A,) camera height over range of its base; NaN where unknown
+    line: BaseLine | None  # what the steepness was fitted with
+    fitted: NDArray[np.bool_]  # (A,) where it is the line's
+    visible: Array  # (A,) of its lowest pixel seen, which its base is at least as steep as; or NaN
+    top_row: Indices  # (A,) uppermost row of it; -1 where it does not show
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remembered:
+    """Bases seen earlier, from the lens now; for things whose base has left the view."""
+
+    azimuth_rad: Array  # (N,) growing, clockwise from the heading
+    range_m: Array  # (N,) on the ground
+
+    @classmethod
+    def at(cls, points_m: Array) -> Remembered:
+        """Return points (N, 2), metres forward and right of the lens, in order."""
+        azimuth = np.arctan2(points_m[:, 1], points_m[:, 0])
+        order = np.argsort(azimuth)
+        return cls(
+            azimuth_rad=azimuth[order], range_m=np.hypot(points_m[order, 0], points_m[order, 1])
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sight:
+    """The columns that show a thing."""
+
+    columns: Indices  # (N,)
+    first: Indices  # (N,) its lowest row in each
+    last: Indices  # (N,) its uppermost
+    visible: Array  # (N,) steepness there
+    base: Array  # (N,) steepness of its border with the carpet; NaN where there is no carpet below
+    outside: NDArray[np.bool_]  # (N,) the image's edge hides its lower end
+    cut: bool  # it does so in much of it
+
+
+def find_base(
+    panorama: Panorama,
+    thing: int,
+    height_m: float,
+    config: BaseConfig,
+    remembered: Remembered | None = None,
+) -> Base:
+    """Find where the pixels of one class stand.
+
+    Args:
+        panorama: the unrolled class map.
+        thing: the class.
+        height_m: of the lens above the carpet.
+        config: what counts.
+        remembered: for what stands on carpet that is out of view.
+    """
+    sight = _look(panorama, thing, config)
+    line, found, on_line = _believe(panorama, sight, config)
+    if remembered is not None and line is None and np.isnan(found).any():
+        recalled = _recall(panorama, sight, remembered, height_m, config)
+        found = np.where(np.isnan(found), recalled, found)
+    found[~(found >= height_m / config.max_range_m)] = np.nan
+    count = panorama.azimuth_rad.size
+    steepness, visible = np.full(count, np.nan), np.full(count, np.nan)
+    top_row = np.full(count, -1, dtype=np.intp)
+    fitted = np.zeros(count, dtype=bool)
+    steepness[sight.columns], visible[sight.columns] = found, sight.visible
+    top_row[sight.columns], fitted[sight.columns] = sight.last, on_line
+    return Base(steepness=steepness, line=line, fitted=fitted, visible=visible, top_row=top_row)
+
+
+def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
+    everywhere = panorama.ids == thing
+    across = np.flatnonzero(everywhere.any(axis=0))
+    left, right = (int(across[0]), int(across[-1]) + 1) if across.size else (0, 0)
+    shows = everywhere[:, left:right]
+    run = max(1, round(config.min_run_px * panorama.rows_per_px))
+    rows = shows.shape[0] - run + 1
+    solid = shows[:rows].copy()
+    for shift in range(1, run):
+        solid &= shows[shift : rows + shift]
+    inner = np.flatnonzero(solid.any(axis=0))
+    columns, first = inner + left, solid[:, inner].argmax(axis=0)
+    carpet = rows_above(panorama, first, columns, CARPET, config.gap_px, step=-1)
+    depression = panorama.depression_rad
+    border = np.tan(0.5 * (depression[first] + depression[carpet]))
+    below = np.where(first > 0, panorama.ids[np.maximum(first - 1, 0), columns], OUTSIDE)
+    return _Sight(
+        columns=columns,
+        first=first,
+        last=shows.shape[0] - 1 - shows[::-1, inner].argmax(axis=0),
+        visible=np.tan(depression[first]),
+        base=np.where(carpet >= 0, border, np.nan),
+        outside=below == OUTSIDE,
+        cut=bool(np.count_nonzero(below == OUTSIDE) > config.specks * columns.size),
+    )
+
+
+def rows_above(
+    panorama: Panorama,
+    rows: Indices,
+    columns: Indices,
+    wanted: int,
+    gap_px: float,
+    *,
+    step: int = 1,
+) -> Indices:
+    """Return the row of a class right above (step 1) or below (-1) given cells.
+
+    Args:
+        panorama: the unrolled class map.
+        rows: (N,) of the cells.
+        columns: (N,) of the cells.
+        wanted: the class.
+        gap_px: pixels of other classes that may lie between.
+        step: 1 up, -1 down.
+
+    Returns:
+        (N,) rows, -1 where the class does not follow.
+    """
+    distances = np.arange(1, 2 + round(gap_px * panorama.rows_per_px))
+    candidates = rows[:, None] + step * distances
+    last = panorama.depression_rad.size - 1
+    here = panorama.ids[np.clip(candidates, 0, last), columns[:, None]] == wanted
+    here &= (candidates >= 0) & (candidates <= last)
+    nearest = candidates[np.arange(rows.size), here.argmax(axis=1)]
+    return np.where(here.any(axis=1), nearest, -1)
+
+
+def _believe(
+    panorama: Panorama, sight: _Sight, config: BaseConfig
+) -> tuple[BaseLine | None, Array, NDArray[np.bool_]]:
+    """Return the fitted line, the base's steepness by column of sight, and where it is the line's.
+
+    The steepness is NaN where the base is not known.
+    """
+    azimuth = panorama.azimuth_rad[sight.columns]
+    stands = np.isfinite(sight.base)
+    count = np.count_nonzero(stands)
+    nothing, nowhere = np.full(azimuth.size, np.nan), np.zeros(azimuth.size, dtype=bool)
+    if sight.cut and count < config.least_beside_cut:
+        return None, nothing, nowhere
+    line = fit_base(azimuth[stands], sight.base[stands], panorama.pixel_rad)
+    if line is None or line.rms_px > config.max_rms_px:
+        return None, sight.base if count >= 0.5 * azimuth.size else nothing, nowhere
+    fitted = line.steepness(azimuth)
+    slack = config.slack_px * panorama.pixel_rad * (1.0 + sight.visible**2)
+    # The base of a convex thing never lies below the line of one of its faces: what belongs to it
+    # and lies there shows that its ragged upright edge was taken for a base.
+    odd = sight.visible > fitted + slack
+    if np.count_nonzero(odd) > config.specks * count:
+        return None, nothing, nowhere
+    on_line = (_distance(azimuth, azimuth[stands]) <= config.reach * line.spread_rad) & ~odd
+    # Near a corner the fit may miss what is plainly seen.
+    return line, np.where(on_line, fitted, np.where(odd, sight.base, np.nan)), on_line
+
+
+def _recall(
+    panorama: Panorama,
+    sight: _Sight,
+    remembered: Remembered,
+    height_m: float,
+    config: BaseConfig,
+) -> Array:
+    """Return the steepness of a remembered base at the columns of sight, NaN where none is.
+
+    Only where the image's edge hides the base: what another thing hides stands behind that one, and
+    what is remembered there may be either's.
+    """
+    nothing = np.full(sight.columns.size, np.nan)
+    if not sight.outside.any() or not remembered.azimuth_rad.size:
+        return nothing
+    azimuth = panorama.azimuth_rad[sight.columns[sight.outside]]
+    visible = sight.visible[sight.outside]
+    # What is remembered beyond the carpet in view stands behind.
+    behind_m = np.interp(remembered.azimuth_rad, azimuth, height_m / visible)
+    mine = remembered.range_m <= behind_m + config.recall_m
+    mine &= _distance(remembered.azimuth_rad, azimuth) <= config.recall_rad
+    if np.count_nonzero(mine) < config.recall_least:
+        return nothing
+    places, ranges = remembered.azimuth_rad[mine], remembered.range_m[mine]
+    within = _distance(azimuth, places) <= config.recall_rad
+    near_m = _near_side(places, ranges, np.clip(azimuth, places[0], places[-1]))
+    # It stands no further away than the lowest pixel seen says.
+    steepness = np.maximum(height_m / np.maximum(near_m, 0.05), visible)
+    nothing[sight.outside] = np.where(within, steepness, np.nan)
+    return nothing
+
+
+def _near_side(places: Array, ranges: Array, azimuth: Array) -> Array:
+    """Return the range at which azimuths meet the near side of the points' convex hull.
+
+    What is remembered of a box are also the sides that have turned away since.
+    """
+    points = np.stack([ranges * np.cos(places), ranges * np.sin(places)], axis=-1)
+    hull = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
+    start, edge = hull, np.roll(hull, -1, axis=0) - hull
+    along = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = along[..., 0] * edge[:, 1] - along[..., 1] * edge[:, 0]
+        share = (start[:, 1] * along[..., 0] - start[:, 0] * along[..., 1]) / -across
+        range_m = (start[:, 0] * edge[:, 1] - start[:, 1] * edge[:, 0]) / across
+        met = (share >= -1e-6) & (share <= 1.0 + 1e-6) & (range_m > 0.0)
+    met_m = np.where(met, range_m, np.inf).min(axis=1)
+    # Between rounding and the hull's ends an azimuth may miss every edge.
+    nearest = np.interp(azimuth, places, ranges)
+    return np.where(np.isfinite(met_m), met_m, nearest)
+
+
+def _distance(places: Array, seen: Array) -> Array:
+    """Return the distance of each place to the nearest of `seen`; both grow."""
+    after = np.searchsorted(seen, places)
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, seen.size - 1)
+    return np.asarray(np.minimum(np.abs(places - seen[before]), np.abs(places - seen[after])))

@@ -1,0 +1,149 @@
+"""A class map unrolled into azimuth by depression, so that vertical edges become columns."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.geometry import camera_axes, pixel_rays, project
+from perception.camera.ground_plane import CameraView
+from uav_bt.types import CameraModel
+
+__all__ = ["OUTSIDE", "Panorama", "Unroller"]
+
+OUTSIDE = 255  # in the unrolled map: not in the image
+_ROWS_PER_PX = 2.0  # finer than the image, so that the borders between its pixels are found
+_NO_FRACTIONS = np.empty(0, dtype=np.uint16)  # cells lie on whole pixels
+_FLATTEST_RAD = 0.02  # flatter than this the ground is beyond every lab
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panorama:
+    """The unrolled map; row 0 looks down most steeply."""
+
+    ids: NDArray[np.uint8]  # (R, A) class ids, OUTSIDE where the image does not reach
+    azimuth_rad: NDArray[np.float64]  # (A,) of each column, growing, clockwise from the heading
+    depression_rad: NDArray[np.float64]  # (R,) of each row, falling
+    pixel_rad: float  # depression that one pixel of the image spans at its centre
+
+    @property
+    def rows_per_px(self) -> float:
+        """Rows that one pixel of the image spans at its centre."""
+        return _ROWS_PER_PX
+
+    def columns(self, azimuth_rad: NDArray[np.floating]) -> NDArray[np.intp]:
+        """Return the column nearest to each azimuth."""
+        step = self.azimuth_rad[1] - self.azimuth_rad[0]
+        nearest = np.rint((azimuth_rad - self.azimuth_rad[0]) / step)
+        return np.asarray(np.clip(nearest, 0, self.azimuth_rad.size - 1).astype(np.intp))
+
+    def rows(self, depression_rad: NDArray[np.floating]) -> NDArray[np.intp]:
+        """Return the row nearest to each depression."""
+        step = self.depression_rad[0] - self.depression_rad[1]
+        nearest = np.rint((self.depression_rad[0] - depression_rad) / step)
+        return np.asarray(np.clip(nearest, 0, self.depression_rad.size - 1).astype(np.intp))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Layout:
+    """Where each cell of a panorama is in the image; depends on camera and attitude only."""
+
+    azimuth_rad: NDArray[np.float64]
+    depression_rad: NDArray[np.float64]
+    places: Any  # (R, A, 2) int16, column and row
+
+
+class Unroller:
+    """Unrolls maps, and keeps the layouts of the last few attitudes: a gimbal mostly stands."""
+
+    def __init__(self, *, kept: int = 8) -> None:
+        self._kept = kept
+        self._layouts: OrderedDict[tuple[CameraModel, float, float], _Layout] = OrderedDict()
+
+    def unroll(self, ids: NDArray[np.uint8], view: CameraView) -> Panorama:
+        """Unroll a map below the horizon.
+
+        Args:
+            ids: (H, W) class ids.
+            view: the camera, at the map's size.
+        """
+        layout = self._layout(view)
+        unrolled = cv2.remap(
+            ids,
+            layout.places,
+            _NO_FRACTIONS,
+            cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=OUTSIDE,
+        )
+        return Panorama(
+            ids=np.asarray(unrolled, dtype=np.uint8),
+            azimuth_rad=layout.azimuth_rad,
+            depression_rad=layout.depression_rad,
+            pixel_rad=1.0 / view.camera.fy_px,
+        )
+
+    def _layout(self, view: CameraView) -> _Layout:
+        key = (view.camera, view.pitch_rad, view.roll_rad)
+        layout = self._layouts.pop(key, None) or _lay_out(view)
+        self._layouts[key] = layout
+        while len(self._layouts) > self._kept:
+            self._layouts.popitem(last=False)
+        return layout
+
+
+def _lay_out(view: CameraView) -> _Layout:
+    camera = view.camera
+    pixel_rad = 1.0 / camera.fy_px
+    left, right, steepest = _extent(view)
+    azimuths = np.arange(left, right, 1.0 / camera.fx_px)
+    flattest = min(_FLATTEST_RAD, steepest - 2.0 * pixel_rad)
+    depressions = np.arange(steepest, flattest, -pixel_rad / _ROWS_PER_PX)
+    column, row = _places(view, azimuths, depressions)
+    places = np.stack([np.rint(column), np.rint(row)], axis=-1)
+    whole = np.clip(places, -9, np.iinfo(np.int16).max).astype(np.int16)
+    return _Layout(azimuth_rad=azimuths, depression_rad=depressions, places=whole)
+
+
+def _places(
+    view: CameraView, azimuths: NDArray[np.float64], depressions: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the image's column and row of every cell, far outside for those behind the camera."""
+    axes = camera_axes(view.pitch_rad, view.roll_rad).astype(np.float32)
+    level = np.stack([np.cos(azimuths), np.sin(azimuths)]).astype(np.float32)
+    flat = np.cos(depressions).astype(np.float32)[:, None]
+    down = np.sin(depressions).astype(np.float32)[:, None]
+    # Each camera component of a direction: its level part by azimuth, its downward part added.
+    x, y, z = (flat * (axes[:2, k] @ level) + axes[2, k] * down for k in range(3))
+    ahead = z > 1e-3
+    scale = np.divide(np.float32(1.0), z, out=np.full_like(z, np.float32(1e6)), where=ahead)
+    column = x * scale * np.float32(view.camera.fx_px) + np.float32(view.camera.cx_px)
+    row = y * scale * np.float32(view.camera.fy_px) + np.float32(view.camera.cy_px)
+    column[~ahead] = np.float32(-9.0)
+    return column, row
+
+
+def _extent(view: CameraView) -> tuple[float, float, float]:
+    """Return the azimuths left and right and the steepest depression that the image shows."""
+    camera = view.camera
+    width, height = camera.width_px - 0.5, camera.height_px - 0.5
+    across, along = np.linspace(-0.5, width, 17), np.linspace(-0.5, height, 9)
+    border = np.concatenate(
+        [np.stack([across, np.full_like(across, edge)], axis=-1) for edge in (-0.5, height)]
+        + [np.stack([np.full_like(along, edge), along], axis=-1) for edge in (-0.5, width)]
+    )
+    rays = pixel_rays(border, camera, view.pitch_rad, view.roll_rad)
+    azimuth = np.arctan2(rays[:, 1], rays[:, 0])
+    depression = np.arctan2(rays[:, 2], np.hypot(rays[:, 0], rays[:, 1]))
+    with np.errstate(invalid="ignore"):
+        nadir = project(np.array([0.0, 0.0, 1.0]), camera, view.pitch_rad, view.roll_rad)
+        below = bool(np.all((nadir >= -0.5) & (nadir <= (width, height))))
+    if below:
+        return -math.pi, math.pi, math.pi / 2 - 1e-3
+    return float(azimuth.min()), float(azimuth.max()), float(depression.max())

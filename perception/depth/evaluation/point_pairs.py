@@ -1,0 +1,252 @@
+"""Pairs of points on obstacles' edges, and the distance between the two that a depth map tells.
+
+The paper (Mocanu et al.) measures depth by the dimensions of obstacles: a person picks two points
+on the edges of an obstacle in the picture, and the distance of the two in space is compared with
+the tape measure's. Here the exact class map stands in for the person: the outline of each visible
+face (a box's sides, a roof) is simplified to a polygon; its corners are what one would click on,
+and two corners that follow each other span an edge.
+
+Somebody who clicks means the obstacle, not what is behind it, so the outline is that of the face
+less a rim: two pixels of the map. Corners at the image's border and those that only arise because
+something nearer stands in front belong to no obstacle's dimensions and are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.classes import CARPET, OBSTACLES
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types import CameraModel
+
+__all__ = ["PairConfig", "PointPairs", "pair_distances", "patch_depths", "pick_pairs"]
+
+Floats = NDArray[np.float32]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.uint8]
+
+_LEAST_CORNERS = 3  # of a face; what shrinks to a line shows no edges
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairConfig:
+    """Which corners are visible well enough to be picked."""
+
+    inset_px: int = 2  # from the outline inwards: a click on the very border means either side
+    simplify_px: float = 1.5  # by which the polygon may leave the outline: a pixel and its rounding
+    least_area_px: int = 60  # of a face; less is hard to see, let alone to click on
+    least_length_px: float = 6.0  # of an edge; shorter, three pixels' error are half of it
+    least_length_m: float = 0.1  # likewise, in space
+    occluder_m: float = 0.15  # by which another thing at a corner must be nearer to be in front
+    most: int = 8  # edges a picture, so that no crowded one outweighs the others
+    most_across: int = 4  # pairs a picture with an end on each of two faces
+
+    def __post_init__(self) -> None:
+        if self.inset_px < 0 or self.most < 1 or self.most_across < 0:
+            raise ValueRangeError(
+                "pairs need inset_px >= 0, most >= 1 and most_across >= 0, got "
+                f"{self.inset_px}, {self.most}, {self.most_across}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointPairs:
+    """Pixels, column and row, of N pairs."""
+
+    first: Indices  # (N, 2)
+    second: Indices  # (N, 2)
+    across: NDArray[np.bool_]  # (N,) the two are on different faces; else they span an edge
+
+    def __len__(self) -> int:
+        return len(self.across)
+
+
+def pick_pairs(
+    ids: NDArray[np.uint8],
+    depth_m: Floats,
+    camera: CameraModel,
+    generator: np.random.Generator,
+    config: PairConfig | None = None,
+) -> PointPairs:
+    """Pick pairs in one picture.
+
+    Args:
+        ids: (H, W) exact class ids.
+        depth_m: (H, W) exact depth along the optical axis.
+        camera: intrinsics at that size.
+        generator: chooses where there are more pairs than wanted, and the pairs across faces.
+        config: what is visible well enough.
+
+    Raises:
+        ShapeError: the sizes differ.
+    """
+    config = config or PairConfig()
+    _check_size(ids, depth_m, camera)
+    edges: list[NDArray[np.intp]] = []
+    corners: list[NDArray[np.intp]] = []
+    for face in _faces(ids, config):
+        outline = _polygon(face, config)
+        if len(outline) < _LEAST_CORNERS:
+            continue
+        good = np.array([_picked(corner, face, ids, depth_m, config) for corner in outline])
+        if not good.any():
+            continue
+        corners.append(outline[good])
+        following, follows_good = np.roll(outline, -1, axis=0), np.roll(good, -1)
+        edges.extend(np.stack([outline, following], axis=1)[good & follows_good])
+    spans = np.array(edges, dtype=np.intp).reshape(-1, 2, 2)
+    spans = spans[_long_enough(spans, depth_m, camera, config)]
+    spans = generator.permutation(spans)[: config.most]
+    across = _across(corners, generator, config.most_across)
+    pairs = np.concatenate([spans, across])
+    return PointPairs(
+        first=pairs[:, 0],
+        second=pairs[:, 1],
+        across=np.arange(len(pairs)) >= len(spans),
+    )
+
+
+def _check_size(ids: NDArray[np.uint8], depth_m: Floats, camera: CameraModel) -> None:
+    size = (camera.height_px, camera.width_px)
+    for name, array in (("class map", ids), ("depth map", depth_m)):
+        if array.shape != size:
+            expected = f"{size[0]}x{size[1]}, as the camera"
+            raise ShapeError(name, expected=expected, actual=array.shape)
+
+
+def _faces(ids: NDArray[np.uint8], config: PairConfig) -> Iterator[Mask]:
+    """Give every connected region of one obstacle's class, less its rim."""
+    for obstacle in OBSTACLES:
+        mask = (ids == obstacle).astype(np.uint8)
+        if np.count_nonzero(mask) < config.least_area_px:
+            continue
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+        for label in range(1, count):
+            if stats[label, cv2.CC_STAT_AREA] >= config.least_area_px:
+                yield _less_rim((labels == label).astype(np.uint8), config.inset_px)
+
+
+def _less_rim(mask: Mask, inset_px: int) -> Mask:
+    if inset_px == 0:
+        return mask
+    # The image's border is no rim: the face goes on behind it.
+    padded = cv2.copyMakeBorder(mask, *(4 * (inset_px,)), cv2.BORDER_REPLICATE)
+    square = np.ones((2 * inset_px + 1, 2 * inset_px + 1), dtype=np.uint8)
+    core = cv2.erode(padded, square)[inset_px:-inset_px, inset_px:-inset_px]
+    return np.asarray(core, dtype=np.uint8)
+
+
+def _polygon(face: Mask, config: PairConfig) -> Indices:
+    """Return the corners of a face's largest part in order, (N, 2) column and row."""
+    outlines, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not outlines:
+        return np.empty((0, 2), dtype=np.intp)
+    largest = max(outlines, key=len)
+    polygon = cv2.approxPolyDP(largest, config.simplify_px, closed=True)
+    return polygon.reshape(-1, 2).astype(np.intp)
+
+
+def _picked(
+    corner: Indices, face: Mask, ids: NDArray[np.uint8], depth_m: Floats, config: PairConfig
+) -> bool:
+    """Return whether a corner is the obstacle's own."""
+    column, row = int(corner[0]), int(corner[1])
+    reach = config.inset_px + 1
+    height, width = ids.shape
+    if not (reach <= column < width - reach and reach <= row < height - reach):
+        return False
+    reach += 1
+    window = np.s_[
+        max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1
+    ]
+    # The carpet before a base is nearer, and hides nothing.
+    others = (ids[window] > CARPET) & (ids[window] != ids[row, column]) & (face[window] == 0)
+    return not bool(np.any(others & (depth_m[window] < depth_m[row, column] - config.occluder_m)))
+
+
+def _long_enough(
+    spans: Indices, depth_m: Floats, camera: CameraModel, config: PairConfig
+) -> NDArray[np.bool_]:
+    length_px = np.linalg.norm((spans[:, 0] - spans[:, 1]).astype(np.float64), axis=1)
+    ends = [_points(depth_m, spans[:, end], camera, 1) for end in (0, 1)]
+    length_m = np.linalg.norm(ends[0] - ends[1], axis=1)
+    long_enough = (length_px >= config.least_length_px) & (length_m >= config.least_length_m)
+    return np.asarray(long_enough, dtype=np.bool_)
+
+
+def _across(corners: list[Indices], generator: np.random.Generator, most: int) -> Indices:
+    pairs = []
+    if len(corners) > 1:
+        for _ in range(most):
+            faces = generator.choice(len(corners), size=2, replace=False)
+            pairs.append([generator.choice(corners[face]) for face in faces])
+    return np.array(pairs, dtype=np.intp).reshape(-1, 2, 2)
+
+
+# --- what a depth map says ------------------------------------------------------------------------
+
+
+def pair_distances(
+    depth_m: Floats, pairs: PointPairs, camera: CameraModel, *, patch_px: int = 1
+) -> NDArray[np.float64]:
+    """Return the distances in space between the two points of each pair, (N,) metres.
+
+    Args:
+        depth_m: (H, W) along the optical axis; NaN where unknown.
+        pairs: pixels of that map.
+        camera: intrinsics at that size.
+        patch_px: the depth at a pixel is the median of a square of that side around it.
+
+    Returns:
+        NaN where one of the depths is unknown.
+
+    Raises:
+        ShapeError: the map is not of the camera's size.
+        ValueRangeError: the patch's side is not odd and positive.
+    """
+    if depth_m.shape != (camera.height_px, camera.width_px):
+        expected = f"{camera.height_px}x{camera.width_px}, as the camera"
+        raise ShapeError("depth map", expected=expected, actual=depth_m.shape)
+    ends = [_points(depth_m, pixels, camera, patch_px) for pixels in (pairs.first, pairs.second)]
+    return np.asarray(np.linalg.norm(ends[0] - ends[1], axis=1))
+
+
+def _points(
+    depth_m: Floats, pixels: Indices, camera: CameraModel, patch_px: int
+) -> NDArray[np.float64]:
+    """Return points in the camera's frame, (N, 3)."""
+    depth = patch_depths(depth_m, pixels, patch_px)
+    x = (pixels[:, 0] - camera.cx_px) / camera.fx_px
+    y = (pixels[:, 1] - camera.cy_px) / camera.fy_px
+    return np.stack([x * depth, y * depth, depth], axis=1)
+
+
+def patch_depths(depth_m: Floats, pixels: Indices, patch_px: int = 1) -> NDArray[np.float64]:
+    """Return the median depth around pixels, (N,).
+
+    A patch smooths what is known: where a pixel's own depth is not, neither is its patch's, which
+    would be that of other things beside it.
+
+    Args:
+        depth_m: (H, W); NaN where unknown, which the median leaves out.
+        pixels: (N, 2) column and row.
+        patch_px: odd side of the square; parts outside the image are left out.
+
+    Raises:
+        ValueRangeError: the side is not odd and positive.
+    """
+    if patch_px < 1 or patch_px % 2 == 0:
+        raise ValueRangeError(f"a patch needs an odd, positive side, got {patch_px}")
+    reach = patch_px // 2
+    padded = np.pad(depth_m.astype(np.float64), reach, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (patch_px, patch_px))
+    patches = windows[pixels[:, 1], pixels[:, 0]].reshape(len(pixels), patch_px * patch_px)
+    medians = np.full(len(pixels), np.nan)
+    known = np.isfinite(depth_m[pixels[:, 1], pixels[:, 0]])
+    medians[known] = np.nanmedian(patches[known], axis=1)
+    return medians

@@ -1,0 +1,112 @@
+"""How good a depth map is: relative error after median scaling, and metres with the carpet's scale.
+
+The measures are those of the field (Eigen et al., arXiv 1406.2283). What counts here is what a
+drone could hit: obstacles and carpet within reach; each is measured for itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.classes import CLASS_TO_GROUP, GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
+from uav_bt.errors import ShapeError, ValueRangeError
+
+__all__ = ["DepthSample", "DepthScore", "score_depth"]
+
+_NEAREST_M, _FURTHEST_M = 0.3, 5.0  # the paper's range of distances
+_LEAST_CARPET = 50  # pixels; with fewer there is no scale
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthSample:
+    """One prediction beside the truth, all maps of one size."""
+
+    predicted: NDArray[np.float32]  # (H, W) along the optical axis, any unit
+    truth_m: NDArray[np.float32]  # (H, W)
+    ids: NDArray[np.uint8]  # (H, W) exact class ids
+    ground_m: NDArray[np.float32]  # (H, W) depth of the ground plane, NaN above the horizon
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthScore:
+    """Means over pictures. "Relative": after scaling by the picture's median."""
+
+    pictures: int
+    abs_rel: float  # relative, of all pixels but the background's within reach
+    delta_1: float  # relative, share of those within a quarter of the truth
+    obstacle_abs_rel: float  # relative, of obstacles within reach
+    carpet_abs_rel: float  # relative, of the carpet within reach
+    obstacle_error_m: float  # with the carpet's scale, mean of obstacles within reach
+    obstacle_median_m: float  # likewise, mean over pictures of the median error
+    carpet_error_m: float  # likewise, of the carpet
+    metric_error_m: float  # as it is, taken for metres: obstacles and carpet; of metric networks
+
+
+def score_depth(samples: Iterable[DepthSample]) -> DepthScore:
+    """Score predictions.
+
+    Raises:
+        ShapeError: maps of one sample differ in size.
+        ValueRangeError: there is nothing to score, or a prediction is not positive and finite.
+    """
+    rows = [_score_one(sample) for sample in samples]
+    if not rows:
+        raise ValueRangeError("there are no pictures to score depth on")
+    # A picture without obstacles, say, has no error of obstacles.
+    table = np.array(rows, dtype=np.float64)
+    counts = np.isfinite(table).sum(axis=0)
+    sums = np.nansum(table, axis=0)
+    means = [float(s / c) if c else float("nan") for s, c in zip(sums, counts, strict=True)]
+    return DepthScore(
+        pictures=len(rows),
+        abs_rel=means[0],
+        delta_1=means[1],
+        obstacle_abs_rel=means[2],
+        carpet_abs_rel=means[3],
+        obstacle_error_m=means[4],
+        obstacle_median_m=means[5],
+        carpet_error_m=means[6],
+        metric_error_m=means[7],
+    )
+
+
+def _score_one(sample: DepthSample) -> tuple[float, ...]:
+    predicted, truth = sample.predicted.astype(np.float64), sample.truth_m.astype(np.float64)
+    for other in (truth, sample.ids, sample.ground_m):
+        if other.shape != predicted.shape:
+            expected = "x".join(map(str, predicted.shape))
+            raise ShapeError("the maps of a sample", expected=expected, actual=other.shape)
+    if not (np.isfinite(predicted).all() and (predicted > 0.0).all()):
+        raise ValueRangeError("a predicted depth must be positive and finite everywhere")
+    groups = CLASS_TO_GROUP[sample.ids]
+    near = (truth >= _NEAREST_M) & (truth <= _FURTHEST_M)
+    things = near & (groups != GROUP_BACKGROUND)
+    obstacle, carpet = near & (groups == GROUP_OBSTACLE), near & (groups == GROUP_CARPET)
+    if not things.any():
+        return (float("nan"),) * 8
+    scaled = predicted * np.median(truth[things] / predicted[things])
+    relative = np.abs(scaled - truth) / truth
+    ratio = np.maximum(scaled / truth, truth / scaled)
+    metric = np.full_like(truth, np.nan)
+    seen = carpet & np.isfinite(sample.ground_m)
+    if np.count_nonzero(seen) >= _LEAST_CARPET:
+        metric = predicted * np.median(sample.ground_m[seen] / predicted[seen])
+    error_m = np.abs(metric - truth)
+    return (
+        _mean(relative[things]),
+        _mean((ratio < 1.25)[things]),
+        _mean(relative[obstacle]),
+        _mean(relative[carpet]),
+        _mean(error_m[obstacle]),
+        float(np.median(error_m[obstacle])) if obstacle.any() else float("nan"),
+        _mean(error_m[carpet]),
+        _mean(np.abs(predicted - truth)[obstacle | carpet]),
+    )
+
+
+def _mean(values: NDArray[np.generic]) -> float:
+    return float(values.mean()) if values.size else float("nan")

@@ -1,0 +1,260 @@
+"""Depth labels for a flight's frames, without any truth: masks, telemetry and geometry.
+
+Two sources complete each other: things are as far away as the carpet they stand on, seen now or a
+while ago (`perception.depth.contact.depth`), and what passes close by, its base out of the image,
+moves most from frame to frame (`perception.depth.training.parallax`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.ground_plane import view_of
+from perception.depth.contact.depth import footing_depth
+from perception.depth.contact.panorama import Unroller
+from perception.depth.metric import remembered_bases
+from perception.depth.training.clips import DepthLabels
+from perception.depth.training.parallax import Parallax, ParallaxConfig
+from perception.footage.file import (
+    FOOTAGE_SIZE_PX,
+    Footage,
+    FootageTruth,
+    read_arrays,
+    write_arrays,
+)
+from perception.obstacles.memory import ObstacleMemory
+from perception.odometry.camera_track import CameraTrack, camera_track, measured_motion
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.protocols import Segmenter
+from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
+
+__all__ = [
+    "LABEL_SIZE_PX",
+    "LabelConfig",
+    "add_parallax",
+    "exact_labels",
+    "footing_labels",
+    "frames_of",
+    "read_labels",
+    "write_labels",
+]
+
+LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
+
+_KIND: Final = "uav-bt-depth-labels-1"
+
+Image = NDArray[np.uint8]
+Advance = Callable[[int, int], None]
+"""Told frames done and in all."""
+
+
+def _silent(_done: int, _total: int) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelConfig:
+    """Which frames are labelled, and from which others."""
+
+    least_height_m: float = 0.8  # above the carpet; the ground before take-off teaches nothing
+    every: int = 3  # frames; neighbours look alike, and dense flow is slow
+    others: int = 4  # frames that parallax is measured against
+    least_move_m: float = 0.04  # of the camera, to such a frame
+    most_move_m: float = 0.3
+    most_turn_rad: float = 0.45  # half of the picture's width still overlaps
+    most_apart_s: float = 2.0  # integrated velocity drifts
+    # Of the bound that masks give: a flow that says more is wrong. The slack is the height's.
+    bound_slack: float = 1.1
+    parallax: ParallaxConfig = field(default_factory=ParallaxConfig)
+
+    def __post_init__(self) -> None:
+        if self.every < 1 or self.others < 1:
+            raise ValueRangeError(
+                f"every and others must be positive, got {self.every} and {self.others}"
+            )
+
+
+def frames_of(footage: Footage) -> Iterator[Frame]:
+    """Give the frames of a footage file back as the drone sent them, but for their size."""
+    for place in range(len(footage)):
+        roll, pitch, yaw = (float(angle) for angle in footage.attitude_rad[place])
+        yield Frame(
+            image=footage.frames[place],
+            index=int(footage.index[place]),
+            captured_s=float(footage.captured_s[place]),
+            gimbal_pitch_rad=float(footage.gimbal_pitch_rad[place]),
+            attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
+            altitude_m=float(footage.altitude_m[place]),
+            height_m=float(footage.height_m[place]),
+            height_above_carpet_m=float(footage.height_above_carpet_m[place]),
+        )
+
+
+def _states_of(footage: Footage) -> Iterator[DroneState]:
+    """Give the telemetry back as the drone sent it."""
+    for place in range(len(footage.state_s)):
+        roll, pitch, yaw = (float(angle) for angle in footage.state_attitude_rad[place])
+        forward, right, down = (float(speed) for speed in footage.velocity_mps[place])
+        yield DroneState(
+            captured_s=float(footage.state_s[place]),
+            flying=FlyingState.FLYING,
+            attitude=Attitude(roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw),
+            velocity=BodyVelocity(forward_mps=forward, right_mps=right, down_mps=down),
+        )
+
+
+def footing_labels(
+    footage: Footage,
+    segmenter: Segmenter,
+    config: LabelConfig | None = None,
+    *,
+    advance: Advance = _silent,
+) -> DepthLabels:
+    """Label a flight from a network's masks and from what things stand on.
+
+    Args:
+        footage: one flight.
+        segmenter: gives the masks.
+        config: which frames are labelled.
+        advance: told after every frame.
+    """
+    config = config or LabelConfig()
+    width, height = LABEL_SIZE_PX
+    depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
+    bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
+    memory, unroller = ObstacleMemory(), Unroller()
+    states = _states_of(footage)
+    state = next(states)
+    memory.predict(state)
+    for place, frame in enumerate(frames_of(footage)):
+        while state.captured_s < frame.captured_s and (later := next(states, None)) is not None:
+            state = later
+            memory.predict(state)
+        if frame.height_above_carpet_m >= config.least_height_m:
+            class_map = segmenter.segment(frame)
+            view = view_of(frame, footage.camera, class_map.ids.shape[::-1])
+            # What stands too near for its base to be seen was seen from further away.
+            remembered = remembered_bases(memory.points(), state, frame, footage.camera)
+            memory.update(class_map, frame, view.camera)
+            if place % config.every == 0:
+                known = footing_depth(class_map.ids, view, unroller=unroller, remembered=remembered)
+                depth[place], bound[place] = _small(known.depth), _small(known.at_most)
+        advance(place + 1, len(footage))
+    return DepthLabels(depth_m=depth, at_most_m=bound)
+
+
+def add_parallax(
+    footage: Footage,
+    labels: DepthLabels,
+    config: LabelConfig | None = None,
+    *,
+    advance: Advance = _silent,
+) -> DepthLabels:
+    """Label what is left without from the movement between frames.
+
+    Args:
+        footage: one flight.
+        labels: its labels so far; they stay as they are.
+        config: which frames are labelled, and from which others.
+        advance: told after every frame.
+
+    Raises:
+        ShapeError: the labels are of another flight.
+    """
+    if len(labels.depth_m) != len(footage):
+        raise ShapeError(
+            "depth labels", expected=f"{len(footage)}xHxW", actual=labels.depth_m.shape
+        )
+    config = config or LabelConfig()
+    track = camera_track(footage)
+    depth = labels.depth_m.copy()
+    aloft = footage.height_above_carpet_m >= config.least_height_m
+    for place in range(len(footage)):
+        if aloft[place] and place % config.every == 0:
+            found = _small(_parallax_of(footage, track, place, config))
+            wanted = np.isnan(depth[place]) & np.isfinite(found)
+            if labels.at_most_m is not None:
+                wanted &= found <= config.bound_slack * labels.at_most_m[place]
+            depth[place][wanted] = found[wanted]
+        advance(place + 1, len(footage))
+    return DepthLabels(depth_m=depth, at_most_m=labels.at_most_m)
+
+
+def exact_labels(footage: Footage, truth: FootageTruth) -> DepthLabels:
+    """Label a flight with a simulator's exact depth: the upper bound to compare with.
+
+    Raises:
+        ValueRangeError: the truth is about other frames.
+    """
+    if not np.array_equal(footage.index, truth.index):
+        raise ValueRangeError("the truth is about other frames than the footage; fly both anew")
+    depth = [_small(exact.astype(np.float32)) for exact in truth.depth_m]
+    return DepthLabels(depth_m=np.stack(depth).astype(np.float16))
+
+
+def write_labels(path: Path, labels: DepthLabels) -> None:
+    """Write a flight's labels, compressed."""
+    bound = {} if labels.at_most_m is None else {"at_most_m": labels.at_most_m}
+    write_arrays(path, _KIND, {"depth_m": labels.depth_m, **bound}, compressed=True)
+
+
+def read_labels(path: Path) -> DepthLabels:
+    """Read a flight's labels.
+
+    Raises:
+        FileError: the file is absent, damaged or something else.
+    """
+    cure = "delete the file to have it made anew"
+    arrays = read_arrays(path, _KIND, cure=cure)
+    try:
+        return DepthLabels(depth_m=arrays["depth_m"], at_most_m=arrays.get("at_most_m"))
+    except (KeyError, ShapeError) as error:
+        raise FileError(path, f"holds no whole labels ({error}); {cure}") from error
+
+
+def _parallax_of(
+    footage: Footage, track: CameraTrack, place: int, config: LabelConfig
+) -> NDArray[np.float32]:
+    work = Parallax(_grey(footage, place), footage.camera, config.parallax)
+    for other in _beside(footage, track, place, config):
+        motion = measured_motion(footage, track, place, int(other))
+        if motion is not None:  # telemetry alone is not good enough for this
+            work.add(_grey(footage, int(other)), motion)
+    return work.depth()
+
+
+def _beside(
+    footage: Footage, track: CameraTrack, place: int, config: LabelConfig
+) -> NDArray[np.intp]:
+    """Return frames to measure parallax against, spread over those that may serve."""
+    moved_m = np.linalg.norm(track.position_m - track.position_m[place], axis=1)
+    cosine = track.rotation[:, :, 2] @ track.rotation[place, :, 2]
+    apart_s = np.abs(footage.captured_s - footage.captured_s[place])
+    fit = np.flatnonzero(
+        (moved_m >= config.least_move_m)
+        & (moved_m <= config.most_move_m)
+        & (cosine >= np.cos(config.most_turn_rad))
+        & (apart_s <= config.most_apart_s)
+    )
+    if len(fit) <= config.others:
+        return fit
+    spread = np.linspace(0, len(fit) - 1, config.others).astype(np.intp)
+    return np.asarray(fit[spread], dtype=np.intp)
+
+
+def _grey(footage: Footage, place: int) -> Image:
+    return np.asarray(cv2.cvtColor(footage.frames[place], cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+
+
+def _small(map_: NDArray[np.float32]) -> NDArray[np.float32]:
+    small = cv2.resize(
+        np.asarray(map_, dtype=np.float32), LABEL_SIZE_PX, interpolation=cv2.INTER_NEAREST_EXACT
+    )
+    return np.asarray(small, dtype=np.float32)

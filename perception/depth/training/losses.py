@@ -1,0 +1,162 @@
+"""What self-supervised depth minimises: the terms of SC-Depth, written afresh from its papers.
+
+Bian et al., "Unsupervised scale-consistent depth and ego-motion learning from monocular video"
+(arXiv 1908.10553) and its successors: photometric and geometric consistency between frames, masks
+for pixels that break the assumptions, and smoothness where the picture is smooth. Beside them: the
+distance to labels, where there are some.
+
+Importing this module imports torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from perception.depth.training.warping import warp
+
+__all__ = [
+    "ConsistencyMaps",
+    "best_of",
+    "consistency_maps",
+    "label_loss",
+    "masked_mean",
+    "photometric_error",
+    "smoothness_loss",
+]
+
+_SSIM_SHARE: Final = 0.85
+_C1, _C2 = 0.01**2, 0.03**2  # Wang et al. (2004), for values from 0 to 1
+_LEAST_PIXELS: Final = 100.0  # a mask with fewer says nothing; its mean is drawn towards nought
+
+
+def photometric_error(first: Tensor, second: Tensor) -> Tensor:
+    """Return 0.15 L1 + 0.85 (1 - SSIM) / 2, channel mean.
+
+    Args:
+        first: (N, 3, H, W), 0 to 1.
+        second: (N, 3, H, W), 0 to 1.
+
+    Returns:
+        (N, 1, H, W), 0 to 1.
+    """
+    difference = (first - second).abs().clamp(max=1.0)
+    error = (1.0 - _SSIM_SHARE) * difference + _SSIM_SHARE * _dissimilarity(first, second)
+    return error.mean(dim=1, keepdim=True)
+
+
+def _dissimilarity(first: Tensor, second: Tensor) -> Tensor:
+    # One pooling of everything stacked is quicker than five.
+    stacked = torch.cat([first, second, first * first, second * second, first * second], dim=1)
+    padded = functional.pad(stacked, (1, 1, 1, 1), mode="reflect")
+    means = functional.avg_pool2d(padded, 3, stride=1)
+    mean_1, mean_2, square_1, square_2, product = means.chunk(5, dim=1)
+    variance_1 = square_1 - mean_1 * mean_1
+    variance_2 = square_2 - mean_2 * mean_2
+    covariance = product - mean_1 * mean_2
+    above = (2.0 * mean_1 * mean_2 + _C1) * (2.0 * covariance + _C2)
+    below = (mean_1**2 + mean_2**2 + _C1) * (variance_1 + variance_2 + _C2)
+    return ((1.0 - above / below) / 2.0).clamp(0.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsistencyMaps:
+    """How well a source picture explains a target picture, by pixel of the target."""
+
+    photometric: Tensor  # (N, 1, H, W), weighted by the geometric agreement
+    geometric: Tensor  # (N, 1, H, W), 0 (depths agree) to 1
+    mask: Tensor  # (N, 1, H, W) float, 1 where the pixel counts
+
+
+def consistency_maps(
+    target: Tensor,
+    source: Tensor,
+    depths: tuple[Tensor, Tensor],
+    motion: Tensor,
+    intrinsics: Tensor,
+) -> ConsistencyMaps:
+    """Compare a target with what the source shows of it.
+
+    A pixel counts where its point falls into the source's picture, and where warping explains it
+    better than no movement at all does (which leaves out what moves along, and flat colour).
+
+    Args:
+        target: (N, 3, H, W), 0 to 1.
+        source: (N, 3, H, W), 0 to 1.
+        depths: of target and source, (N, 1, H, W) each.
+        motion: (N, 3, 4), from the target camera's frame to the source camera's.
+        intrinsics: (N, 4): fx, fy, cx, cy.
+    """
+    target_depth, source_depth = depths
+    warped = warp(torch.cat([source, source_depth], dim=1), target_depth, motion, intrinsics)
+    seen, projected = warped.values[:, :3], warped.values[:, 3:]
+    geometric = (warped.depth - projected).abs() / (warped.depth + projected)
+    error = photometric_error(target, seen)
+    with torch.no_grad():
+        identity = photometric_error(target, source)
+        mask = (warped.valid & (error < identity)).to(error.dtype)
+        agreement = 1.0 - geometric
+    return ConsistencyMaps(photometric=error * agreement, geometric=geometric, mask=mask)
+
+
+def best_of(maps: Sequence[ConsistencyMaps]) -> ConsistencyMaps:
+    """Keep, pixel by pixel, the source that explains the target best.
+
+    Args:
+        maps: of the same target and several sources.
+    """
+    photometric = torch.stack([each.photometric for each in maps])
+    mask = torch.stack([each.mask for each in maps])
+    with torch.no_grad():
+        choice = (photometric + 2.0 * (1.0 - mask)).argmin(dim=0, keepdim=True)
+    geometric = torch.stack([each.geometric for each in maps])
+    return ConsistencyMaps(
+        photometric=photometric.gather(0, choice)[0],
+        geometric=geometric.gather(0, choice)[0],
+        mask=mask.gather(0, choice)[0],
+    )
+
+
+def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
+    """Return the mean where the mask is 1; a nearly empty mask gives nearly nought."""
+    return (values * mask).sum() / mask.sum().clamp(min=_LEAST_PIXELS)
+
+
+def smoothness_loss(depth: Tensor, image: Tensor) -> Tensor:
+    """Return the mean gradient of the mean-normalised depth, less where the picture has edges.
+
+    Args:
+        depth: (N, 1, H, W).
+        image: (N, 3, H, W), 0 to 1.
+    """
+    level = depth / depth.mean(dim=(2, 3), keepdim=True).clamp(min=1e-7)
+    loss = depth.new_zeros(())
+    for axis in (2, 3):
+        edges = image.diff(dim=axis).abs().mean(dim=1, keepdim=True)
+        loss = loss + (level.diff(dim=axis).abs() * torch.exp(-edges)).mean()
+    return loss
+
+
+def label_loss(depth: Tensor, label: Tensor, at_most: Tensor | None = None) -> Tensor:
+    """Return the mean distance of log depth to the labels, robust to wrong ones (L1).
+
+    Args:
+        depth: (N, 1, H, W), positive.
+        label: (N, 1, H, W); NaN where nobody knows.
+        at_most: (N, 1, H, W) upper bound, inf without one; None where there are no bounds at all.
+    """
+    known = torch.isfinite(label)
+    log_depth = depth.log()
+    distance = (log_depth - label.where(known, depth.detach()).log()).abs()
+    loss = masked_mean(distance, known.to(depth.dtype))
+    if at_most is not None:
+        # Only where there is no label: there, the label says more.
+        bounded = torch.isfinite(at_most) & ~known
+        excess = functional.relu(log_depth - at_most.where(bounded, depth.detach()).log())
+        loss = loss + masked_mean(excess, bounded.to(depth.dtype))
+    return loss

@@ -1,0 +1,185 @@
+"""Depth labels from the camera's own movement: dense optical flow, triangulated.
+
+What geometry on masks cannot know, a box whose base is out of the image, is just what moves most
+from frame to frame. Between frames whose movement is known exactly
+(`perception.odometry.planar_flow`), the flow of a pixel gives its depth:
+
+    flowed pixel = (ray d + t) projected
+
+with t the movement in the frame's own directions, which is linear in the depth d, once for columns
+and once for rows. Several frames are added up in
+least squares, and what does not fit all of them, or moved too little, is left unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ShapeError
+from uav_bt.types import CameraModel
+
+__all__ = ["Parallax", "ParallaxConfig", "parallax_depth"]
+
+Floats = NDArray[np.float64]
+Map = NDArray[np.float32]
+Image = NDArray[np.uint8]
+
+_OUTSIDE = 1e3  # px, a flow that closes no loop
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParallaxConfig:
+    """What is believed of a flow."""
+
+    least_views: int = 2  # beside the frame itself, so that a wrong flow is found out
+    least_parallax_px: float = 6.0  # root sum square; an error of half a pixel is 8 % of it
+    most_misfit_px: float = 0.7  # root mean square of what the depth does not explain
+    most_loop_px: float = 0.8  # there and back again
+    nearest_m: float = 0.2
+    furthest_m: float = 4.0  # beyond, parallax is too small and footings are seen anyway
+
+
+class Parallax:
+    """Depth of one frame from its flow to others."""
+
+    def __init__(
+        self, grey: Image, camera: CameraModel, config: ParallaxConfig | None = None
+    ) -> None:
+        """Begin with nothing.
+
+        Args:
+            grey: (H, W), the frame.
+            camera: of all frames, at their size.
+            config: what is believed.
+
+        Raises:
+            ShapeError: the frame is of another size than the camera's.
+        """
+        if grey.shape != (camera.height_px, camera.width_px):
+            expected = f"{camera.height_px}x{camera.width_px}, as its camera"
+            raise ShapeError("frame", expected=expected, actual=grey.shape)
+        self._config = config or ParallaxConfig()
+        self._grey = grey
+        self._camera = camera
+        self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+        columns, rows = np.meshgrid(
+            np.arange(camera.width_px, dtype=np.float32),
+            np.arange(camera.height_px, dtype=np.float32),
+        )
+        self._pixels = np.stack([columns, rows], axis=2)
+        self._rays = np.stack(
+            [(columns - camera.cx_px) / camera.fx_px, (rows - camera.cy_px) / camera.fy_px]
+        )
+        # Sums over views of the least-squares problem slope * depth = shift, in pixels.
+        self._slope_sq = np.zeros(grey.shape, np.float64)
+        self._product = np.zeros(grey.shape, np.float64)
+        self._terms: list[tuple[NDArray[np.bool_], Floats, Floats]] = []
+
+    def add(self, grey: Image, motion: Floats) -> None:
+        """Take another frame in.
+
+        Args:
+            grey: (H, W), the other frame.
+            motion: (3, 4), how points move from the frame's camera to the other's, metres.
+        """
+        # Turned as this frame is, the other shows nothing but parallax: flows stay short.
+        turn = motion[:, :3]
+        other, seen = self._turned(grey, turn)
+        there = np.asarray(self._flow.calc(self._grey, other, self._nothing()), np.float32)
+        back = np.asarray(self._flow.calc(other, self._grey, self._nothing()), np.float32)
+        landed = self._pixels + there
+        returned = np.asarray(
+            cv2.remap(
+                *(back, landed[..., 0], landed[..., 1], cv2.INTER_LINEAR),
+                borderMode=cv2.BORDER_CONSTANT,
+                borderValue=(_OUTSIDE, _OUTSIDE),
+            )
+        )
+        loop = np.hypot(*np.moveaxis(there + returned, 2, 0))
+        inside = cv2.remap(
+            *(seen, landed[..., 0], landed[..., 1], cv2.INTER_NEAREST),
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=(0,),
+        )
+        x = (landed[..., 0] - self._camera.cx_px) / self._camera.fx_px
+        y = (landed[..., 1] - self._camera.cy_px) / self._camera.fy_px
+        t = turn.T @ motion[:, 3]
+        fx, fy = self._camera.fx_px, self._camera.fy_px
+        # In pixels of the other frame once divided by the depth there, which `depth` does.
+        slope = np.stack([fx * (self._rays[0] - x), fy * (self._rays[1] - y)])
+        shift = np.stack([fx * (x * t[2] - t[0]), fy * (y * t[2] - t[1])])
+        good = (loop < self._config.most_loop_px) & (np.asarray(inside) > 0)
+        self._terms.append((good, slope, shift))
+        self._slope_sq += good * (slope**2).sum(axis=0)
+        self._product += good * (slope * shift).sum(axis=0)
+
+    def _turned(self, grey: Image, turn: Floats) -> tuple[Image, Image]:
+        """Return another frame as it looks from its place in this frame's directions."""
+        camera = self._camera
+        matrix = np.array(
+            [
+                [camera.fx_px, 0.0, camera.cx_px],
+                [0.0, camera.fy_px, camera.cy_px],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        homography = matrix @ turn @ np.linalg.inv(matrix)
+        size = (camera.width_px, camera.height_px)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        other = cv2.warpPerspective(grey, homography, size, flags=flags)
+        seen = cv2.warpPerspective(np.full_like(grey, 255), homography, size, flags=flags)
+        return np.asarray(other, np.uint8), np.asarray(seen == 255, np.uint8)
+
+    def _nothing(self) -> Map:
+        return np.zeros((*self._grey.shape, 2), np.float32)
+
+    def depth(self) -> Map:
+        """Return the depth along the optical axis, (H, W) metres; NaN where it is not known."""
+        config = self._config
+        views = np.zeros(self._grey.shape, np.intp)
+        misfit = np.zeros(self._grey.shape)
+        parallax = np.zeros(self._grey.shape)
+        solvable = self._slope_sq > 0.0
+        depth = self._product / np.where(solvable, self._slope_sq, 1.0)
+        within = solvable & (depth >= config.nearest_m) & (depth <= config.furthest_m)
+        depth = np.where(within, depth, config.furthest_m)  # a stand-in that divides well
+        for good, slope, shift in self._terms:
+            views += good
+            # Pixels, to first order: the depth in the other frame is nearly the same.
+            misfit += good * ((slope - shift / depth) ** 2).sum(axis=0)
+            parallax += good * ((shift / depth) ** 2).sum(axis=0)
+        known = (
+            within
+            & (views >= config.least_views)
+            & (parallax >= config.least_parallax_px**2)
+            & (misfit <= np.maximum(views, 1) * config.most_misfit_px**2)
+        )
+        return np.where(known, depth, np.nan).astype(np.float32)
+
+
+def parallax_depth(
+    grey: Image,
+    others: Iterable[tuple[Image, Floats]],
+    camera: CameraModel,
+    config: ParallaxConfig | None = None,
+) -> Map:
+    """Return the depth of a frame from others and the movements to them.
+
+    Args:
+        grey: (H, W), the frame.
+        others: frames (H, W) and movements (3, 4) from the frame's camera to theirs.
+        camera: of all of them.
+        config: what is believed.
+
+    Returns:
+        (H, W) metres along the optical axis; NaN where it is not known.
+    """
+    parallax = Parallax(grey, camera, config)
+    for other, motion in others:
+        parallax.add(other, motion)
+    return parallax.depth()

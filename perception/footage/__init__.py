@@ -1,0 +1,1 @@
+"""Frames with telemetry, as training takes them."""

@@ -1,0 +1,1 @@
+"""The landing mark: detection and tracking."""

@@ -1,0 +1,141 @@
+"""Carry the helipad's position through frames that miss it.
+
+The pad stands still, so a Kalman filter with a constant state in a dead-reckoned frame does it: the
+odometry integrates the drone's own velocity and yaw, detections are placed at the pose their frame
+was captured at (video is late), and the fix is read relative to the pose of now.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from perception.odometry.dead_reckoning import Odometry, OdometryPose
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import DroneState, HelipadFix
+
+__all__ = ["HelipadTracker", "HelipadTrackerConfig", "Odometry", "OdometryPose"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HelipadTrackerConfig:
+    """Noise model of the filter."""
+
+    bearing_std_rad: float = 0.02  # about 3 pixels of a 224-wide class map
+    range_std_ratio: float = 0.06  # of the range: a pixel of elevation weighs more far away
+    floor_std_m: float = 0.03  # close up, the centroid of the H is this good
+    doubt_std_m: float = 0.3  # of a detection with confidence 0; in proportion in between
+    drift_std_mps: float = 0.05  # dead reckoning's error growth while the pad is unseen
+    gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
+    rejections_to_restart: int = 5  # so many outliers in a row mean that the track is wrong
+
+
+class HelipadTracker:
+    """Fuses detections into one position of the pad."""
+
+    def __init__(self, config: HelipadTrackerConfig | None = None) -> None:
+        self._config = config or HelipadTrackerConfig()
+        self._odometry = Odometry()
+        self._filter: KalmanFilter | None = None
+        self._filter_time_s = 0.0
+        self._seen_s = -math.inf
+        self._confidence = 0.0
+        self._rejected = 0
+
+    def predict(self, state: DroneState) -> None:
+        """Follow the drone's own motion up to a telemetry sample."""
+        pose = self._odometry.update(state)
+        if self._filter is not None:
+            dt = max(0.0, pose.time_s - self._filter_time_s)
+            self._filter.predict(Q=np.eye(2) * (self._config.drift_std_mps**2 * dt))
+        self._filter_time_s = pose.time_s
+
+    def update(
+        self, forward_m: float, right_m: float, *, captured_s: float, confidence: float
+    ) -> bool:
+        """Take in a detection.
+
+        Args:
+            forward_m: ahead of the body's centre when the frame was captured, level.
+            right_m: to its right.
+            captured_s: when that was.
+            confidence: 0 to 1; the less, the less the detection moves the track.
+
+        Returns:
+            False when the detection was rejected as an outlier (or came before any telemetry).
+
+        Raises:
+            ValueRangeError: a number is not finite, or the confidence is not within 0 and 1.
+        """
+        finite = all(map(math.isfinite, (forward_m, right_m, captured_s)))
+        if not finite or not 0.0 <= confidence <= 1.0:
+            raise ValueRangeError(
+                "a detection must be finite and its confidence within 0 and 1, got "
+                f"({forward_m}, {right_m}) m at {captured_s} s, confidence {confidence}"
+            )
+        pose = self._odometry.at(captured_s)
+        if pose is None:
+            return False
+        measurement = np.array(pose.to_world(forward_m, right_m))
+        noise = self._measurement_noise(forward_m, right_m, pose.yaw_rad, confidence)
+        if self._filter is None or self._rejected >= self._config.rejections_to_restart:
+            self._start(measurement, noise)
+        elif self._distance(measurement, noise) > self._config.gate:
+            self._rejected += 1
+            return False
+        else:
+            self._filter.update(measurement, R=noise)
+        self._rejected = 0
+        self._seen_s = max(self._seen_s, captured_s)
+        self._confidence = confidence
+        return True
+
+    def fix(self, *, detected: bool) -> HelipadFix | None:
+        """Return the pad relative to the drone now, None before the first detection."""
+        pose = self._odometry.now
+        if self._filter is None or pose is None:
+            return None
+        forward_m, right_m = pose.to_body(*(float(v) for v in self._filter.x.ravel()))
+        return HelipadFix(
+            captured_s=self._seen_s,
+            forward_m=forward_m,
+            right_m=right_m,
+            detected=detected,
+            confidence=self._confidence,
+            std_m=float(np.sqrt(np.linalg.eigvalsh(self._filter.P)[-1])),
+        )
+
+    def forget(self) -> None:
+        """Drop the track; the odometry goes on."""
+        self._filter = None
+        self._seen_s = -math.inf
+        self._rejected = 0
+
+    def _start(self, measurement: np.ndarray, noise: np.ndarray) -> None:
+        kalman = KalmanFilter(dim_x=2, dim_z=2)
+        kalman.x = measurement.reshape(2, 1)
+        kalman.F = np.eye(2)
+        kalman.H = np.eye(2)
+        kalman.P = noise.copy()
+        self._filter = kalman
+
+    def _distance(self, measurement: np.ndarray, noise: np.ndarray) -> float:
+        residual = measurement - self._filter.x.ravel()  # type: ignore[union-attr]
+        covariance = self._filter.P + noise  # type: ignore[union-attr]
+        return float(residual @ np.linalg.solve(covariance, residual))
+
+    def _measurement_noise(
+        self, forward_m: float, right_m: float, yaw_rad: float, confidence: float
+    ) -> np.ndarray:
+        cfg = self._config
+        range_m = math.hypot(forward_m, right_m)
+        doubt = cfg.doubt_std_m * (1.0 - confidence)
+        along = math.hypot(doubt, max(cfg.floor_std_m, cfg.range_std_ratio * range_m))
+        across = math.hypot(doubt, max(cfg.floor_std_m, cfg.bearing_std_rad * range_m))
+        direction = yaw_rad + math.atan2(right_m, forward_m)
+        c, s = math.cos(direction), math.sin(direction)
+        rotation = np.array([[c, -s], [s, c]])
+        return np.asarray(rotation @ np.diag([along**2, across**2]) @ rotation.T)

@@ -1,0 +1,77 @@
+"""Weights files: safetensors with a JSON note, written whole or not at all, never pickle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from uav_bt.errors import WeightsError
+
+__all__ = ["SHIPPED_WEIGHTS", "read_weights", "write_weights"]
+
+SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
+"""The folder of the weights that come with the package."""
+
+
+def write_weights(
+    path: Path,
+    tensors: Mapping[str, NDArray[Any]],
+    *,
+    kind: str,
+    details: Mapping[str, Any],
+) -> None:
+    """Write arrays and a note.
+
+    Args:
+        path: the file; replaced in one step, so that a break leaves the old one.
+        tensors: arrays by name.
+        kind: what the weights are for; reading checks it.
+        details: anything JSON can hold.
+    """
+    content = save(
+        {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()},
+        metadata={"kind": kind, "details": json.dumps(details, sort_keys=True)},
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".part")
+    partial.write_bytes(content)
+    partial.replace(path)
+
+
+def read_weights(
+    path: Path, *, kind: str, cure: str
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Read arrays and the note.
+
+    Args:
+        path: the file.
+        kind: what the weights must be for.
+        cure: what to do when there are none, for the message.
+
+    Returns:
+        Arrays by name, and the details.
+
+    Raises:
+        WeightsError: the file is absent, damaged or of another kind.
+    """
+    if not path.is_file():
+        raise WeightsError(path, f"there are no weights here; {cure}")
+    try:
+        with safe_open(path, framework="numpy") as file:
+            note = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
+        details = json.loads(note.get("details", "{}"))
+    except (SafetensorError, OSError, ValueError) as error:
+        raise WeightsError(path, f"the weights are damaged ({error}); {cure}") from error
+    if note.get("kind") != kind:
+        raise WeightsError(
+            path, f"expected weights of kind '{kind}', got '{note.get('kind')}'; {cure}"
+        )
+    return tensors, details

@@ -1,0 +1,1 @@
+"""Obstacles: the safety corridor, and what is remembered."""

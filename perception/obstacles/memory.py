@@ -1,0 +1,217 @@
+"""Remember where obstacles stand after they have left the view.
+
+A forward-looking camera does not see what is beside the drone, nor the carpet nearer than about
+1.2 m. But a box stands still, and its base was seen from further away: the lowest obstacle pixel on
+a bearing meets the carpet there. Those points are kept in the dead-reckoned frame for a while, and
+forgotten where the carpet is seen again. What reaches down to the image's lower edge and is not
+explained by such a point has an unknown range: its bearing is reported apart, and for a while it is
+assumed to stand anywhere on that bearing. Where the carpet ends is remembered in the same way, and
+bearings on which it has ended already where the view begins are reported like those of obstacles.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.geometry import project
+from perception.landing.tracker import OdometryPose
+from perception.obstacles.contact_scan import find_bases
+from perception.odometry.visual import CarpetOdometry
+from uav_bt.classes import GROUP_CARPET, group_of
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
+
+__all__ = ["ObstacleMemory", "ObstacleMemoryConfig"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObstacleMemoryConfig:
+    """What is remembered, and for how long."""
+
+    max_age_s: float = 30.0  # dead reckoning has gone astray by a decimetre or so by then
+    # An obstacle of unknown range is assumed at each of these until carpet is seen there; not
+    # nearer than the first, where it would touch the body already.
+    assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
+    assumed_age_s: float = 10.0
+    edge_age_s: float = 60.0  # a decimetre matters less there
+    max_range_m: float = 3.0  # a pixel of the base's row weighs too much further away
+    cell_m: float = 0.05  # one point is kept in each cell
+    min_run: int = 4  # half degrees of obstacle above a base; fewer are specks of the mask
+    # A bearing is explained by a remembered base this near to it, not further than the carpet it
+    # hides plus this much.
+    explain_rad: float = 0.12
+    explain_m: float = 0.3
+    min_pitch_rad: float = -1.0  # looking further down, roofs are nearer than bases
+
+
+class _Kind(enum.IntEnum):
+    """What a remembered point is; the smaller stays where two fall into one cell."""
+
+    BASE = 0
+    EDGE = 1
+    ASSUMED = 2
+
+
+class ObstacleMemory:
+    """Collects bases, carries them along with the drone's own motion."""
+
+    def __init__(self, config: ObstacleMemoryConfig | None = None) -> None:
+        self._config = config or ObstacleMemoryConfig()
+        self._odometry = CarpetOdometry()
+        self._points = np.empty((0, 2))  # odometry frame
+        self._until_s = np.empty(0)
+        self._kinds = np.empty(0, dtype=np.int8)
+        self._newest_s = -np.inf
+        self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
+        self._unplaced_edges_rad = np.empty(0)
+
+    def predict(self, state: DroneState) -> None:
+        """Follow the drone's own motion up to a telemetry sample."""
+        now = self._odometry.predict(state)
+        if now is not None:
+            self._keep(self._until_s >= now.time_s)
+
+    def update(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
+        """Take in a class map.
+
+        Args:
+            class_map: made from `frame`.
+            frame: its telemetry places what is seen.
+            camera: intrinsics at the class map's size.
+        """
+        self._newest_s = frame.captured_s
+        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
+        self._odometry.see(class_map, frame, camera)
+        pose = self._odometry.at(frame.captured_s)
+        if pose is None or frame.gimbal_pitch_rad < self._config.min_pitch_rad:
+            return
+        groups = group_of(class_map.ids)
+        self._forget_where_carpet_shows(groups, pose, frame, camera)
+        cfg = self._config
+        bases = find_bases(
+            groups,
+            camera,
+            frame.gimbal_pitch_rad,
+            frame.height_above_carpet_m,
+            min_run=cfg.min_run,
+        )
+        offset = np.array([camera.forward_offset_m, 0.0])
+        hidden = bases.hidden_m + offset
+        for seen_m, age_s, kind in (
+            (bases.placed_m, cfg.max_age_s, _Kind.BASE),
+            (bases.edges_m, cfg.edge_age_s, _Kind.EDGE),
+        ):
+            near = seen_m[np.hypot(*seen_m.T) <= cfg.max_range_m] + offset
+            self._add(_to_odometry(near, pose), frame.captured_s + age_s, kind)
+        unexplained = self._unexplained(hidden, pose, _Kind.BASE, frame.captured_s + cfg.max_age_s)
+        self._unplaced_rad = unexplained + pose.yaw_rad
+        ended = self._unexplained(
+            bases.hidden_edges_m + offset, pose, _Kind.EDGE, frame.captured_s + cfg.edge_age_s
+        )
+        self._unplaced_edges_rad = ended + pose.yaw_rad
+        rays = np.stack([np.cos(unexplained), np.sin(unexplained)], axis=-1)
+        assumed = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
+        self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s, _Kind.ASSUMED)
+
+    def points(self) -> ObstaclePoints:
+        """Return what is remembered, from where the drone is now."""
+        pose = self._odometry.now
+        if pose is None:
+            return ObstaclePoints(points_m=np.empty((0, 2)), captured_s=self._newest_s)
+        local = _to_body(self._points, pose)
+        return ObstaclePoints(
+            points_m=local[self._kinds == _Kind.BASE],
+            assumed_m=local[self._kinds == _Kind.ASSUMED],
+            edges_m=local[self._kinds == _Kind.EDGE],
+            captured_s=self._newest_s,
+            unplaced_rad=_wrapped(self._unplaced_rad - pose.yaw_rad),
+            unplaced_edges_rad=_wrapped(self._unplaced_edges_rad - pose.yaw_rad),
+        )
+
+    def _forget_where_carpet_shows(
+        self,
+        groups: NDArray[np.uint8],
+        pose: OdometryPose,
+        frame: Frame,
+        camera: CameraModel,
+    ) -> None:
+        if not len(self._points):
+            return
+        local = _to_body(self._points, pose)
+        ahead = np.column_stack(
+            [
+                local[:, 0] - camera.forward_offset_m,
+                local[:, 1],
+                np.full(len(local), max(frame.height_above_carpet_m, 0.05)),
+            ]
+        )
+        pixels = project(ahead, camera, frame.gimbal_pitch_rad)
+        height_px, width_px = groups.shape
+        with np.errstate(invalid="ignore"):
+            inside = (
+                (pixels[:, 0] >= 0)
+                & (pixels[:, 0] <= width_px - 1)
+                & (pixels[:, 1] >= 0)
+                & (pixels[:, 1] <= height_px - 1)
+            )
+        shows_carpet = np.zeros(len(local), dtype=bool)
+        columns, rows = np.rint(pixels[inside]).astype(int).T
+        shows_carpet[inside] = groups[rows, columns] == GROUP_CARPET
+        self._keep(~shows_carpet)
+
+    def _keep(self, which: NDArray[np.bool_]) -> None:
+        self._points, self._until_s = self._points[which], self._until_s[which]
+        self._kinds = self._kinds[which]
+
+    def _unexplained(
+        self, hidden: NDArray[np.float64], pose: OdometryPose, kind: _Kind, until_s: float
+    ) -> NDArray[np.float64]:
+        """Return the bearings, from the pose's heading, that no remembered point explains.
+
+        Points of that kind explain. What does is still there: it is remembered until then.
+        """
+        bearings = np.arctan2(hidden[:, 1], hidden[:, 0])
+        if not len(hidden) or not len(self._points):
+            return bearings
+        local = _to_body(self._points, pose)
+        known_bearings = np.arctan2(local[:, 1], local[:, 0])
+        known_ranges = np.hypot(local[:, 0], local[:, 1])
+        limits = np.hypot(hidden[:, 0], hidden[:, 1]) + self._config.explain_m
+        explains = (
+            (np.abs(bearings[:, None] - known_bearings) < self._config.explain_rad)
+            & (known_ranges <= limits[:, None])
+            & (self._kinds == kind)
+        )
+        self._until_s[explains.any(axis=0)] = until_s
+        return np.asarray(bearings[~explains.any(axis=1)])
+
+    def _add(self, points: NDArray[np.float64], until_s: float, kind: _Kind) -> None:
+        if not len(points):
+            return
+        # `unique` keeps the first of a cell: of one kind the newest.
+        merged = np.vstack([points, self._points])
+        expiries = np.concatenate([np.full(len(points), until_s), self._until_s])
+        kinds = np.concatenate([np.full(len(points), kind, dtype=np.int8), self._kinds])
+        order = np.lexsort((-expiries, kinds))
+        cells = np.floor(merged[order] / self._config.cell_m).astype(np.int64)
+        _, first = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
+        chosen = order[first]
+        self._points, self._until_s = merged[chosen], expiries[chosen]
+        self._kinds = kinds[chosen]
+
+
+def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def _to_odometry(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:
+    c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
+    return np.asarray(points @ np.array([[c, s], [-s, c]]) + (pose.x_m, pose.y_m))
+
+
+def _to_body(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:
+    c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
+    return np.asarray((points - (pose.x_m, pose.y_m)) @ np.array([[c, -s], [s, c]]))

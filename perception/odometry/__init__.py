@@ -1,0 +1,1 @@
+"""Where the drone is: dead reckoning and visual odometry."""

@@ -1,0 +1,192 @@
+"""How the camera moved between frames, from the drone's own telemetry.
+
+The gimbal's pitch and the heading turn the camera; the velocity, integrated, moves it. No truth is
+needed, and unlike a pose network's the movement is in metres. What the pictures themselves say of
+the carpet makes it exact (`perception.odometry.planar_flow`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.geometry import camera_axes
+from perception.footage.file import Footage
+from perception.odometry.planar_flow import GroundMotion, GroundView, OdometryConfig, ground_motion
+from uav_bt.errors import ValueRangeError
+
+__all__ = ["CameraTrack", "TrackConfig", "camera_track", "measured_motion"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackConfig:
+    """How telemetry is smoothed."""
+
+    # Headings are noisy by about a third of a degree, more than a pixel; a local parabola through
+    # their neighbours within some such time keeps turns and loses most of the noise.
+    yaw_window_s: float = 0.15
+    height_window_s: float = 0.4  # likewise; nothing climbs and dives within it
+
+    def __post_init__(self) -> None:
+        if not min(self.yaw_window_s, self.height_window_s) > 0.0:
+            raise ValueRangeError(
+                "yaw_window_s and height_window_s must be positive, got "
+                f"{self.yaw_window_s} and {self.height_window_s}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraTrack:
+    """Where the camera was at each frame.
+
+    The frame of reference is the flight's own: origin where the drone was first, x along heading
+    zero, y to its right, z down.
+    """
+
+    rotation: Floats  # (N, 3, 3), from the camera frame (x right, y down, z forward)
+    position_m: Floats  # (N, 3), of the lens
+    yaw_rad: Floats  # (N,), smoothed, unwrapped, clockwise
+    height_m: Floats  # (N,), of the lens above the carpet, smoothed
+
+    def motion(self, origin: int, target: int) -> Floats:
+        """Return how points move from one frame's camera to another's, (3, 4), metres."""
+        turn = self.rotation[target].T
+        rotation = turn @ self.rotation[origin]
+        translation = turn @ (self.position_m[origin] - self.position_m[target])
+        return np.concatenate([rotation, translation[:, None]], axis=1)
+
+
+def camera_track(footage: Footage, config: TrackConfig | None = None) -> CameraTrack:
+    """Follow the camera through a flight.
+
+    Args:
+        footage: one flight.
+        config: how telemetry is smoothed.
+    """
+    config = config or TrackConfig()
+    times = np.concatenate([footage.captured_s, footage.state_s])
+    headings = np.concatenate([footage.attitude_rad[:, 2], footage.state_attitude_rad[:, 2]])
+    order = np.argsort(times, kind="stable")
+    times, headings = times[order], np.unwrap(headings[order])
+    yaw_rad = _local_parabola(times, headings, footage.captured_s, config.yaw_window_s)
+    state_yaw_rad = _local_parabola(times, headings, footage.state_s, config.yaw_window_s)
+
+    flown_m = _integrated(footage.state_s, _levelled(state_yaw_rad, footage.velocity_mps))
+    centre_m = np.stack(
+        [np.interp(footage.captured_s, footage.state_s, flown_m[:, axis]) for axis in range(3)],
+        axis=1,
+    )
+    # The lens is ahead of the body's centre and goes up and down with its nose.
+    pitch_rad = footage.attitude_rad[:, 1]
+    ahead_m = footage.camera.forward_offset_m
+    lever = np.stack(
+        [ahead_m * np.cos(pitch_rad), np.zeros_like(pitch_rad), -ahead_m * np.sin(pitch_rad)],
+        axis=1,
+    )
+    level = np.stack([camera_axes(float(pitch)) for pitch in footage.gimbal_pitch_rad])
+    return CameraTrack(
+        rotation=_turns(yaw_rad) @ level,
+        position_m=centre_m + _levelled(yaw_rad, lever),
+        yaw_rad=yaw_rad,
+        height_m=-lever[:, 2]
+        + _local_parabola(
+            footage.captured_s,
+            footage.height_above_carpet_m,
+            footage.captured_s,
+            config.height_window_s,
+        ),
+    )
+
+
+def measured_motion(
+    footage: Footage,
+    track: CameraTrack,
+    origin: int,
+    target: int,
+    config: OdometryConfig | None = None,
+) -> Floats | None:
+    """Return how points move from one frame's camera to another's, measured on the carpet.
+
+    Args:
+        footage: one flight.
+        track: its camera's, as telemetry tells it.
+        origin: a frame's place in the footage.
+        target: another's.
+        config: how points are followed.
+
+    Returns:
+        (3, 4), metres; None where the pictures do not show enough carpet.
+    """
+    apart = _turns(track.yaw_rad[origin : origin + 1])[0].T @ (
+        track.position_m[target] - track.position_m[origin]
+    )
+    guess = GroundMotion(
+        forward_m=float(apart[0]),
+        right_m=float(apart[1]),
+        yaw_rad=float(track.yaw_rad[target] - track.yaw_rad[origin]),
+    )
+    # One height for both, and telemetry's climb between them: the heights' noise would pull.
+    middle_m = 0.5 * float(track.height_m[origin] + track.height_m[target])
+    climb_m = -float(apart[2])
+    first, second = (
+        GroundView(
+            grey=np.asarray(cv2.cvtColor(footage.frames[place], cv2.COLOR_RGB2GRAY), np.uint8),
+            camera=footage.camera,
+            gimbal_pitch_rad=float(footage.gimbal_pitch_rad[place]),
+            height_m=middle_m + share * climb_m,
+        )
+        for place, share in ((origin, -0.5), (target, 0.5))
+    )
+    if min(first.height_m, second.height_m) <= 0.0:
+        return None
+    found = ground_motion(first, second, guess, config=config)
+    if found is None:
+        return None
+    back = _turns(np.array([-found.yaw_rad]))[0]
+    axes = [camera_axes(view.gimbal_pitch_rad) for view in (first, second)]
+    moved = np.array([found.forward_m, found.right_m, apart[2]])
+    rotation = axes[1].T @ back @ axes[0]
+    translation = -axes[1].T @ back @ moved
+    return np.concatenate([rotation, translation[:, None]], axis=1)
+
+
+def _turns(yaw_rad: Floats) -> Floats:
+    """Return rotations about the downward axis, (N, 3, 3): clockwise seen from above."""
+    c, s, zero, one = (
+        np.cos(yaw_rad),
+        np.sin(yaw_rad),
+        np.zeros_like(yaw_rad),
+        np.ones_like(yaw_rad),
+    )
+    return np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
+
+
+def _levelled(yaw_rad: Floats, vectors: Floats) -> Floats:
+    """Turn heading-aligned vectors, (N, 3), into the flight's frame."""
+    return np.asarray(np.einsum("nij,nj->ni", _turns(yaw_rad), vectors))
+
+
+def _integrated(times_s: Floats, rates: Floats) -> Floats:
+    steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(times_s)[:, None]
+    return np.concatenate([np.zeros((1, rates.shape[1])), np.cumsum(steps, axis=0)])
+
+
+def _local_parabola(times: Floats, values: Floats, at: Floats, window_s: float) -> Floats:
+    """Return a Gaussian-weighted quadratic fit of noisy samples at some times (Savitzky-Golay)."""
+    result = np.empty_like(at)
+    first = np.searchsorted(times, at - 3.0 * window_s)
+    last = np.searchsorted(times, at + 3.0 * window_s)
+    for place, moment in enumerate(at):
+        near = slice(first[place], last[place])
+        since = (times[near] - moment) / window_s
+        weight = np.exp(-0.5 * since**2)
+        # A trace of damping: a flight's ends have few neighbours.
+        basis = np.stack([np.ones_like(since), since, since**2], axis=1)
+        normal = basis.T @ (weight[:, None] * basis) + 1e-6 * np.eye(3)
+        result[place] = np.linalg.solve(normal, basis.T @ (weight * values[near]))[0]
+    return result

@@ -1,0 +1,171 @@
+"""The camera's movement over the carpet, measured in the pictures: telemetry, made exact.
+
+A heading that is wrong by half a degree moves a picture by more than two pixels, which is more
+than depth does at some metres. But points of the carpet lie in a known plane: two frames of them,
+followed by optical flow (Lucas and Kanade), give heading and horizontal movement to a fraction of
+that. What telemetry says is the starting point and stays where too little carpet is in view.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.geometry import ground_points, project
+from uav_bt.types import CameraModel
+
+__all__ = ["GroundMotion", "GroundView", "OdometryConfig", "ground_motion"]
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryConfig:
+    """How points are found, followed and trusted."""
+
+    points: int = 150  # followed at most; more only cost time
+    quality: float = 0.02  # of the strongest corner's; the carpet's texture is faint
+    spacing_px: int = 5
+    window_px: int = 15  # of the optical flow
+    furthest_m: float = 4.0  # further carpet is seen too flatly to say much
+    inlier_m: float = 0.03  # on the ground; boxes' points move by more
+    least_points: int = 20  # with fewer, telemetry stays
+    rounds: int = 6  # of fitting and weighing
+    # What differs more from telemetry than it can be wrong was measured on something else.
+    most_yaw_rad: float = 0.05
+    most_shift_m: float = 0.12
+
+    def believes(self, measured: GroundMotion, told: GroundMotion) -> bool:
+        """Return whether a measurement is near enough to telemetry."""
+        shift_m = math.hypot(measured.forward_m - told.forward_m, measured.right_m - told.right_m)
+        return abs(measured.yaw_rad - told.yaw_rad) <= self.most_yaw_rad and (
+            shift_m <= self.most_shift_m
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundMotion:
+    """How the level frame of one camera lies in that of another (x forward, y right, z down)."""
+
+    forward_m: float
+    right_m: float
+    yaw_rad: float  # clockwise
+
+    def matrix(self) -> Floats:
+        """Return the movement of horizontal points from the first frame to the second, (2, 3)."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return np.array(
+            [
+                [c, s, -self.forward_m * c - self.right_m * s],
+                [-s, c, self.forward_m * s - self.right_m * c],
+            ]
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundView:
+    """One frame as odometry sees it."""
+
+    grey: Image  # (H, W)
+    camera: CameraModel  # at that size
+    gimbal_pitch_rad: float
+    height_m: float  # of the lens above the carpet
+
+
+def ground_motion(
+    first: GroundView,
+    second: GroundView,
+    guess: GroundMotion,
+    carpet: Image | None = None,
+    config: OdometryConfig | None = None,
+) -> GroundMotion | None:
+    """Measure how the second camera stands to the first.
+
+    Args:
+        first: where points are picked.
+        second: where they are found again.
+        guess: telemetry's word, where the search begins.
+        carpet: (H, W), not nought where the first frame shows carpet; None to let the fit find out.
+        config: how points are found.
+
+    Returns:
+        The movement; None with too few points on the carpet.
+    """
+    config = config or OdometryConfig()
+    corners = cv2.goodFeaturesToTrack(
+        first.grey, config.points, config.quality, config.spacing_px, mask=carpet
+    )
+    if corners is None or len(corners) < config.least_points:
+        return None
+    corners = corners.reshape(-1, 2)
+    here = ground_points(corners, first.camera, first.gimbal_pitch_rad, first.height_m)
+    guessed = _moved(here, guess)
+    level = np.column_stack([guessed, np.full(len(guessed), second.height_m)])
+    expected = project(level, second.camera, second.gimbal_pitch_rad)
+    usable = np.isfinite(expected).all(axis=1) & (np.hypot(*here.T) < config.furthest_m)
+    if np.count_nonzero(usable) < config.least_points:
+        return None
+    begin = corners[usable].astype(np.float32)
+    found, status, _ = cv2.calcOpticalFlowPyrLK(
+        first.grey,
+        second.grey,
+        begin,
+        expected[usable].astype(np.float32),
+        winSize=(config.window_px, config.window_px),
+        maxLevel=2,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )
+    tracked = status.ravel() == 1
+    here = here[usable][tracked]
+    there = ground_points(found[tracked], second.camera, second.gimbal_pitch_rad, second.height_m)
+    good = np.isfinite(there).all(axis=1)
+    return _fitted(here[good], there[good], guess, config)
+
+
+def _moved(points: Floats, motion: GroundMotion) -> Floats:
+    matrix = motion.matrix()
+    return np.asarray(points @ matrix[:, :2].T + matrix[:, 2])
+
+
+def _fitted(
+    here: Floats, there: Floats, guess: GroundMotion, config: OdometryConfig
+) -> GroundMotion | None:
+    """Fit a rigid movement of the plane, reweighted so that what is no carpet loses its say."""
+    if len(here) < config.least_points:
+        return None
+    # Far points are measured worse: an error of a pixel grows with the square of the distance.
+    trust = 1.0 / (1.0 + (there**2).sum(axis=1)) ** 2
+    motion, scale_m = guess, 4.0 * config.inlier_m
+    # The guess may be off as a whole: take the common shift away before points are judged.
+    residual = there - _moved(here, motion)
+    centre = np.median(residual, axis=0)
+    weight = trust / (1.0 + (((residual - centre) / scale_m) ** 2).sum(axis=1)) ** 2
+    for _ in range(config.rounds):
+        motion = _rigid(here, there, weight)
+        residual = there - _moved(here, motion)
+        scale_m = max(config.inlier_m, 0.6 * scale_m)
+        weight = trust / (1.0 + ((residual / scale_m) ** 2).sum(axis=1)) ** 2
+    inliers = np.count_nonzero(np.hypot(*residual.T) < config.inlier_m)
+    enough = inliers >= config.least_points and config.believes(motion, guess)
+    return motion if enough else None
+
+
+def _rigid(here: Floats, there: Floats, weight: Floats) -> GroundMotion:
+    """Return the weighted least-squares rotation and translation (Umeyama, in the plane)."""
+    share = weight / weight.sum()
+    from_, to = share @ here, share @ there
+    a, b = here - from_, there - to
+    # Points turn counter to the camera, and y is to the right: the signs of a clockwise heading.
+    yaw_rad = math.atan2(
+        float(share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1])),
+        float(share @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])),
+    )
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    back = np.array([[c, -s], [s, c]])  # from the second frame's directions to the first's
+    origin = from_ - back @ to
+    return GroundMotion(forward_m=float(origin[0]), right_m=float(origin[1]), yaw_rad=yaw_rad)

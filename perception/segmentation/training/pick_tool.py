@@ -1,0 +1,202 @@
+"""Click picks on photographs: a small page in the browser, served to this machine only.
+
+OpenCV's headless build has no windows, so the browser is the window. Each click is on disk before
+the page shows it; `undo` takes back the last one.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import unquote, urlsplit
+
+from perception.segmentation.training.picks import Pick, read_picks, write_picks
+from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES, class_id
+from uav_bt.errors import FileError, UavBtError, ValueRangeError
+
+__all__ = ["PickSession", "make_pick_server"]
+
+_MEDIA: Final = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
+_LONGEST_REQUEST: Final = 4096  # bytes; a click takes a hundred
+
+
+class PickSession:
+    """The photographs of a folder and the picks made on them so far."""
+
+    def __init__(self, folder: Path, picks_path: Path) -> None:
+        """List the photographs and read the picks that are there already.
+
+        Raises:
+            FileError: the folder holds no photographs, or the picks file is malformed.
+        """
+        if not folder.is_dir():
+            raise FileError(folder, "is no folder; give the one that holds the photographs")
+        self._folder = folder
+        self._path = picks_path
+        self.names = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in _MEDIA)
+        if not self.names:
+            raise FileError(folder, f"holds no photographs ({', '.join(_MEDIA)})")
+        self.picks = read_picks(picks_path) if picks_path.exists() else []
+
+    def picture(self, name: str) -> Path:
+        """Return the file of a listed photograph.
+
+        Raises:
+            ValueRangeError: the name is not on the list; so nothing outside the folder is served.
+        """
+        if name not in self.names:
+            raise ValueRangeError(f"there is no photograph '{name}'")
+        return self._folder / name
+
+    def add(self, name: str, x: int, y: int, class_name: str) -> None:
+        """Keep a click.
+
+        Raises:
+            ValueRangeError: the photograph is not on the list or the pixel is negative.
+            UnknownNameError: there is no such class.
+        """
+        self.picture(name)
+        self.picks.append(Pick(image=name, x=x, y=y, class_id=class_id(class_name)))
+        write_picks(self._path, self.picks)
+
+    def undo(self) -> None:
+        """Take the last click back; nothing happens when there is none."""
+        if self.picks:
+            self.picks.pop()
+            write_picks(self._path, self.picks)
+
+
+def make_pick_server(session: PickSession, *, port: int = 0) -> HTTPServer:
+    """Return a server for the page, bound to the loopback address.
+
+    Args:
+        session: what is picked on.
+        port: 0 takes a free one; `server.server_port` tells which.
+    """
+
+    class Handler(_Handler):
+        picks_of = session
+
+    return HTTPServer(("127.0.0.1", port), Handler)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    picks_of: PickSession
+
+    def do_GET(self) -> None:
+        path = unquote(urlsplit(self.path).path)
+        if not self._is_ours():
+            return
+        if path == "/":
+            self._send(HTTPStatus.OK, "text/html; charset=utf-8", _PAGE.encode())
+        elif path == "/state":
+            self._send_state()
+        elif path.startswith("/picture/"):
+            try:
+                file = self.picks_of.picture(path.removeprefix("/picture/"))
+                self._send(HTTPStatus.OK, _MEDIA[file.suffix.lower()], file.read_bytes())
+            except (UavBtError, OSError) as error:
+                self._refuse(HTTPStatus.NOT_FOUND, str(error))
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND, f"there is no {path}")
+
+    def do_POST(self) -> None:
+        if not self._is_ours():
+            return
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > _LONGEST_REQUEST:
+            self._refuse(HTTPStatus.BAD_REQUEST, "a request needs a length of at most 4096 bytes")
+            return
+        body = self.rfile.read(int(length))
+        try:
+            if self.path == "/undo":
+                self.picks_of.undo()
+            else:
+                click = json.loads(body)
+                self.picks_of.add(
+                    str(click["image"]), int(click["x"]), int(click["y"]), str(click["class"])
+                )
+        except (UavBtError, ValueError, KeyError, TypeError) as error:
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+            return
+        self._send_state()
+
+    def _is_ours(self) -> bool:
+        # A foreign page whose name resolves to this machine would send its own name here.
+        if self.headers.get("Host", "").split(":")[0] in ("127.0.0.1", "localhost"):
+            return True
+        self._refuse(HTTPStatus.FORBIDDEN, "only this machine may ask")
+        return False
+
+    def _send_state(self) -> None:
+        state = {
+            "names": self.picks_of.names,
+            "classes": list(CLASS_NAMES),
+            "colours": CLASS_COLOURS.tolist(),
+            "picks": [asdict(pick) for pick in self.picks_of.picks],
+        }
+        self._send(HTTPStatus.OK, "application/json", json.dumps(state).encode())
+
+    def _refuse(self, status: HTTPStatus, message: str) -> None:
+        self._send(status, "text/plain; charset=utf-8", message.encode())
+
+    def _send(self, status: HTTPStatus, media: str, body: bytes) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", media)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: Any) -> None:
+        """Say nothing: the page shows what happened."""
+
+
+_PAGE: Final = """<!doctype html><title>Picks</title>
+<style>body{font:14px sans-serif;margin:8px}canvas{max-width:100%;cursor:crosshair}</style>
+<select id=image></select> <select id=label></select> <button id=undo>undo</button>
+<span id=note></span><br><canvas id=view></canvas>
+<script>
+const get = id => document.getElementById(id), picture = new Image();
+let state = null;
+function show() {
+  const view = get("view"), pen = view.getContext("2d");
+  view.width = picture.naturalWidth; view.height = picture.naturalHeight;
+  pen.drawImage(picture, 0, 0);
+  const size = Math.max(3, view.width / 250);
+  for (const p of state.picks.filter(p => p.image === get("image").value)) {
+    pen.fillStyle = `rgb(${state.colours[p.class_id]})`;
+    pen.fillRect(p.x - size, p.y - size, 2 * size, 2 * size);
+    pen.strokeRect(p.x - size, p.y - size, 2 * size, 2 * size);
+  }
+  const count = state.picks.filter(p => p.class_id === get("label").selectedIndex).length;
+  get("note").textContent = `${state.picks.length} picks, ${count} of this class`;
+}
+async function ask(path, body) {
+  const answer = await fetch(path, body === undefined ? {} : {method: "POST", body});
+  if (!answer.ok) { get("note").textContent = await answer.text(); return; }
+  state = await answer.json();
+}
+function load() { picture.src = "/picture/" + encodeURIComponent(get("image").value); }
+picture.onload = show;
+get("image").onchange = load;
+get("label").onchange = show;
+get("undo").onclick = async () => { await ask("/undo", ""); show(); };
+get("view").onclick = async event => {
+  const view = get("view"), scale = view.width / view.clientWidth;
+  await ask("/pick", JSON.stringify({image: get("image").value, class: get("label").value,
+    x: Math.floor(event.offsetX * scale), y: Math.floor(event.offsetY * scale)}));
+  show();
+};
+(async () => {
+  await ask("/state");
+  for (const name of state.names) get("image").add(new Option(name));
+  for (const name of state.classes) get("label").add(new Option(name));
+  load();
+})();
+</script>
+"""

@@ -1,0 +1,266 @@
+"""Picks: points on pictures of which a person (or the twin, in a person's place) says the class.
+
+The file is CSV with the columns ``image,x,y,class,origin``: the picture's file name, the pixel's
+column and row in that picture, a class name, and who picked it (``hand`` or ``simulated``).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, cast, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.segmentation.features import (
+    WindowMeans,
+    hsv_of,
+    patch_features,
+    patch_slices,
+    spread_to_border,
+)
+from perception.segmentation.palette import COLOUR_COUNT, count_colours
+from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
+from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
+
+__all__ = [
+    "Origin",
+    "Pick",
+    "PickedPatches",
+    "draw_picks",
+    "gather_patches",
+    "read_picks",
+    "write_picks",
+]
+
+Origin = Literal["hand", "simulated"]
+_COLUMNS: Final = ("image", "x", "y", "class", "origin")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pick:
+    """A pixel of a picture and its class."""
+
+    image: str  # the picture's file name, without a folder
+    x: int  # column, pixels of that picture
+    y: int  # row
+    class_id: int
+    origin: Origin = "hand"  # simulated picks must never pass for a person's
+
+    def __post_init__(self) -> None:
+        if self.x < 0 or self.y < 0:
+            raise ValueRangeError(f"a pick must not be negative, got ({self.x}, {self.y})")
+        if not 0 <= self.class_id < CLASS_COUNT:
+            raise ValueRangeError(f"a class id must lie within 0 and 16, got {self.class_id}")
+        if not self.image or Path(self.image).name != self.image:
+            raise ValueRangeError(f"a pick names a file without a folder, got '{self.image}'")
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def write_picks(path: Path, picks: Iterable[Pick]) -> None:
+    """Write picks as CSV, whole or not at all."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    for pick in picks:
+        writer.writerow([pick.image, pick.x, pick.y, CLASS_NAMES[pick.class_id], pick.origin])
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(text.getvalue(), encoding="utf-8")
+    partial.replace(path)
+
+
+def read_picks(path: Path) -> list[Pick]:
+    """Read a picks file.
+
+    Raises:
+        FileError: the file is absent or malformed; the message names the line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise FileError(path, "there is no such picks file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(path, f"cannot be read as a picks file ({error})") from error
+    reader = csv.reader(io.StringIO(text))
+    picks: list[Pick] = []
+    for row in reader:
+        if reader.line_num == 1:
+            if tuple(row) != _COLUMNS:
+                raise FileError(path, f"the columns must be {','.join(_COLUMNS)}", line=1)
+            continue
+        try:
+            picks.append(_parse(row))
+        except ValueRangeError as error:
+            raise FileError(path, str(error), line=reader.line_num) from error
+    if not picks:
+        raise FileError(path, "holds no picks; a picks file needs a header and at least one row")
+    return picks
+
+
+def _parse(row: Sequence[str]) -> Pick:
+    if len(row) != len(_COLUMNS):
+        raise ValueRangeError(f"expected {len(_COLUMNS)} columns, got {len(row)}")
+    image, x, y, name, origin = row
+    if name not in CLASS_NAMES:
+        raise ValueRangeError(f"unknown class '{name}'{did_you_mean(name, CLASS_NAMES)}")
+    if origin not in get_args(Origin):
+        raise ValueRangeError(f"origin must be 'hand' or 'simulated', got '{origin}'")
+    try:
+        column, line = int(x), int(y)
+    except ValueError as error:
+        raise ValueRangeError(f"x and y must be whole pixels, got '{x}', '{y}'") from error
+    return Pick(
+        image=image,
+        x=column,
+        y=line,
+        class_id=CLASS_NAMES.index(name),
+        origin=cast("Origin", origin),
+    )
+
+
+# --- picks to features ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PickedPatches:
+    """What the patches around picks show: all that a teacher learns from."""
+
+    features: NDArray[np.float64]  # (N, 190) histograms, `features`
+    labels: NDArray[np.int64]  # (N,) class ids
+    colour_counts: NDArray[np.int64]  # (17, 32768) pixels by class and coarse colour, `palette`
+
+
+def gather_patches(
+    picks: Iterable[Pick],
+    pictures: Iterable[tuple[str, NDArray[np.uint8]]],
+    patch_px: int,
+) -> PickedPatches:
+    """Look at the patches around all picks.
+
+    Args:
+        picks: of those pictures.
+        pictures: file name and (H, W, 3) RGB uint8; one at a time is held.
+        patch_px: side of the patches, pixels.
+
+    Returns:
+        Features, labels and colours, in the pictures' order.
+
+    Raises:
+        ValueRangeError: a pick lies outside its picture, or its picture did not come.
+    """
+    by_image: dict[str, list[Pick]] = {}
+    for pick in picks:
+        by_image.setdefault(pick.image, []).append(pick)
+    features: list[NDArray[np.float64]] = []
+    labels: list[int] = []
+    colour_counts = np.zeros((CLASS_COUNT, COLOUR_COUNT), dtype=np.int64)
+    for name, rgb in pictures:
+        mine = by_image.pop(name, [])
+        if not mine:
+            continue
+        points = np.array([(pick.x, pick.y) for pick in mine], dtype=np.int64)
+        features.append(patch_features(hsv_of(rgb), points, patch_px))
+        labels.extend(pick.class_id for pick in mine)
+        height, width = rgb.shape[:2]
+        for pick in mine:
+            patch = patch_slices(
+                pick.x, pick.y, patch_px=patch_px, width_px=width, height_px=height
+            )
+            colour_counts[pick.class_id] += count_colours(rgb[patch])
+    if by_image:
+        missing = ", ".join(sorted(by_image))
+        raise ValueRangeError(f"picks name pictures that are not there: {missing}")
+    if not features:
+        raise ValueRangeError("there is not one pick on these pictures")
+    return PickedPatches(
+        features=np.concatenate(features),
+        labels=np.array(labels, dtype=np.int64),
+        colour_counts=colour_counts,
+    )
+
+
+# --- picks drawn in a person's place --------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Site:
+    """Where one picture shows one class best."""
+
+    image: str
+    share: float  # largest part of a patch that is the class
+    points: NDArray[np.int64]  # (N, 2) x, y of patches about as pure as that
+
+
+def draw_picks(
+    samples: Iterable[tuple[str, NDArray[np.uint8]]],
+    rng: np.random.Generator,
+    *,
+    patch_px: int,
+    total: int = 6500,
+    images_per_class: tuple[int, int] = (7, 9),
+    purity: float = 0.9,
+) -> list[Pick]:
+    """Draw picks from exact class ids, as a person would click them: well inside each class.
+
+    For each class, pictures are chosen among those that show it well, and points among the pixels
+    whose patch is mostly that class. A class too small for pure patches (the far H) gets the purest
+    there are. The paper took 7 to 9 pictures a class in each scene and 6,484 points in all.
+
+    Args:
+        samples: picture name and its (H, W) exact ids; one scene's pictures.
+        rng: draws pictures and points.
+        patch_px: side of the teacher's patches, pixels.
+        total: points over all classes of this scene.
+        images_per_class: fewest and most pictures a class.
+        purity: share of the patch that should be the class.
+
+    Returns:
+        Picks labelled ``simulated``, by class.
+
+    Raises:
+        ShapeError: ids are not (H, W).
+        ValueRangeError: not one sample came.
+    """
+    sites: dict[int, list[_Site]] = {}
+    for name, ids in samples:
+        if ids.ndim != 2:
+            raise ShapeError("class ids", expected="HxW", actual=ids.shape)
+        for class_id in np.unique(ids).tolist():
+            sites.setdefault(class_id, []).append(
+                _site(name, ids == class_id, rng, patch_px=patch_px, purity=purity)
+            )
+    if not sites:
+        raise ValueRangeError("cannot draw picks: not one sample came")
+    picks: list[Pick] = []
+    for class_id in sorted(sites):
+        wanted = int(rng.integers(images_per_class[0], images_per_class[1] + 1))
+        # All pictures that reach the purity are equally good, so that distances and angles vary.
+        order = rng.permutation(len(sites[class_id]))
+        ranked = sorted(order, key=lambda i: -min(sites[class_id][i].share, purity))
+        chosen = [sites[class_id][i] for i in ranked[:wanted]]
+        share = -(-total // (len(sites) * len(chosen)))
+        for site in chosen:
+            points = rng.permutation(site.points)[:share]
+            picks.extend(
+                Pick(image=site.image, x=x, y=y, class_id=class_id, origin="simulated")
+                for x, y in points.tolist()
+            )
+    return picks
+
+
+def _site(
+    name: str, mask: NDArray[np.bool_], rng: np.random.Generator, *, patch_px: int, purity: float
+) -> _Site:
+    means = WindowMeans(width_px=mask.shape[1], height_px=mask.shape[0], side_px=patch_px)
+    share = spread_to_border(means.of(mask.astype(np.float64)), patch_px)
+    share[~mask] = 0.0  # a person clicks on the thing itself
+    best = float(share.max())
+    points = np.argwhere(share >= min(purity, 0.95 * best))[:, ::-1].astype(np.int64)
+    # A few hundred are plenty to draw from; whole masks of every picture would fill the memory.
+    return _Site(image=name, share=best, points=rng.permutation(points)[:500])

@@ -1,0 +1,38 @@
+"""Facts of the ANAFI that the twin, the loopback drone and the real one share."""
+
+from __future__ import annotations
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import CameraModel
+
+__all__ = ["CAMERA_FORWARD_M", "FOCAL_SHARE", "anafi_camera"]
+
+CAMERA_FORWARD_M = 0.15  # the lens ahead of the body's centre
+FOCAL_SHARE = 0.7275  # focal length over image width: 69 degrees wide, the video's field of view
+
+
+def anafi_camera(width_px: int, height_px: int) -> CameraModel:
+    """Return the intrinsics of the video at a size.
+
+    Args:
+        width_px: image width.
+        height_px: image height; the aspect must be 16:9 (to the nearest pixel).
+
+    Raises:
+        ValueRangeError: the aspect is another, or the size is not positive.
+    """
+    if width_px < 16 or abs(height_px - width_px * 9 / 16) > 1.0:
+        raise ValueRangeError(
+            "the ANAFI's video is 16:9 (640x360, 320x180, 1152x648, ...), "
+            f"got {width_px}x{height_px}"
+        )
+    focal = FOCAL_SHARE * width_px
+    return CameraModel(
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=focal,
+        fy_px=focal,
+        cx_px=(width_px - 1) / 2,
+        cy_px=(height_px - 1) / 2,
+        forward_offset_m=CAMERA_FORWARD_M,
+    )

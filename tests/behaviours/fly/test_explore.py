@@ -1,0 +1,224 @@
+"""Explore: look, step, look again; blocked is a failure; blind is a pause."""
+
+from __future__ import annotations
+
+import pytest
+
+from behaviours.fly.explore import Explore
+from tests.behaviours.leaf_world import (
+    ADVANCE,
+    TURN_RIGHT,
+    Says,
+    halted_proposals,
+    live,
+    show,
+    steering_bench,
+)
+from uav_bt.board import CLASS_MAP, FRAME, HELD_TURN, PHASE, STATE
+from uav_bt.errors import UnknownNameError
+from uav_bt.protocols import Decision
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import BodyVelocity, ClassMap, HeldTurn, MoveBy, MovementState
+
+
+def stepping(policy: Says | None = None, **attributes: object) -> LeafBench:
+    """Return a bench whose leaf has just begun its first step."""
+    bench = steering_bench(Explore, policy or Says(ADVANCE), **attributes)
+    assert live(bench) is Status.RUNNING
+    assert bench.proposed is None
+    assert live(bench, seconds=0.3) is Status.RUNNING
+    return bench
+
+
+def test_steps_ahead_while_the_way_is_free() -> None:
+    """It settles, looks, and asks for the policy's step; the board says what goes on."""
+    bench = stepping()
+
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+    assert bench.board[PHASE] == "explore"
+    assert bench.feedback == "clear"
+
+
+def test_a_step_is_proposed_until_it_is_done() -> None:
+    """Same id every tick; meanwhile the policy is not asked."""
+    policy = Says(ADVANCE)
+    bench = stepping(policy)
+    asked = len(policy.views)
+    for _ in range(5):
+        assert live(bench) is Status.RUNNING
+        assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+
+    assert len(policy.views) == asked
+
+
+@pytest.mark.parametrize("word", list(MovementState)[1:])
+def test_however_a_step_ended_it_looks_again(word: MovementState) -> None:
+    """Done, interrupted or rejected: the next step is decided on what is seen from there."""
+    bench = stepping()
+    bench.clock.advance(0.5)
+    bench.finish_movement(word)
+    bench.tick(advance_s=0.1)
+    assert bench.proposed is None  # the class map on the board shows the view before the step
+
+    assert live(bench) is Status.RUNNING
+    assert bench.proposed == MoveBy(id=2, forward_m=0.3)
+
+
+def test_a_view_from_before_the_step_does_not_count() -> None:
+    """Video is late: a frame captured while it still moved shows another place."""
+    policy = Says(ADVANCE)
+    bench = stepping(policy)
+    asked = len(policy.views)
+    late = bench.board[FRAME]
+    bench.clock.advance(0.5)
+    bench.finish_movement()
+    bench.board[FRAME] = late
+    bench.board[CLASS_MAP] = ClassMap(ids=bench.board[CLASS_MAP].ids, captured_s=late.captured_s)
+
+    assert bench.tick(advance_s=0.1) is Status.RUNNING
+    assert bench.proposed is None
+    assert len(policy.views) == asked
+    assert bench.feedback == "waiting for a view"
+
+
+@pytest.mark.parametrize(
+    ("height_m", "down_m"), [(1.7, 0.2), (1.3, -0.2), (1.55, 0.0), (1.45, 0.0)]
+)
+def test_a_step_corrects_the_height(height_m: float, down_m: float) -> None:
+    """Off the flight height by more than the altimeter's noise, the step leads back to it."""
+    bench = steering_bench(Explore, Says(ADVANCE), height_m=1.5)
+    live(bench, height_m=height_m)
+    live(bench, seconds=0.3, height_m=height_m)
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.down_m == pytest.approx(down_m)
+
+
+def test_a_blocked_way_is_a_failure() -> None:
+    """Avoid's turn: in the tick in which it ends it proposes nothing."""
+    bench = steering_bench(Explore, Says(TURN_RIGHT))
+    live(bench)
+
+    assert live(bench, seconds=0.3) is Status.FAILURE
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+@pytest.mark.parametrize("missing", [STATE, FRAME, CLASS_MAP])
+def test_blind_it_waits(missing: object) -> None:
+    """Without telemetry, picture or mask it stands still and goes on trying."""
+    policy = Says(ADVANCE)
+    bench = steering_bench(Explore, policy)
+    live(bench)
+    show(bench, seconds=0.3)
+    del bench.board[missing]  # type: ignore[arg-type]
+
+    assert bench.tick() is Status.RUNNING
+    assert bench.proposed is None
+    assert policy.views == []
+
+
+def test_stale_values_stop_it() -> None:
+    """Two seconds after the last picture and telemetry, nothing is proposed any more."""
+    bench = stepping()
+    bench.allow_stale()
+
+    assert bench.tick(advance_s=2.0) is Status.RUNNING
+    assert bench.proposed is None
+
+
+def test_halted_it_commands_nothing_and_starts_afresh() -> None:
+    """Halted in mid-step it lets go; begun again it looks before it steps, with a new id."""
+    bench = stepping()
+    assert halted_proposals(bench) == (None, None)
+
+    live(bench)
+    assert bench.proposed is None
+    live(bench, seconds=0.3)
+    assert bench.proposed == MoveBy(id=2, forward_m=0.3)
+
+
+def test_the_policy_sees_the_frames_telemetry() -> None:
+    """Camera at the map's size, pitch and height of the frame; chance from the mission's seed."""
+    policies = [Says(ADVANCE), Says(ADVANCE)]
+    for policy in policies:
+        bench = steering_bench(Explore, policy)
+        live(bench, gimbal_deg=-25.0, height_m=1.4)
+        live(bench, seconds=0.3, gimbal_deg=-25.0, height_m=1.4)
+    (view,), (again,) = (policy.views for policy in policies)
+
+    assert (view.camera.width_px, view.camera.height_px) == (32, 18)
+    assert view.gimbal_pitch_rad == pytest.approx(-0.4363, abs=1e-4)
+    assert view.height_above_carpet_m == 1.4
+    assert view.turning == 0
+    assert view.coin == again.coin
+
+
+def test_an_unknown_policy_is_refused_at_setup() -> None:
+    """Before the flight, with the names that there are."""
+    with pytest.raises(UnknownNameError, match="segmentation"):
+        LeafBench(Explore, policy="segmentatoin").setup()
+
+
+def test_an_advance_forgets_the_held_turn() -> None:
+    """What was turned away from is behind it: the next turn may go either way."""
+    policy = Says(ADVANCE)
+    bench = steering_bench(Explore, policy)
+    bench.board[HELD_TURN] = HeldTurn(direction=-1, turned_rad=7.0)
+    live(bench)
+    live(bench, seconds=0.3)
+
+    assert (policy.views[0].turning, policy.views[0].full_turns) == (-1, 1)
+    assert bench.board[HELD_TURN] == HeldTurn()
+
+
+# --- flowing --------------------------------------------------------------------------------------
+
+FAR = Decision(forward_m=1.0, reason="clear")
+
+
+def moving_on(bench: LeafBench, forward_mps: float) -> Status:
+    """Show the leaf a world of now in which the drone flies ahead, and tick it."""
+    show(bench, velocity=BodyVelocity(forward_mps=forward_mps))
+    return bench.tick()
+
+
+def test_a_flowing_step_is_replaced_by_one_that_leads_further() -> None:
+    """No stop between: the new step begins while the old one is under way."""
+    bench = stepping(Says(FAR), flowing="true")
+    for _ in range(2):
+        moving_on(bench, 0.7)
+        assert bench.proposed == MoveBy(id=1, forward_m=1.0)  # it leads 0.07 m further a tick
+    moving_on(bench, 0.7)
+
+    assert bench.proposed == MoveBy(id=2, forward_m=1.0)
+
+
+def test_what_was_flown_since_the_frame_is_not_flown_again() -> None:
+    """The decision was made for the place where the frame was captured."""
+    bench = stepping(Says(ADVANCE, FAR), flowing="true")
+    show(bench, velocity=BodyVelocity(forward_mps=0.5))
+    bench.clock.advance(0.2)  # the video is late
+
+    bench.tick()
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.forward_m == pytest.approx(0.9)
+
+
+def test_a_flowing_step_is_broken_off_when_the_way_is_blocked() -> None:
+    """It hovers, looks afresh, and only then fails."""
+    bench = stepping(Says(FAR, TURN_RIGHT), flowing="true")
+
+    assert moving_on(bench, 0.5) is Status.RUNNING
+    assert bench.proposed is None
+    assert live(bench, seconds=0.3) is Status.FAILURE
+
+
+def test_without_flowing_a_step_is_flown_to_its_end() -> None:
+    """As the paper's first level does."""
+    policy = Says(FAR, TURN_RIGHT)
+    bench = stepping(policy)
+    moving_on(bench, 0.5)
+
+    assert bench.proposed == MoveBy(id=1, forward_m=1.0)

@@ -1,0 +1,185 @@
+"""HelipadCenter: up, look down, centre, lower, centre again."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from behaviours.fly.helipad_center import HelipadCenter
+from tests.behaviours.leaf_world import halted_proposals, show
+from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import GimbalTo, HelipadFix, MoveBy, MovementState, MovementStatus
+
+DOWN = GimbalTo(pitch_rad=-math.pi / 2)
+CAMERA_FORWARD_M = 0.15
+
+
+def look(
+    bench: LeafBench,
+    offset_m: tuple[float, float] | None,
+    *,
+    seconds: float = 0.1,
+    height_m: float = 1.7,
+    gimbal_deg: float = -90.0,
+    ended: int | None = None,
+    word: MovementState = MovementState.DONE,
+) -> Status:
+    """Tick with the pad in view, so far ahead and right of the camera; None: not in view."""
+    movement = MovementStatus(id=ended, state=word) if ended is not None else None
+    show(bench, seconds=seconds, height_m=height_m, gimbal_deg=gimbal_deg, movement=movement)
+    if offset_m is not None:
+        bench.board[HELIPAD] = HelipadFix(
+            captured_s=bench.clock.now(),
+            forward_m=offset_m[0] + CAMERA_FORWARD_M,
+            right_m=offset_m[1],
+            detected=True,
+        )
+    else:
+        del bench.board[HELIPAD]
+    return bench.tick()
+
+
+def climbed(**attributes: object) -> LeafBench:
+    """Return a bench whose leaf has climbed and looks down; its movement had the id 1."""
+    bench = LeafBench(HelipadCenter, **attributes)
+    assert look(bench, None, height_m=1.5) is Status.RUNNING
+    return bench
+
+
+def moved(bench: LeafBench) -> MoveBy:
+    assert isinstance(bench.proposed, MoveBy)
+    return bench.proposed
+
+
+def test_climbs_first_looking_down() -> None:
+    """Before anything is judged."""
+    bench = climbed(climb_m=0.2)
+
+    assert moved(bench) == MoveBy(id=1, down_m=-0.2)
+    assert bench.pointed == DOWN
+    assert bench.board[PHASE] == "center"
+
+
+def test_moves_by_what_the_camera_is_off() -> None:
+    """The camera, not the body, goes above the centre."""
+    bench = climbed()
+    look(bench, (0.3, -0.2), seconds=1.0, ended=1)
+
+    move = moved(bench)
+    assert (move.forward_m, move.right_m, move.down_m) == pytest.approx((0.3, -0.2, 0.0))
+
+
+def test_centred_twice_then_lower_then_centred_again() -> None:
+    """Two looks in a row agree, high up and again low down; then success, proposing nothing."""
+    bench = climbed(tolerance_m=0.04, low_m=1.1)
+    look(bench, (0.01, 0.02), seconds=1.0, ended=1)
+    assert bench.proposed is None
+    assert look(bench, (0.01, 0.02)) is Status.RUNNING
+    descent = moved(bench)
+    assert descent.down_m == pytest.approx(1.7 - 1.1)
+
+    assert look(bench, (0.0, 0.02), seconds=1.5, height_m=1.1, ended=descent.id) is Status.RUNNING
+    assert look(bench, (0.0, 0.02), height_m=1.1) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_one_look_does_not_confirm() -> None:
+    """A look that is off in between starts the count again."""
+    bench = climbed()
+    look(bench, (0.0, 0.0), seconds=1.0, ended=1)
+    look(bench, (0.1, 0.0))
+    correction = moved(bench)
+    look(bench, (0.0, 0.0), seconds=1.0, ended=correction.id)
+    assert bench.proposed is None  # one again, not two
+
+
+def test_a_movement_is_held_until_it_ends() -> None:
+    """The same proposal every tick, whatever is seen on the way."""
+    bench = climbed()
+    first = moved(bench)
+    for _ in range(4):
+        assert look(bench, (0.5, 0.5), height_m=1.6) is Status.RUNNING
+        assert moved(bench) == first
+
+
+def test_a_look_from_before_the_movement_ended_does_not_count() -> None:
+    """Video is late: that frame shows the pad from elsewhere."""
+    bench = climbed()
+    show(
+        bench,
+        seconds=1.0,
+        height_m=1.7,
+        gimbal_deg=-90.0,
+        movement=MovementStatus(id=1, state=MovementState.DONE),
+    )
+    bench.board[HELIPAD] = HelipadFix(
+        captured_s=bench.clock.now() - 0.15, forward_m=0.6, right_m=0.0, detected=True
+    )
+    bench.tick()
+
+    assert bench.proposed is None
+
+
+@pytest.mark.parametrize("why", ["gimbal", "tracked", "no frame"])
+def test_only_what_is_seen_from_above_counts(why: str) -> None:
+    """Not while the camera still tilts, not what the tracker carries, not without a picture."""
+    bench = climbed()
+    show(
+        bench,
+        seconds=0.9,
+        height_m=1.7,
+        gimbal_deg=-60.0 if why == "gimbal" else -90.0,
+        movement=MovementStatus(id=1, state=MovementState.DONE),
+    )
+    bench.board[HELIPAD] = HelipadFix(
+        captured_s=bench.clock.now(), forward_m=0.6, right_m=0.0, detected=why != "tracked"
+    )
+    if why == "no frame":
+        del bench.board[FRAME]
+    assert bench.tick() is Status.RUNNING
+    assert bench.proposed is None
+
+
+def test_without_a_sight_of_it_it_looks_from_higher() -> None:
+    """After a second at one height, up to the ceiling; then it waits there."""
+    bench = climbed(climb_m=0.2)
+    look(bench, None, seconds=1.0, ended=1)
+    assert bench.proposed is None
+    look(bench, None, seconds=1.1)
+    second = moved(bench)
+    assert second.down_m == pytest.approx(-0.2)
+
+    look(bench, None, seconds=1.0, ended=second.id, height_m=2.3)
+    look(bench, None, seconds=1.1, height_m=2.3)
+    assert bench.proposed is None
+
+
+def test_lost_for_too_long_is_a_failure() -> None:
+    """It gives up, says so, and proposes nothing."""
+    bench = climbed(give_up_s=5.0)
+    look(bench, None, seconds=1.0, ended=1, height_m=2.3)
+
+    assert look(bench, None, seconds=4.5, height_m=2.3) is Status.FAILURE
+    assert (bench.proposed, bench.pointed) == (None, None)
+    assert bench.feedback == "helipad lost"
+
+
+def test_without_telemetry_it_stops() -> None:
+    """Nothing is proposed; the camera goes on pointing down."""
+    bench = climbed()
+    del bench.board[STATE]
+
+    assert bench.tick(advance_s=0.1) is Status.RUNNING
+    assert (bench.proposed, bench.pointed) == (None, DOWN)
+
+
+def test_halted_it_commands_nothing() -> None:
+    """Halted in mid-climb it lets go, and begins with a climb of another id."""
+    bench = climbed()
+    assert halted_proposals(bench) == (None, None)
+
+    look(bench, None)
+    assert moved(bench).id == 2

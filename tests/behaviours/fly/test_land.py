@@ -1,0 +1,227 @@
+"""Land and EmergencyLand: where to, how, until the motors are off."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from behaviours.fly.land import EmergencyLand, Land, nearest_landing_spot
+from tests.behaviours.leaf_world import carpet, halted_proposals, live, show
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
+from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_H
+from uav_bt.testing import LeafBench, pinhole
+from uav_bt.tree import Status
+from uav_bt.types import (
+    ClassMap,
+    FlyingState,
+    Frame,
+    GimbalTo,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+)
+from uav_bt.types import Land as LandCommand
+
+DOWN = GimbalTo(pitch_rad=-math.pi / 2)
+
+
+# --- Land -----------------------------------------------------------------------------------------
+
+
+def test_steps_forward_then_lands() -> None:
+    """The camera hangs over the pad's centre, the body behind it: forward, then down."""
+    bench = LeafBench(Land, forward_m=0.15)
+    assert live(bench) is Status.RUNNING
+    step = bench.proposed
+    assert step == MoveBy(id=1, forward_m=0.15)
+    assert bench.board[PHASE] == "land"
+    live(bench)
+    assert bench.proposed == step
+
+    done = MovementStatus(id=1, state=MovementState.DONE)
+    assert live(bench, movement=done) is Status.RUNNING
+    assert bench.proposed == LandCommand()
+    assert live(bench, flying=FlyingState.LANDING, height_m=0.6) is Status.RUNNING
+    assert bench.proposed == LandCommand()
+
+    assert live(bench, flying=FlyingState.LANDED, height_m=0.0) is Status.SUCCESS
+    assert bench.proposed is None
+
+
+def test_without_an_offset_it_lands_at_once() -> None:
+    """A camera under the centre needs no step."""
+    bench = LeafBench(Land, forward_m=0.0)
+    live(bench)
+
+    assert bench.proposed == LandCommand()
+
+
+@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
+def test_kept_from_the_step_it_lands_all_the_same(word: MovementState) -> None:
+    """Fifteen centimetres off is better than flying on."""
+    bench = LeafBench(Land)
+    live(bench)
+    live(bench, movement=MovementStatus(id=1, state=word))
+
+    assert bench.proposed == LandCommand()
+
+
+@pytest.mark.parametrize("leaf", [Land, EmergencyLand])
+def test_on_the_ground_there_is_nothing_to_do(leaf: type[Land | EmergencyLand]) -> None:
+    """Success at once, nothing proposed."""
+    bench = LeafBench(leaf)
+
+    assert live(bench, flying=FlyingState.LANDED) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+@pytest.mark.parametrize("leaf", [Land, EmergencyLand])
+def test_without_telemetry_nothing_is_proposed(leaf: type[Land | EmergencyLand]) -> None:
+    """It waits until the drone is heard again."""
+    bench = LeafBench(leaf)
+    show(bench, gimbal_deg=-90.0)
+    del bench.board[STATE]
+
+    assert bench.tick() is Status.RUNNING
+    assert bench.proposed is None
+
+
+@pytest.mark.parametrize("leaf", [Land, EmergencyLand])
+def test_halted_it_commands_nothing(leaf: type[Land | EmergencyLand]) -> None:
+    """Halted in mid-step it lets go, and begins with the step again."""
+    ids = carpet()
+    ids[:, :24] = BACKGROUND
+    bench = LeafBench(leaf)
+    live(bench, gimbal_deg=-90.0, ids=ids)
+    first = bench.proposed
+    assert isinstance(first, MoveBy)
+    assert halted_proposals(bench) == (None, None)
+
+    live(bench, gimbal_deg=-90.0, ids=ids)
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.id != first.id
+
+
+# --- where to land in an emergency ----------------------------------------------------------------
+
+HEIGHT_M = 1.5
+CAMERA_DOWN = pinhole(161, 91)
+PX_PER_M = CAMERA_DOWN.fx_px / HEIGHT_M
+
+
+def from_above() -> Frame:
+    return Frame(
+        image=np.zeros((91, 161, 3), dtype=np.uint8),
+        index=0,
+        captured_s=0.0,
+        gimbal_pitch_rad=-math.pi / 2,
+        height_above_carpet_m=HEIGHT_M,
+    )
+
+
+def spot(ids: NDArray[np.uint8], radius_m: float = 0.25) -> tuple[float, float] | None:
+    found = nearest_landing_spot(
+        ClassMap(ids=ids, captured_s=0.0), CAMERA_DOWN, from_above(), radius_m=radius_m
+    )
+    return (found.forward_m, found.right_m) if found else None
+
+
+def all_carpet() -> NDArray[np.uint8]:
+    return np.full((91, 161), 1, dtype=np.uint8)
+
+
+def test_on_open_carpet_the_spot_is_right_below() -> None:
+    """As near to the body's centre, behind the camera, as the view allows to know."""
+    found = spot(all_carpet(), radius_m=0.1)
+
+    assert found == pytest.approx((0.0, 0.0), abs=1.5 / PX_PER_M)
+
+
+def test_the_spot_keeps_clear_of_a_box() -> None:
+    """Half of the view is a roof: the spot is on the other side, a radius away from it."""
+    ids = all_carpet()
+    ids[:, :95] = BOXES[0]
+
+    found = spot(ids)
+
+    edge_m = (95 - 0.5 - CAMERA_DOWN.cx_px) / PX_PER_M
+    assert found is not None
+    assert found[1] == pytest.approx(edge_m + 0.25, abs=1.5 / PX_PER_M)
+
+
+def test_the_pad_is_as_good_as_the_carpet() -> None:
+    """An emergency landing may end on the helipad."""
+    assert spot(np.full((91, 161), HELIPAD_H, dtype=np.uint8)) is not None
+
+
+def test_unknown_ground_beyond_the_view_does_not_count() -> None:
+    """A disc that does not fit into the view is no spot."""
+    assert spot(all_carpet(), radius_m=0.45 * 91 / PX_PER_M) is not None
+    assert spot(all_carpet(), radius_m=0.55 * 91 / PX_PER_M) is None
+
+
+def test_no_carpet_no_spot() -> None:
+    """Nothing but background below."""
+    assert spot(np.zeros((91, 161), dtype=np.uint8)) is None
+
+
+# --- EmergencyLand --------------------------------------------------------------------------------
+
+
+def test_looks_down_before_it_judges() -> None:
+    """A forward view says nothing about what lies below."""
+    bench = LeafBench(EmergencyLand)
+    assert live(bench, gimbal_deg=-30.0) is Status.RUNNING
+    assert (bench.proposed, bench.pointed) == (None, DOWN)
+    assert bench.board[PHASE] == "emergency landing"
+
+
+def test_moves_to_the_spot_and_lands() -> None:
+    """Only the right quarter of the view is carpet: there, then down."""
+    ids = carpet()
+    ids[:, :20] = BACKGROUND
+    bench = LeafBench(EmergencyLand, radius_m=0.15)
+    live(bench, gimbal_deg=-90.0, ids=ids)
+    step = bench.proposed
+    assert isinstance(step, MoveBy)
+    assert step.right_m > 0.2
+    assert bench.pointed == DOWN
+
+    done = MovementStatus(id=step.id, state=MovementState.DONE)
+    live(bench, gimbal_deg=-90.0, movement=done)
+    assert bench.proposed == LandCommand()
+    assert live(bench, flying=FlyingState.LANDED) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_right_above_a_spot_it_needs_no_step() -> None:
+    """Carpet all around: down."""
+    bench = LeafBench(EmergencyLand, radius_m=0.1)
+    live(bench, gimbal_deg=-90.0)
+    assert not isinstance(bench.proposed, MoveBy)
+    live(bench, gimbal_deg=-90.0)
+
+    assert bench.proposed == LandCommand()
+
+
+@pytest.mark.parametrize("missing", [None, FRAME, CLASS_MAP, CAMERA])
+def test_without_carpet_in_view_it_lands_after_a_while(missing: object) -> None:
+    """It looks for a few seconds, blind or not; then anywhere is better than nowhere."""
+    bench = LeafBench(EmergencyLand, look_s=2.0)
+
+    def blind(seconds: float) -> Status:
+        show(bench, seconds=seconds, gimbal_deg=-90.0, ids=0 * carpet())
+        if missing is not None:
+            del bench.board[missing]  # type: ignore[arg-type]
+        return bench.tick()
+
+    assert blind(0.1) is Status.RUNNING
+    assert (bench.proposed, bench.pointed) == (None, DOWN)
+    blind(1.9)
+    assert bench.proposed is None
+    blind(0.2)
+
+    assert bench.proposed == LandCommand()

@@ -1,0 +1,383 @@
+"""ReturnToBase: search, approach, detour, and the last metre by the track."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from behaviours.fly.return_to_base import ReturnToBase
+from tests.behaviours.leaf_world import (
+    ADVANCE,
+    TURN_LEFT,
+    TURN_RIGHT,
+    Says,
+    halted_proposals,
+    show,
+    steering_bench,
+)
+from uav_bt.board import HELIPAD, OBSTACLES, PHASE, STATE
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import (
+    GimbalTo,
+    HelipadFix,
+    MoveBy,
+    ObstaclePoints,
+    Velocity,
+)
+
+SEARCH_GIMBAL = GimbalTo(pitch_rad=math.radians(-30))
+
+
+def fly(
+    bench: LeafBench,
+    pad: tuple[float, float] | None = None,
+    *,
+    seconds: float = 0.1,
+    unseen_s: float = 0.0,
+    obstacles: Sequence[tuple[float, float]] | None = (),
+    unplaced_rad: Sequence[float] = (),
+    yaw_rad: float = 0.0,
+) -> Status:
+    """Tick with the pad so far ahead and right, seen so long ago; None: never seen."""
+    show(bench, seconds=seconds, yaw_rad=yaw_rad)
+    now_s = bench.clock.now()
+    del bench.board[HELIPAD]
+    if pad is not None:
+        bench.board[HELIPAD] = HelipadFix(
+            captured_s=now_s - unseen_s,
+            forward_m=pad[0],
+            right_m=pad[1],
+            detected=unseen_s == 0.0,
+        )
+    del bench.board[OBSTACLES]
+    if obstacles is not None:
+        bench.board[OBSTACLES] = ObstaclePoints(
+            points_m=np.array(obstacles, dtype=np.float64).reshape(-1, 2),
+            unplaced_rad=np.array(unplaced_rad, dtype=np.float64),
+            captured_s=now_s,
+        )
+    return bench.tick()
+
+
+def searching(policy: Says, **attributes: object) -> LeafBench:
+    bench = steering_bench(ReturnToBase, policy, gimbal_deg=-30.0, **attributes)
+    assert fly(bench) is Status.RUNNING
+    assert bench.proposed is None
+    return bench
+
+
+def approaching(pad: tuple[float, float] = (2.5, 0.0), policy: Says | None = None) -> LeafBench:
+    bench = searching(policy or Says(ADVANCE))
+    assert fly(bench, pad) is Status.RUNNING
+    assert bench.board[PHASE] == "approach"
+    return bench
+
+
+def velocity(bench: LeafBench) -> Velocity:
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed
+
+
+# --- search ---------------------------------------------------------------------------------------
+
+
+def test_searches_under_the_policy() -> None:
+    """Without a helipad in view it advances as exploring does, the camera ahead."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, seconds=0.3)
+
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+    assert bench.pointed == SEARCH_GIMBAL
+    assert bench.board[PHASE] == "search"
+    fly(bench)
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+
+
+def test_the_search_turns_away_by_itself() -> None:
+    """Blocked it turns, and after a turn that worked it looks afresh before it advances."""
+    bench = searching(Says(TURN_LEFT, ADVANCE))
+    fly(bench, seconds=0.3)
+    assert velocity(bench).yaw_rate_radps < 0.0
+    assert velocity(bench).forward_mps == 0.0
+    fly(bench, yaw_rad=-0.3)
+    assert velocity(bench).yaw_rate_radps < 0.0
+    fly(bench, yaw_rad=-0.6)
+    fly(bench, yaw_rad=-0.6)
+    assert bench.proposed is None
+    fly(bench, yaw_rad=-0.6, seconds=0.3)
+
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_a_remembered_pad_does_not_end_the_search() -> None:
+    """Only a sight of it does: the track may have gone astray."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, (2.0, 0.0), seconds=0.3, unseen_s=3.0)
+
+    assert bench.board[PHASE] == "search"
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_a_sight_of_the_pad_interrupts_a_step() -> None:
+    """The approach begins in the very tick."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, seconds=0.3)
+    fly(bench, (2.0, 0.0))
+
+    assert bench.board[PHASE] == "approach"
+    assert velocity(bench).forward_mps > 0.0
+
+
+# --- approach -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_turns_to_the_pad_before_it_flies(side: int) -> None:
+    """Far off the heading: on the spot, towards it."""
+    bench = approaching((1.5, side * 1.2))
+
+    assert side * velocity(bench).yaw_rate_radps > 0.3
+    assert velocity(bench).forward_mps == 0.0
+
+
+def test_flies_to_a_pad_ahead_and_slows_down() -> None:
+    """Fast from afar, slowly when near, hardly turning."""
+    far, near = approaching((3.0, 0.05)), approaching((0.5, 0.02))
+
+    assert 0.2 < velocity(far).forward_mps <= 0.5
+    assert 0.0 < velocity(near).forward_mps < velocity(far).forward_mps
+    assert abs(velocity(far).yaw_rate_radps) < 0.1
+    assert far.pointed == SEARCH_GIMBAL
+
+
+def test_a_pad_missed_for_a_moment_is_still_approached() -> None:
+    """The tracker carries it."""
+    bench = approaching()
+    fly(bench, (2.4, 0.0), unseen_s=3.0)
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+@pytest.mark.parametrize("pad", [(2.4, 0.0), None])
+def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) -> None:
+    """Too old a track, or none: stop, and search."""
+    bench = approaching()
+    fly(bench, pad, unseen_s=21.0)
+    assert bench.proposed is None
+    assert bench.board[PHASE] == "search"
+
+    fly(bench, seconds=0.3)
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_what_stands_beside_or_behind_the_way_is_passed() -> None:
+    """A box well aside, one behind the pad, one behind the drone."""
+    bench = approaching((1.5, 0.0))
+    fly(bench, (1.5, 0.0), obstacles=[(1.0, 0.8), (1.9, 0.0), (-0.8, 0.0)])
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+@pytest.mark.parametrize(
+    ("box", "side"), [((1.0, 0.1), -1.0), ((0.8, -0.2), 1.0)], ids=["right", "left"]
+)
+def test_a_box_on_the_way_is_passed_on_its_free_side(box: tuple[float, float], side: float) -> None:
+    """It turns to the way round before it flies on."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=[box])
+
+    assert side * velocity(bench).yaw_rate_radps > 0.2
+    assert velocity(bench).forward_mps == 0.0
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_a_side_once_taken_is_kept() -> None:
+    """A box that comes to lie a little to the other side does not turn it round."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=[(1.0, 0.1)])
+    fly(bench, (2.5, 0.0), obstacles=[(1.0, -0.05)])
+
+    assert velocity(bench).yaw_rate_radps < -0.2
+
+
+def test_a_wide_way_round_is_better_than_a_narrow_one_straight_on() -> None:
+    """Half a metre is near for an obstacle that is remembered to a decimetre or two."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=[(0.8, 0.47)])
+
+    assert velocity(bench).yaw_rate_radps < 0.0
+
+
+def test_where_there_is_no_wide_way_the_narrow_one_will_do() -> None:
+    """A gate of a metre between two rows of boxes."""
+    bench = approaching((2.5, 0.0))
+    gate = [(0.45 + 0.1 * n, side * 0.47) for n in range(10) for side in (-1.0, 1.0)]
+    beside = [(0.45 * math.cos(a), 0.45 * math.sin(a)) for a in np.radians([-150, -90, 90, 150])]
+    fly(bench, (2.5, 0.0), obstacles=[*gate, *beside])
+
+    assert velocity(bench).forward_mps > 0.2
+
+
+WALL = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.radians(range(-180, 180, 10))]
+
+
+def test_where_there_is_no_way_it_stops_for_a_detour() -> None:
+    """It stops at once and then goes round under the policy."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), obstacles=WALL)
+
+    assert bench.proposed is None
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_a_detour_ends_as_soon_as_a_way_is_known() -> None:
+    """Not before it has looked elsewhere, though."""
+    bench = approaching((2.5, 0.0), Says(TURN_RIGHT))
+    fly(bench, (2.5, 0.0), obstacles=WALL)
+    fly(bench, (2.5, 0.0), seconds=0.5)
+    assert velocity(bench).yaw_rate_radps > 0.0
+    assert velocity(bench).forward_mps == 0.0
+
+    fly(bench, (2.5, 0.0), seconds=0.6)
+    fly(bench, (2.5, 0.0))
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+# Two degrees of an obstacle of unknown range.
+UNPLACED_RAD = (0.1, 0.12)
+
+
+def test_the_camera_follows_the_pad_down() -> None:
+    """To see the carpet before it; not so far that bases would be mistaken."""
+    bench = approaching((1.2, 0.0))
+    assert bench.pointed is not None
+    assert -50.0 < math.degrees(bench.pointed.pitch_rad) < -35.0
+
+    near = approaching((0.5, 0.0))
+    assert near.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+
+def test_it_looks_down_at_what_has_no_range_yet() -> None:
+    """And waits if that is ahead; a second after it has gone, the camera rises again."""
+    bench = approaching((2.5, 0.0))
+    fly(bench, (2.5, 0.0), unplaced_rad=UNPLACED_RAD)
+
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+    assert velocity(bench).forward_mps == 0.0
+
+    fly(bench, (2.5, 0.0), seconds=0.5)
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+    assert velocity(bench).forward_mps > 0.0
+    fly(bench, (2.5, 0.0), seconds=0.6)
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_what_has_no_range_even_from_above_is_gone_round() -> None:
+    """It stands where no camera looks: a detour."""
+    bench = approaching((2.5, 0.0))
+    for _ in range(21):
+        fly(bench, (2.5, 0.0), unplaced_rad=UNPLACED_RAD)
+
+    assert bench.proposed is None
+    assert bench.pointed == SEARCH_GIMBAL
+
+
+def test_a_detour_takes_two_steps_and_faces_the_pad_again() -> None:
+    """Turn away, step, step, then turn back to the pad."""
+    policy = Says(TURN_RIGHT, ADVANCE)
+    bench = approaching((2.5, 0.0), policy)
+    fly(bench, (2.5, 0.0), obstacles=WALL)
+    fly(bench, (2.5, 0.0), obstacles=WALL, seconds=0.3)
+    assert velocity(bench).yaw_rate_radps > 0.0
+    for yaw_rad in (0.3, 0.6, 0.6):
+        fly(bench, (2.5, -1.0), obstacles=WALL, yaw_rad=yaw_rad)
+
+    for step in (1, 2):
+        fly(bench, (2.0, -1.5), obstacles=WALL, seconds=0.3, yaw_rad=0.6)
+        assert bench.proposed == MoveBy(id=step, forward_m=0.3)
+        bench.clock.advance(0.4)
+        bench.finish_movement()
+        bench.tick()  # the class map still shows the view before the step
+        assert bench.proposed is None
+    fly(bench, (1.8, -1.5), yaw_rad=0.6)
+
+    assert bench.board[PHASE] == "approach"
+    assert velocity(bench).yaw_rate_radps < 0.0
+    assert velocity(bench).forward_mps == 0.0
+
+
+# --- the last metre -------------------------------------------------------------------------------
+
+
+def overflying() -> LeafBench:
+    bench = approaching((1.2, 0.0))
+    assert fly(bench, (1.0, 0.0), unseen_s=0.6) is Status.RUNNING
+    assert fly(bench, (0.9, 0.0), unseen_s=0.7) is Status.RUNNING
+    return bench
+
+
+def test_the_last_metre_goes_by_the_track() -> None:
+    """The pad has left the view below: on towards where it must be, until above it."""
+    bench = overflying()
+    assert 0.0 < velocity(bench).forward_mps < 0.6
+    assert fly(bench, (0.3, 0.0), unseen_s=2.0) is Status.RUNNING
+
+    assert fly(bench, (0.1, 0.0), unseen_s=2.6) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_past_the_pad_it_is_there() -> None:
+    """It does not turn round for centimetres."""
+    bench = overflying()
+
+    assert fly(bench, (-0.02, 0.15), unseen_s=2.6) is Status.SUCCESS
+
+
+def test_a_tree_without_a_memory_flies_the_last_metre() -> None:
+    """Who does not remember obstacles is not stopped by them."""
+    bench = overflying()
+    fly(bench, (0.6, 0.0), unseen_s=1.0, obstacles=None)
+
+    assert velocity(bench).forward_mps > 0.0
+
+
+def test_a_track_that_ends_in_the_last_metre_is_searched_for() -> None:
+    """Nothing is known any more: stop and search."""
+    bench = overflying()
+    fly(bench, None)
+
+    assert bench.proposed is None
+    assert bench.board[PHASE] == "search"
+
+
+# --- manners --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("phase", ["search", "approach", "overfly"])
+def test_without_telemetry_it_stops(phase: str) -> None:
+    """In any phase; the camera stays where it is."""
+    makers = {
+        "search": lambda: searching(Says(ADVANCE)),
+        "approach": approaching,
+        "overfly": overflying,
+    }
+    bench = makers[phase]()
+    del bench.board[STATE]
+
+    assert bench.tick(advance_s=0.1) is Status.RUNNING
+    assert (bench.proposed, bench.pointed) == (None, SEARCH_GIMBAL)
+
+
+def test_halted_it_commands_nothing_and_searches_again() -> None:
+    """Begun again it starts with the search, even if it was near."""
+    bench = overflying()
+    assert halted_proposals(bench) == (None, None)
+
+    fly(bench, (0.8, 0.0), unseen_s=1.5)
+    assert bench.board[PHASE] == "search"
+    assert bench.proposed is None

@@ -1,0 +1,342 @@
+"""What the control student needs around it: views remembered, advice, a veto, a way to the pad."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from behaviours.fly.corridor_clear import CorridorClear
+from behaviours.fly.explore import Explore
+from behaviours.fly.return_to_base import ReturnToBase
+from behaviours.perceive.advise import Advise
+from behaviours.perceive.recent_views import RememberViews
+from tests.behaviours.leaf_world import (
+    ADVANCE,
+    TURN_LEFT,
+    TURN_RIGHT,
+    Says,
+    live,
+    show,
+    steering_bench,
+)
+from uav_bt.board import (
+    ADVICE,
+    CORRIDOR,
+    FRAME,
+    HELD_TURN,
+    HELIPAD,
+    OBSTACLES,
+    PHASE,
+    RECENT_VIEWS,
+)
+from uav_bt.protocols import Decision
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import (
+    BodyVelocity,
+    Corridor,
+    HeldTurn,
+    HelipadFix,
+    ObstaclePoints,
+    PastView,
+    RecentViews,
+    Velocity,
+)
+
+# --- RememberViews --------------------------------------------------------------------------------
+
+
+def remembering(seconds: float, **attributes: object) -> LeafBench:
+    """Return a bench on which the drone flew ahead at 0.5 m/s for so long, seeing all the time."""
+    bench = LeafBench(RememberViews, **attributes)
+    for _ in range(round(10 * seconds)):
+        assert live(bench, velocity=BodyVelocity(forward_mps=0.5)) is Status.SUCCESS
+    return bench
+
+
+def test_views_are_kept_with_where_they_were_captured() -> None:
+    recent = remembering(1.0).board[RECENT_VIEWS]
+    assert len(recent.views) == 10
+    then = recent.ago(0.5)
+    assert recent.newest.frame.captured_s - then.frame.captured_s == pytest.approx(0.5)
+    assert recent.newest.x_m - then.x_m == pytest.approx(0.25)
+    assert recent.ago(0.0) is recent.newest
+
+
+def test_old_views_are_let_go() -> None:
+    views = remembering(2.0, keep_s=0.65).board[RECENT_VIEWS].views
+    assert views[-1].frame.captured_s - views[0].frame.captured_s == pytest.approx(0.6)
+
+
+def test_a_frame_that_comes_twice_is_one_view() -> None:
+    bench = remembering(0.5)
+    bench.tick()
+    assert len(bench.board[RECENT_VIEWS].views) == 5
+
+
+def test_before_the_first_frame_there_is_nothing_to_remember() -> None:
+    bench = LeafBench(RememberViews)
+    assert bench.tick() is Status.SUCCESS
+    assert RECENT_VIEWS not in bench.board
+
+
+# --- what policies are shown ----------------------------------------------------------------------
+
+
+def remember(bench: LeafBench) -> None:
+    """Write that the newest frame is the only one that is remembered."""
+    view = PastView(frame=bench.board[FRAME], x_m=1.0, y_m=2.0, yaw_rad=0.3)
+    bench.board[RECENT_VIEWS] = RecentViews(views=(view,))
+
+
+def test_a_policy_is_shown_the_pixels() -> None:
+    policy = Says(ADVANCE)
+    bench = steering_bench(Explore, policy)
+    live(bench)
+    show(bench, seconds=0.3)
+    remember(bench)
+    bench.tick()
+    recent = policy.views[-1].recent
+    assert recent is not None
+    assert recent.newest.frame is bench.board[FRAME]
+
+
+def test_pixels_of_another_frame_are_not_shown() -> None:
+    policy = Says(ADVANCE)
+    bench = steering_bench(Explore, policy)
+    live(bench)
+    show(bench, seconds=0.2)
+    remember(bench)
+    show(bench, seconds=0.1)
+    bench.tick()
+    assert policy.views[-1].recent is None
+
+
+# --- Advise ---------------------------------------------------------------------------------------
+
+
+def advising(policy: Says) -> LeafBench:
+    bench = LeafBench(Advise, policy="says")
+    bench.policies["says"] = policy
+    show(bench)
+    remember(bench)
+    return bench
+
+
+def test_advice_says_what_the_policy_decides_and_where() -> None:
+    bench = advising(Says(replace(ADVANCE, free_m=0.9)))
+    assert bench.tick() is Status.SUCCESS
+    advice, frame = bench.board[ADVICE], bench.board[FRAME]
+    assert (advice.frame_index, advice.captured_s) == (frame.index, frame.captured_s)
+    assert (advice.x_m, advice.y_m, advice.yaw_rad) == (1.0, 2.0, 0.3)
+    assert (advice.height_above_carpet_m, advice.turning) == (1.5, 0)
+    assert advice.decision == advice.fresh == replace(ADVANCE, free_m=0.9)
+    assert bench.proposed is None
+
+
+def test_with_a_turn_under_way_it_also_asks_as_if_there_were_none() -> None:
+    policy = Says(TURN_LEFT, TURN_RIGHT)
+    bench = advising(policy)
+    bench.board[HELD_TURN] = HeldTurn(direction=-1, turned_rad=7.0)
+    bench.tick()
+    advice = bench.board[ADVICE]
+    assert (advice.turning, advice.full_turns) == (-1, 1)
+    assert (advice.decision, advice.fresh) == (TURN_LEFT, TURN_RIGHT)
+    assert [(view.turning, view.full_turns) for view in policy.views] == [(-1, 1), (0, 0)]
+
+
+def test_each_view_is_asked_about_once() -> None:
+    policy = Says(ADVANCE)
+    bench = advising(policy)
+    bench.tick()
+    bench.tick()
+    assert len(policy.views) == 1
+
+
+def test_without_remembered_views_there_is_no_advice() -> None:
+    bench = LeafBench(Advise, policy="says")
+    bench.policies["says"] = Says(ADVANCE)
+    assert live(bench) is Status.SUCCESS
+    assert ADVICE not in bench.board
+
+
+# --- CorridorClear --------------------------------------------------------------------------------
+
+
+def room(
+    ahead_m: float = 3.0,
+    *,
+    impact_s: float = math.inf,
+    obstacle: tuple[float, float] | None = None,
+) -> Status:
+    """Return what the condition says of so much room."""
+    bench = LeafBench(CorridorClear, ahead_m=0.6, impact_s=0.8, beside_m=0.4)
+    show(bench)
+    now_s = bench.clock.now()
+    bench.board[CORRIDOR] = Corridor(
+        captured_s=now_s,
+        free_distance_m=ahead_m,
+        nearest_m=ahead_m,
+        nearest_side="front",
+        time_to_impact_s=impact_s,
+    )
+    if obstacle is not None:
+        bench.board[OBSTACLES] = ObstaclePoints(points_m=np.array([obstacle]), captured_s=now_s)
+    return bench.tick()
+
+
+def test_a_free_corridor_is_clear() -> None:
+    assert room() is Status.SUCCESS
+    assert room(obstacle=(1.5, 0.0)) is Status.SUCCESS
+
+
+def test_too_little_room_ahead_is_not() -> None:
+    assert room(0.61) is Status.SUCCESS
+    assert room(0.59) is Status.FAILURE
+
+
+def test_too_much_speed_for_the_room_is_not() -> None:
+    assert room(1.0, impact_s=0.9) is Status.SUCCESS
+    assert room(1.0, impact_s=0.7) is Status.FAILURE
+
+
+def test_an_obstacle_that_has_left_the_view_counts() -> None:
+    assert room(obstacle=(0.5, 0.0)) is Status.FAILURE
+    assert room(obstacle=(0.2, 0.45)) is Status.SUCCESS
+
+
+def test_what_lies_behind_may_be_left() -> None:
+    assert room(obstacle=(-0.3, 0.0)) is Status.SUCCESS
+
+
+def off_the_carpet(pad: tuple[float, float] | None = None) -> Status:
+    """Return what the condition says where no carpet is in view, and of the pad's place."""
+    bench = LeafBench(CorridorClear)
+    show(bench, ids=np.zeros((18, 32), dtype=np.uint8))
+    now_s = bench.clock.now()
+    if pad is not None:
+        bench.board[HELIPAD] = HelipadFix(
+            captured_s=now_s, forward_m=pad[0], right_m=pad[1], detected=True
+        )
+    bench.board[CORRIDOR] = Corridor(
+        captured_s=now_s,
+        free_distance_m=3.0,
+        nearest_m=math.inf,
+        nearest_side=None,
+        time_to_impact_s=math.inf,
+    )
+    return bench.tick()
+
+
+def test_where_the_carpet_ends_is_no_room() -> None:
+    assert off_the_carpet() is Status.FAILURE
+
+
+@pytest.mark.parametrize("pad", [(1.5, 0.1), (-0.1, 0.3)])
+def test_on_the_way_to_the_pad_the_carpet_may_end_behind_it(pad: tuple[float, float]) -> None:
+    assert off_the_carpet(pad) is Status.SUCCESS
+
+
+def test_on_another_way_it_may_not() -> None:
+    assert off_the_carpet((1.0, 1.0)) is Status.FAILURE
+
+
+def test_an_unknown_corridor_is_none_to_fly_in() -> None:
+    bench = LeafBench(CorridorClear)
+    show(bench)
+    assert bench.tick() is Status.FAILURE
+    assert bench.feedback == "corridor unknown"
+
+
+def test_a_stale_corridor_is_none_either() -> None:
+    bench = LeafBench(CorridorClear)
+    bench.allow_stale()
+    show(bench)
+    bench.board[CORRIDOR] = Corridor(
+        captured_s=0.0,
+        free_distance_m=3.0,
+        nearest_m=3.0,
+        nearest_side=None,
+        time_to_impact_s=math.inf,
+    )
+    show(bench, seconds=1.0)
+    assert bench.tick() is Status.FAILURE
+
+
+# --- ReturnToBase under a policy ------------------------------------------------------------------
+
+FREE = Decision(forward_m=0.8, free_m=0.9, reason="clear")
+NO_WAY = Decision(yaw_rad=0.5, free_m=0.1, reason="obstacle")
+EDGE = Decision(yaw_rad=0.5, carpet_ends=True, free_m=1.0, reason="edge")
+
+
+def fly(bench: LeafBench, pad: tuple[float, float], *, seconds: float = 0.3) -> Status:
+    show(bench, seconds=seconds)
+    bench.board[HELIPAD] = HelipadFix(
+        captured_s=bench.clock.now(), forward_m=pad[0], right_m=pad[1], detected=True
+    )
+    return bench.tick()
+
+
+def approaching(policy: Says) -> LeafBench:
+    """Return a bench with a pad 2 m ahead, on which the policy has been asked."""
+    bench = steering_bench(ReturnToBase, policy, gimbal_deg=-30.0, approach="policy")
+    fly(bench, (2.0, 0.0))
+    fly(bench, (2.0, 0.0))
+    return bench
+
+
+def speed(bench: LeafBench) -> float:
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed.forward_mps
+
+
+def test_flies_to_the_pad_while_the_policy_finds_the_way_free() -> None:
+    bench = approaching(Says(FREE))
+    assert bench.board[PHASE] == "approach"
+    assert speed(bench) == pytest.approx(0.45)
+
+
+def test_turns_away_where_the_policy_finds_an_obstacle() -> None:
+    bench = approaching(Says(NO_WAY))
+    fly(bench, (2.0, 0.0))
+    fly(bench, (2.0, 0.0))
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+def test_a_pad_near_the_carpets_end_is_flown_to() -> None:
+    assert speed(approaching(Says(EDGE))) > 0.3
+
+
+def test_turns_to_the_pad_before_anybody_is_asked() -> None:
+    policy = Says(NO_WAY)
+    bench = steering_bench(ReturnToBase, policy, gimbal_deg=-30.0, approach="policy")
+    fly(bench, (1.0, 1.0))
+    fly(bench, (1.0, 1.0))
+    assert policy.views == []
+    assert isinstance(bench.proposed, Velocity)
+    assert (bench.proposed.forward_mps, bench.proposed.yaw_rate_radps > 0.0) == (0.0, True)
+
+
+def test_waits_for_a_view_that_was_judged() -> None:
+    """In the first ticks of an approach the frames are older than it."""
+    bench = steering_bench(ReturnToBase, Says(FREE), gimbal_deg=-30.0, approach="policy")
+    fly(bench, (2.0, 0.0), seconds=0.1)
+    assert speed(bench) == 0.0
+
+
+def test_a_policy_that_tells_no_distance_is_believed_by_its_decision() -> None:
+    assert speed(approaching(Says(ADVANCE))) == pytest.approx(0.45)
+    bench = approaching(Says(TURN_RIGHT))
+    fly(bench, (2.0, 0.0))
+    fly(bench, (2.0, 0.0))
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+def test_an_unknown_approach_is_refused() -> None:
+    bench = steering_bench(ReturnToBase, Says(FREE), approach="memry")
+    with pytest.raises(Exception, match="unknown approach 'memry'; did you mean 'memory'"):
+        fly(bench, (2.0, 0.0))

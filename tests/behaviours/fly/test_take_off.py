@@ -1,0 +1,114 @@
+"""TakeOff: motors, height, camera, in that order; a failure when it takes too long."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from behaviours.fly.take_off import TakeOff
+from tests.behaviours.leaf_world import halted_proposals, live
+from uav_bt.board import PHASE, STATE
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import FlyingState, GimbalTo, MoveBy, MovementState, MovementStatus
+from uav_bt.types import TakeOff as TakeOffCommand
+
+AHEAD = GimbalTo(pitch_rad=math.radians(-30))
+
+
+def on_the_ground(**attributes: object) -> LeafBench:
+    bench = LeafBench(TakeOff, height_m=1.5, gimbal_deg=-30.0, **attributes)
+    assert live(bench, flying=FlyingState.LANDED, height_m=0.45) is Status.RUNNING
+    return bench
+
+
+def test_from_the_ground_to_the_flight_height() -> None:
+    """Take-off until it hovers, then the missing climb, then success."""
+    bench = on_the_ground()
+    assert (bench.proposed, bench.pointed) == (TakeOffCommand(), AHEAD)
+    assert bench.board[PHASE] == "take-off"
+    live(bench, flying=FlyingState.TAKING_OFF, height_m=0.9)
+    assert bench.proposed == TakeOffCommand()
+
+    live(bench, height_m=1.0)
+    climb = bench.proposed
+    assert isinstance(climb, MoveBy)
+    assert climb.down_m == pytest.approx(-0.5)
+    live(bench, height_m=1.3, flying=FlyingState.FLYING)
+    assert bench.proposed == climb
+
+    done = MovementStatus(id=climb.id, state=MovementState.DONE)
+    assert live(bench, seconds=1.0, height_m=1.52, movement=done) is Status.SUCCESS
+    assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_near_enough_needs_no_climb() -> None:
+    """Within a decimetre of the flight height it is there."""
+    bench = LeafBench(TakeOff, height_m=1.5, gimbal_deg=-30.0)
+
+    assert live(bench, height_m=1.42) is Status.SUCCESS
+
+
+def test_too_high_it_comes_down() -> None:
+    """The climb may be a descent."""
+    bench = LeafBench(TakeOff, height_m=1.0)
+    live(bench, height_m=1.4)
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.down_m == pytest.approx(0.4)
+
+
+def test_waits_for_the_camera() -> None:
+    """At its height, it goes on pointing until a frame comes from there."""
+    bench = LeafBench(TakeOff, gimbal_deg=-30.0)
+    assert live(bench, gimbal_deg=-10.0) is Status.RUNNING
+    assert (bench.proposed, bench.pointed) == (None, AHEAD)
+
+    assert live(bench, gimbal_deg=-29.0) is Status.SUCCESS
+    assert bench.pointed is None
+
+
+@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
+def test_a_failed_climb_is_tried_again(word: MovementState) -> None:
+    """With a new movement from where it is now."""
+    bench = LeafBench(TakeOff, height_m=1.5)
+    live(bench, height_m=1.0)
+    first = bench.proposed
+    assert isinstance(first, MoveBy)
+    bench.finish_movement(word)
+    bench.tick(advance_s=0.1)
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.id != first.id
+
+
+def test_too_long_is_a_failure() -> None:
+    """A drone that stays on the ground is given up, and told nothing more."""
+    bench = on_the_ground(give_up_s=5.0)
+    assert live(bench, seconds=4.9, flying=FlyingState.LANDED) is Status.RUNNING
+
+    assert live(bench, seconds=0.2, flying=FlyingState.LANDED) is Status.FAILURE
+    assert (bench.proposed, bench.pointed) == (None, None)
+    assert "landed" in bench.feedback
+
+
+def test_without_telemetry_it_asks_for_nothing() -> None:
+    """Not even for a take-off."""
+    bench = on_the_ground()
+    del bench.board[STATE]
+
+    assert bench.tick(advance_s=0.1) is Status.RUNNING
+    assert bench.proposed is None
+
+
+def test_halted_it_commands_nothing() -> None:
+    """Halted in mid-climb it lets go; begun again it starts with a new movement and a new clock."""
+    bench = LeafBench(TakeOff, height_m=1.5, give_up_s=5.0)
+    live(bench, height_m=1.0)
+    first = bench.proposed
+    assert halted_proposals(bench) == (None, None)
+
+    assert live(bench, seconds=6.0, height_m=1.0) is Status.RUNNING
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed != first

@@ -1,0 +1,238 @@
+"""The perception leaves: once per frame, with the frame's own telemetry, SUCCESS always."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
+from tests.behaviours.leaf_world import carpet, live, show
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
+from uav_bt.classes import BOXES, HELIPAD_BOX, HELIPAD_H
+from uav_bt.testing import LeafBench, pinhole
+from uav_bt.tree import Status
+from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame
+
+
+class Counts:
+    """A segmenter that sees carpet everywhere and keeps the frames it was given."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return carpet."""
+        self.frames.append(frame)
+        return ClassMap(ids=carpet(), captured_s=frame.captured_s)
+
+
+# --- Segment --------------------------------------------------------------------------------------
+
+
+def segmenting() -> tuple[LeafBench, Counts]:
+    bench, network = LeafBench(Segment), Counts()
+    bench.segmenter = network
+    return bench, network
+
+
+def test_each_frame_is_segmented_once() -> None:
+    """A repeated frame costs nothing; a new one gives a new class map, as old as the frame."""
+    bench, network = segmenting()
+    bench.hover()
+    bench.clock.advance(0.15)
+    for _ in range(3):
+        assert bench.tick() is Status.SUCCESS
+    assert len(network.frames) == 1
+    assert bench.board[CLASS_MAP].captured_s == 0.0
+
+    bench.hover()
+    bench.tick()
+    assert len(network.frames) == 2
+    assert bench.board[CLASS_MAP].captured_s == pytest.approx(0.15)
+
+
+def test_without_a_frame_there_is_no_class_map() -> None:
+    """It waits without failing: what reads the map sees that there is none."""
+    bench, network = segmenting()
+
+    assert bench.tick() is Status.SUCCESS
+    assert network.frames == []
+    assert CLASS_MAP not in bench.board
+
+
+def test_a_stale_frame_is_not_segmented() -> None:
+    """An old picture is not made young by looking at it late."""
+    bench, network = segmenting()
+    bench.allow_stale()
+    bench.hover()
+
+    assert bench.tick(advance_s=5.0) is Status.SUCCESS
+    assert network.frames == []
+
+
+def test_the_stage_is_timed() -> None:
+    """One time per segmented frame goes into the mission's figures."""
+    bench, _ = segmenting()
+    for _ in range(3):
+        bench.hover()
+        bench.tick(advance_s=0.1)
+
+    assert len(bench.leaf.mission.stage_times_s["segmentation"]) == 3
+
+
+# --- FindHelipad ----------------------------------------------------------------------------------
+
+
+def pad_map(column: int = 112, row: int = 40) -> np.ndarray:
+    """Return a 224x112 map of carpet with a pad seen from ahead, its H centred there."""
+    ids = np.ones((112, 224), dtype=np.uint8)
+    ids[row - 5 : row + 6, column - 12 : column + 13] = HELIPAD_H
+    ids[row + 6 : row + 20, column - 12 : column + 13] = HELIPAD_BOX
+    return ids
+
+
+def finding() -> LeafBench:
+    bench = LeafBench(FindHelipad, pad_height_m=0.4)
+    bench.camera = pinhole(640, 360)
+    return bench
+
+
+def test_a_pad_in_view_gets_a_fix() -> None:
+    """Straight ahead, where the pitch and the height above the pad put it."""
+    bench = finding()
+    assert live(bench, ids=pad_map()) is Status.SUCCESS
+
+    fix = bench.board[HELIPAD]
+    camera = bench.camera.resized(224, 112)
+    below_axis = math.atan((40 - camera.cy_px) / camera.fy_px)
+    expected_m = (1.5 - 0.4) / math.tan(math.radians(30) + below_axis) + camera.forward_offset_m
+    assert fix.detected
+    assert fix.captured_s == bench.clock.now()
+    assert fix.forward_m == pytest.approx(expected_m, abs=1e-6)
+    assert fix.right_m == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_pad_that_leaves_the_view_is_carried() -> None:
+    """The fix stays, moves with the drone, and says that it is not seen now and since when."""
+    bench = finding()
+    live(bench, ids=pad_map())
+    seen = bench.board[HELIPAD]
+    for _ in range(10):
+        bench.clock.advance(0.1)
+        bench.observe(
+            DroneState(
+                captured_s=bench.clock.now(),
+                flying=FlyingState.FLYING,
+                velocity=BodyVelocity(forward_mps=0.5),
+                height_above_carpet_m=1.5,
+                gimbal_pitch_rad=math.radians(-30),
+            )
+        )
+        bench.board[CLASS_MAP] = ClassMap(ids=carpet(), captured_s=bench.clock.now())
+        bench.tick()
+
+    fix = bench.board[HELIPAD]
+    assert not fix.detected
+    assert fix.captured_s == seen.captured_s
+    assert seen.forward_m - fix.forward_m == pytest.approx(0.475, abs=0.01)
+    assert fix.std_m > seen.std_m
+
+
+def test_no_pad_no_fix() -> None:
+    """Nothing is written before the first sight."""
+    bench = finding()
+
+    assert live(bench) is Status.SUCCESS
+    assert HELIPAD not in bench.board
+
+
+@pytest.mark.parametrize("missing", [STATE, FRAME, CLASS_MAP, CAMERA])
+def test_without_its_inputs_it_finds_nothing(missing: object) -> None:
+    """It neither fails nor invents a fix."""
+    bench = finding()
+    show(bench, ids=pad_map())
+    del bench.board[missing]  # type: ignore[arg-type]
+
+    assert bench.tick() is Status.SUCCESS
+    assert HELIPAD not in bench.board
+
+
+def test_a_class_map_of_another_frame_is_not_placed() -> None:
+    """Pitch and height belong to the frame that the map was made from."""
+    bench = finding()
+    show(bench, ids=pad_map())
+    bench.clock.advance(0.1)
+    bench.hover(gimbal_pitch_rad=math.radians(-60))
+
+    assert bench.tick() is Status.SUCCESS
+    assert HELIPAD not in bench.board
+
+
+def test_below_the_pads_height_there_is_no_fix() -> None:
+    """Taking off from the floor beside it, say."""
+    bench = finding()
+    live(bench, ids=pad_map(), height_m=0.3)
+
+    assert HELIPAD not in bench.board
+
+
+# --- RememberObstacles ----------------------------------------------------------------------------
+
+
+def box_map() -> np.ndarray:
+    ids = np.ones((112, 224), dtype=np.uint8)
+    ids[:70, 100:130] = BOXES[0]
+    return ids
+
+
+def remembering() -> LeafBench:
+    bench = LeafBench(RememberObstacles)
+    bench.camera = pinhole(640, 360)
+    return bench
+
+
+def test_a_box_in_view_is_remembered_after_a_turn() -> None:
+    """What was ahead is to the left after a turn to the right."""
+    bench = remembering()
+    assert live(bench, ids=box_map()) is Status.SUCCESS
+    ahead = bench.board[OBSTACLES]
+    assert len(ahead.points_m) > 5
+    assert ahead.captured_s == bench.clock.now()
+
+    live(bench, yaw_rad=math.pi / 2)
+    aside = bench.board[OBSTACLES]
+    assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
+    assert aside.points_m[:, 0] == pytest.approx(ahead.points_m[:, 1])
+
+
+def test_without_boxes_the_memory_is_empty_but_fresh() -> None:
+    """Knowing that nothing is there is not the same as knowing nothing."""
+    bench = remembering()
+    live(bench)
+
+    assert bench.board[OBSTACLES].points_m.shape == (0, 2)
+    assert bench.board[OBSTACLES].captured_s == bench.clock.now()
+
+
+@pytest.mark.parametrize("missing", [STATE, FRAME, CLASS_MAP, CAMERA])
+def test_blind_it_claims_nothing_new(missing: object) -> None:
+    """Without its inputs the board keeps what was known, and it ages."""
+    bench = remembering()
+    live(bench, ids=box_map())
+    before = bench.board[OBSTACLES]
+    show(bench, ids=box_map())
+    del bench.board[missing]  # type: ignore[arg-type]
+
+    assert bench.tick() is Status.SUCCESS
+    assert bench.board[OBSTACLES].captured_s == before.captured_s
+
+
+@pytest.mark.parametrize("leaf", [FindHelipad, RememberObstacles])
+def test_perception_commands_nothing(leaf: type[FindHelipad | RememberObstacles]) -> None:
+    """Neither a movement nor the gimbal."""
+    bench = LeafBench(leaf)
+    live(bench)
+
+    assert (bench.proposed, bench.pointed) == (None, None)

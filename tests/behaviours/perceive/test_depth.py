@@ -1,0 +1,267 @@
+"""The depth leaves: once per frame, with the frame's own telemetry, SUCCESS always."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from behaviours.perceive.depth import BuildCorridor, EstimateDepth
+from perception.camera.ground_plane import CameraView, ground_depth
+from uav_bt.board import CLASS_MAP, CORRIDOR, FRAME, METRIC_DEPTH, RELATIVE_DEPTH
+from uav_bt.board.context import MissionContext
+from uav_bt.classes import BACKGROUND, BOXES, CARPET
+from uav_bt.errors import NodeFailedError, UnknownNameError
+from uav_bt.protocols import DepthEstimator
+from uav_bt.testing import LeafBench, pinhole
+from uav_bt.tree import Status
+from uav_bt.types import (
+    BodyVelocity,
+    ClassMap,
+    DepthMap,
+    DroneState,
+    FlyingState,
+    Frame,
+)
+
+SIZE = (224, 112)
+CAMERA = pinhole(640, 360)
+PITCH_RAD = math.radians(-28.0)
+UNIT = 0.2
+
+
+class Network:
+    """A depth network that is right in a unit of its own and keeps the frames it was given."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        """Return the ground plane's depth."""
+        self.frames.append(frame)
+        view = CameraView(
+            camera=CAMERA.resized(80, 64),
+            pitch_rad=frame.gimbal_pitch_rad,
+            height_m=max(frame.height_above_carpet_m, 0.1),
+        )
+        depth = np.nan_to_num(ground_depth(view), nan=50.0) * np.float32(UNIT)
+        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+
+
+class Loaded(EstimateDepth):
+    """The leaf with that network in place of a file's."""
+
+    network = Network()
+
+    @staticmethod
+    def _load(model: str, mission: MissionContext) -> DepthEstimator:
+        del model, mission
+        return Loaded.network
+
+
+def fly(
+    bench: LeafBench,
+    *,
+    ids: np.ndarray | None = None,
+    height_m: float = 1.5,
+    speed_mps: float = 0.0,
+    grey: int = 90,
+) -> Status:
+    """Let a tenth of a second pass, show a frame with its class map, and tick."""
+    bench.camera = CAMERA
+    bench.clock.advance(0.1)
+    now = bench.clock.now()
+    bench.observe(
+        DroneState(
+            captured_s=now,
+            flying=FlyingState.FLYING,
+            velocity=BodyVelocity(forward_mps=speed_mps),
+            height_above_carpet_m=height_m,
+            gimbal_pitch_rad=PITCH_RAD,
+        )
+    )
+    frame = bench.board[FRAME]
+    picture = np.full_like(frame.image, grey)
+    bench.board[FRAME] = Frame(
+        image=picture,
+        index=frame.index,
+        captured_s=now,
+        gimbal_pitch_rad=PITCH_RAD,
+        height_above_carpet_m=height_m,
+    )
+    shown = np.full(SIZE[::-1], CARPET, dtype=np.uint8) if ids is None else ids
+    bench.board[CLASS_MAP] = ClassMap(ids=shown, captured_s=now)
+    return bench.tick()
+
+
+@pytest.fixture
+def estimating() -> LeafBench:
+    Loaded.network = Network()
+    return LeafBench(Loaded)
+
+
+# --- EstimateDepth --------------------------------------------------------------------------------
+
+
+def test_relative_and_metric_depth_are_written_as_old_as_the_frame(estimating: LeafBench) -> None:
+    assert fly(estimating) is Status.SUCCESS
+
+    relative, metric = estimating.board[RELATIVE_DEPTH], estimating.board[METRIC_DEPTH]
+    assert not relative.metric
+    assert metric.metric
+    assert metric.captured_s == relative.captured_s == pytest.approx(0.1)
+    view = CameraView(camera=CAMERA.resized(*SIZE), pitch_rad=PITCH_RAD, height_m=1.5)
+    assert metric.depth[80, 100] == pytest.approx(ground_depth(view)[80, 100], rel=1e-3)
+
+
+def test_each_frame_is_estimated_once(estimating: LeafBench) -> None:
+    fly(estimating)
+    estimating.tick()
+    estimating.tick()
+    assert len(Loaded.network.frames) == 1
+    fly(estimating)
+    assert len(Loaded.network.frames) == 2
+    times = estimating.leaf.mission.stage_times_s
+    assert len(times["relative_depth"]) == len(times["metric_depth"]) == 2
+
+
+def test_footing_flies_without_a_network() -> None:
+    """No weights are loaded and no relative depth is written."""
+    bench = LeafBench(EstimateDepth, model="footing")
+    ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
+    ids[:60, 100:120] = BOXES[0]
+    ids[:20] = BACKGROUND
+
+    assert fly(bench, ids=ids) is Status.SUCCESS
+    metric = bench.board[METRIC_DEPTH]
+    assert np.isfinite(metric.depth[40, 110])
+    assert np.isnan(metric.depth[5, 5])
+    assert RELATIVE_DEPTH not in bench.board
+
+
+def test_a_refused_frame_writes_none_and_says_why(estimating: LeafBench) -> None:
+    assert fly(estimating, grey=0) is Status.SUCCESS
+    assert METRIC_DEPTH not in estimating.board
+    assert estimating.feedback == "no depth: the frame is black"
+
+    fly(estimating, height_m=0.0)
+    assert "no height" in estimating.feedback
+    fly(estimating)
+    assert estimating.feedback == ""
+    assert METRIC_DEPTH in estimating.board
+
+
+def test_a_frozen_picture_of_a_moving_drone_is_refused(estimating: LeafBench) -> None:
+    """While it hovers the same picture twice is nothing odd."""
+    fly(estimating)
+    fly(estimating)
+    assert estimating.feedback == ""
+    first = estimating.board[METRIC_DEPTH].captured_s
+    fly(estimating, speed_mps=0.5)
+    assert estimating.feedback == "no depth: the picture is frozen"
+    assert estimating.board[METRIC_DEPTH].captured_s == first
+    fly(estimating, speed_mps=0.5, grey=91)
+    assert estimating.feedback == ""
+
+
+def test_a_frame_of_another_aspect_than_its_camera_is_refused(estimating: LeafBench) -> None:
+    estimating.hover()
+    square = Frame(
+        image=np.full((300, 300, 3), 90, dtype=np.uint8),
+        index=7,
+        captured_s=estimating.clock.now(),
+        gimbal_pitch_rad=PITCH_RAD,
+        height_above_carpet_m=1.5,
+    )
+    estimating.board[FRAME] = square
+    estimating.board[CLASS_MAP] = ClassMap(
+        ids=np.full(SIZE[::-1], CARPET, dtype=np.uint8), captured_s=square.captured_s
+    )
+
+    assert estimating.tick() is Status.SUCCESS
+    assert "300x300" in estimating.feedback
+    assert "another aspect" in estimating.feedback
+    assert METRIC_DEPTH not in estimating.board
+
+
+def test_without_a_class_map_there_is_no_depth(estimating: LeafBench) -> None:
+    estimating.hover()
+    assert estimating.tick() is Status.SUCCESS
+    assert Loaded.network.frames == []
+    assert METRIC_DEPTH not in estimating.board
+
+
+@pytest.mark.parametrize("attribute", [{"scale": "adaptiv"}, {"source": "fusd"}])
+def test_a_misspelt_way_is_told_at_setup(attribute: dict[str, str]) -> None:
+    bench = LeafBench(Loaded, **attribute)
+    with pytest.raises((UnknownNameError, NodeFailedError), match="unknown"):
+        bench.setup()
+
+
+# --- BuildCorridor --------------------------------------------------------------------------------
+
+
+def box_ahead() -> np.ndarray:
+    """Return a map of carpet with things in its middle columns."""
+    ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
+    ids[10:80, 100:124] = BOXES[3]
+    return ids
+
+
+def show_depth(bench: LeafBench, depth_m: float, ids: np.ndarray, **world: float) -> Status:
+    """Show a frame of that class map, and its depth, the same everywhere."""
+    fly_on = bench.clock.now() + 0.1
+    bench.board[METRIC_DEPTH] = DepthMap(
+        depth=np.full(SIZE[::-1], depth_m, dtype=np.float32), metric=True, captured_s=fly_on
+    )
+    return fly(bench, ids=ids, **world)
+
+
+def test_a_corridor_is_built_from_this_frames_depth() -> None:
+    bench = LeafBench(BuildCorridor)
+    assert show_depth(bench, 1.0, box_ahead(), speed_mps=0.5) is Status.SUCCESS
+
+    corridor = bench.board[CORRIDOR]
+    assert corridor.captured_s == pytest.approx(0.1)
+    assert corridor.nearest_side is not None
+    assert 0.5 < corridor.nearest_m < 1.3
+    assert corridor.time_to_impact_s == pytest.approx((corridor.free_distance_m - 0.12) / 0.5)
+
+
+def test_the_carpet_is_no_obstacle_and_background_only_where_asked() -> None:
+    carpet = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
+    nothing = np.full(SIZE[::-1], BACKGROUND, dtype=np.uint8)
+    sides = {}
+    for name, ids, background in (
+        ("carpet", carpet, True),
+        ("hidden", nothing, False),
+        ("shown", nothing, True),
+    ):
+        bench = LeafBench(BuildCorridor, background=background)
+        show_depth(bench, 0.4, ids)
+        sides[name] = bench.board[CORRIDOR].nearest_side
+    assert sides["carpet"] is None
+    assert sides["hidden"] is None
+    assert sides["shown"] is not None
+
+
+def test_walls_stand_where_the_file_puts_them() -> None:
+    bench = LeafBench(BuildCorridor, front_m=0.9, side_m=0.3, up_down_m=0.5)
+    show_depth(bench, 1.0, box_ahead())
+    assert bench.board[CORRIDOR].nearest_side is None
+
+
+def test_depth_of_another_frame_builds_nothing() -> None:
+    bench = LeafBench(BuildCorridor)
+    bench.board[METRIC_DEPTH] = DepthMap(
+        depth=np.ones(SIZE[::-1], dtype=np.float32), metric=True, captured_s=0.0
+    )
+    assert fly(bench) is Status.SUCCESS
+    assert CORRIDOR not in bench.board
+
+
+def test_without_depth_there_is_no_corridor() -> None:
+    bench = LeafBench(BuildCorridor)
+    assert fly(bench) is Status.SUCCESS
+    assert CORRIDOR not in bench.board

@@ -1,0 +1,200 @@
+"""Calibration on boards drawn by the twin, whose camera is known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.camera.calibration import Calibration, CalibrationConfig, calibrate
+from perception.camera.checkerboards import Grey, find_any_board, find_board
+from perception.camera.undistortion import Undistorter
+from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from tests.perception.camera.board_world import board_poses, photograph
+from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
+from uav_bt.types import CameraModel
+
+SIZE = (960, 540)
+TRUE = anafi_camera(*SIZE)
+# Two that cut the board, and one that looks the other way.
+PARTLY = [
+    CameraPose(x_m=-0.5, y_m=0.25, z_m=1.5, yaw_rad=0.2, pitch_rad=0.0),
+    CameraPose(x_m=-0.4, y_m=0.1, z_m=1.55, yaw_rad=0.0, pitch_rad=-0.1),
+    CameraPose(x_m=-1.0, y_m=0.0, z_m=1.5, yaw_rad=3.1, pitch_rad=0.0),
+]
+
+
+def grey(image: NDArray[np.uint8]) -> Grey:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+
+
+def named(images: Sequence[Grey]) -> dict[str, Callable[[], Grey]]:
+    return {f"{index}.png": (lambda image=image: image) for index, image in enumerate(images)}
+
+
+@pytest.fixture(scope="module")
+def whole() -> list[Grey]:
+    """Return the paper's board of 14x25 squares, whole, from many sides."""
+    return [grey(image) for image in photograph(board_poses(12, np.random.default_rng(6)))]
+
+
+@pytest.fixture(scope="module")
+def calibration(whole: list[Grey]) -> Calibration:
+    """Return the camera found from them, and from three that do not show the whole board."""
+    partly = [grey(image) for image in photograph(PARTLY)]
+    return calibrate(named([*whole, *partly]))
+
+
+def assert_like(camera: CameraModel, true: CameraModel) -> None:
+    """Assert what is asked of a calibration: 0.2 % of the focal length, 0.5 px of the centre."""
+    assert camera.fx_px == pytest.approx(true.fx_px, rel=2e-3)
+    assert camera.fy_px == pytest.approx(true.fy_px, rel=2e-3)
+    assert camera.cx_px == pytest.approx(true.cx_px, abs=0.5)
+    assert camera.cy_px == pytest.approx(true.cy_px, abs=0.5)
+
+
+def test_the_twins_camera_is_recovered(calibration: Calibration) -> None:
+    best = calibration.best
+
+    assert_like(best.camera, TRUE)
+    assert (best.camera.width_px, best.camera.height_px) == SIZE
+    assert best.error_px < 0.2
+    assert best.camera.distortion[:2] == pytest.approx((0.0, 0.0), abs=0.01)
+
+
+def test_the_whole_board_wins_over_its_parts(calibration: Calibration) -> None:
+    """Parts of it in cut pictures are layouts, too, and reported; fewer corners do not win."""
+    best, layouts = calibration.best, [(t.columns, t.rows) for t in calibration.trials]
+
+    assert (best.columns, best.rows) == (24, 13)
+    assert len(best.images) == 12
+    assert len(layouts) >= 2
+    assert layouts[0] == (24, 13)
+    for trial in calibration.trials:
+        assert trial.common_error_px >= 0.98 * best.common_error_px
+        assert trial.corners <= best.corners
+        assert trial.images
+
+
+def test_pictures_without_the_whole_board_are_skipped_and_named(calibration: Calibration) -> None:
+    assert set(calibration.skipped) == {"12.png", "13.png", "14.png"}
+    assert "of 24x13 corners found" in calibration.skipped["12.png"]
+    assert "of 24x13 corners found" in calibration.skipped["13.png"]
+    assert calibration.skipped["14.png"] == "no board found"
+
+
+def test_uneven_light_and_noise_do_no_harm(whole: list[Grey]) -> None:
+    """A quarter of the light on one side, and the noise of a small sensor."""
+    generator = np.random.default_rng(0)
+    ramp = np.linspace(0.25, 1.0, SIZE[0])[None, :] * np.linspace(1.0, 0.6, SIZE[1])[:, None]
+    spoilt = [
+        np.clip(image * ramp + generator.normal(0.0, 3.0, image.shape), 0, 255).astype(np.uint8)
+        for image in whole
+    ]
+    found = calibrate(named(spoilt))
+
+    assert len(found.best.images) >= 10
+    assert found.best.camera.fx_px == pytest.approx(TRUE.fx_px, rel=2e-3)
+    assert found.best.camera.cx_px == pytest.approx(TRUE.cx_px, abs=0.6)
+
+
+def test_a_lenss_distortion_is_found_and_taken_out(whole: list[Grey]) -> None:
+    """Pictures bent by a known lens: the calibration straightens them again."""
+    bent_lens = (-0.12, 0.03, 0.0, 0.0, 0.0)
+    matrix = np.array([[TRUE.fx_px, 0, TRUE.cx_px], [0, TRUE.fy_px, TRUE.cy_px], [0, 0, 1.0]])
+    columns, rows = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    pixels = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2).astype(np.float64)
+    straight = cv2.undistortPoints(pixels, matrix, np.array(bent_lens), P=matrix)
+    sources = straight.reshape(SIZE[1], SIZE[0], 2).astype(np.float32)
+    bent = [
+        np.asarray(cv2.remap(image, sources, None, cv2.INTER_LINEAR), dtype=np.uint8)
+        for image in whole
+    ]
+    camera = calibrate(named(bent)).best.camera
+
+    assert camera.distortion[0] == pytest.approx(-0.12, abs=0.01)
+    assert camera.fx_px == pytest.approx(TRUE.fx_px, rel=2e-3)
+    undistorter = Undistorter(camera)
+    board = find_board(undistorter.picture(bent[1]), 24, 13)
+    true = find_board(whole[1], 24, 13)
+    assert board is not None
+    assert true is not None
+    assert min(np.abs(grid - true).max() for grid in (board, board[::-1, ::-1])) < 1.0
+
+
+def test_large_pictures_are_searched_small_and_refined_at_full_size(whole: list[Grey]) -> None:
+    image = whole[4]
+    large = np.asarray(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), np.uint8)
+    small_board, large_board = find_any_board(image), find_any_board(large)
+
+    assert small_board is not None
+    assert large_board is not None
+    assert large_board.shape == small_board.shape == (13, 24, 2)
+    halved = (large_board + 0.5) / 2 - 0.5
+    # A board looks the same upside down.
+    apart = min(np.abs(grid - small_board).max() for grid in (halved, halved[::-1, ::-1]))
+    assert apart < 0.3
+
+
+@pytest.mark.parametrize("turn", [0, 1, 2, 3])
+def test_a_board_is_found_however_it_is_turned(whole: list[Grey], turn: int) -> None:
+    """Columns outnumber rows, and the grid is never mirrored."""
+    board = find_any_board(np.ascontiguousarray(np.rot90(whole[4], turn)))
+
+    assert board is not None
+    assert board.shape == (13, 24, 2)
+    along, down = board[0, -1] - board[0, 0], board[-1, 0] - board[0, 0]
+    assert along[0] * down[1] - along[1] * down[0] > 0.0
+
+
+def test_a_picture_that_cannot_be_read_is_named(whole: list[Grey]) -> None:
+    def broken() -> Grey:
+        raise FileError("broken.png", "is not a readable picture")
+
+    found = calibrate({**named(whole[:5]), "broken.png": broken})
+
+    assert len(found.best.images) == 5
+    assert "not a readable picture" in found.skipped["broken.png"]
+
+
+def test_a_picture_that_does_not_fit_the_others_is_left_out(whole: list[Grey]) -> None:
+    """One was taken with another zoom."""
+    height, width = whole[0].shape
+    near = whole[0][height // 8 : -height // 8, width // 8 : -width // 8]
+    zoomed = np.asarray(cv2.resize(near, (width, height)), dtype=np.uint8)
+    found = calibrate({**named(whole[:10]), "zoomed.png": lambda: zoomed})
+
+    assert found.skipped == {"zoomed.png": "does not fit the others"}
+    assert_like(found.best.camera, TRUE)
+
+
+def test_more_pictures_than_are_needed_are_thinned_out(whole: list[Grey]) -> None:
+    found = calibrate(named(whole), CalibrationConfig(most_images=6))
+
+    assert len(found.best.images) == 6
+    assert len(found.skipped) == 6
+    assert set(found.skipped.values()) == {"6 others are enough"}
+
+
+def test_too_few_boards_are_refused_with_the_count(whole: list[Grey]) -> None:
+    blank = np.full((540, 960), 128, dtype=np.uint8)
+    with pytest.raises(InputError, match=r"at least 3 photographs.*got 2 of 4"):
+        calibrate(named([whole[0], blank, whole[1], blank]))
+    with pytest.raises(InputError, match="none of 0"):
+        calibrate({})
+
+
+def test_pictures_of_different_sizes_are_refused(whole: list[Grey]) -> None:
+    with pytest.raises(ShapeError, match=r"1\.png must be 540x960"):
+        calibrate(named([whole[0], whole[1][:, :500]]))
+
+
+def test_colour_pictures_and_impossible_squares_are_refused() -> None:
+    with pytest.raises(ShapeError, match="grey"):
+        find_any_board(np.zeros((20, 20, 3), dtype=np.uint8))
+    with pytest.raises(ValueRangeError, match="square"):
+        CalibrationConfig(square_m=0.0)

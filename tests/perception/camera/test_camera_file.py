@@ -1,0 +1,141 @@
+"""Camera files: written, read, scaled, and refused with the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from perception.camera.calibration import LayoutTrial
+from perception.camera.camera_file import fitted_camera, load_camera, write_camera
+from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.types import CameraModel
+
+CAMERA = CameraModel(
+    width_px=1280,
+    height_px=720,
+    fx_px=931.0,
+    fy_px=930.5,
+    cx_px=640.25,
+    cy_px=359.0,
+    distortion=(0.01, -0.02, 0.0, 0.001, 0.0),
+)
+TRIAL = LayoutTrial(
+    columns=24,
+    rows=13,
+    images=("a.png", "b.png", "c.png"),
+    error_px=0.12345,
+    common_error_px=0.2,
+    camera=CAMERA,
+)
+
+
+def content(tmp_path: Path) -> dict[str, object]:
+    path = tmp_path / "written.yaml"
+    write_camera(path, TRIAL)
+    loaded: dict[str, object] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return loaded
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    write_camera(path, TRIAL)
+    assert load_camera(path) == CAMERA
+
+
+def test_the_file_says_what_it_was_made_from(tmp_path: Path) -> None:
+    written = content(tmp_path)
+
+    assert list(written) == [
+        *("width_px", "height_px", "K", "distortion"),
+        *("reprojection_error_px", "corners", "images_used"),
+    ]
+    assert written["K"] == [[931.0, 0.0, 640.25], [0.0, 930.5, 359.0], [0.0, 0.0, 1.0]]
+    assert written["reprojection_error_px"] == 0.1235
+    assert written["corners"] == [24, 13]
+    assert written["images_used"] == 3
+
+
+def test_a_camera_serves_other_sizes_of_its_aspect(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    write_camera(path, TRIAL)
+
+    assert load_camera(path, size_px=(640, 360)) == CAMERA.resized(640, 360)
+    assert load_camera(path, size_px=(854, 480)).fx_px == pytest.approx(931.0 * 854 / 1280)
+
+
+@pytest.mark.parametrize("size", [(640, 480), (360, 640), (1280, 700)])
+def test_another_aspect_is_refused_with_both(tmp_path: Path, size: tuple[int, int]) -> None:
+    path = tmp_path / "camera.yaml"
+    write_camera(path, TRIAL)
+    with pytest.raises(ValueRangeError, match=f"1280x720.*pictures are {size[0]}x{size[1]}"):
+        load_camera(path, size_px=size)
+    with pytest.raises(ValueRangeError, match="the camera was calibrated"):
+        fitted_camera(CAMERA, *size)
+
+
+def test_the_lenss_place_may_be_given(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(content(tmp_path) | {"forward_offset_m": 0.07}))
+    assert load_camera(path, forward_offset_m=0.2).forward_offset_m == 0.07
+    path.write_text(yaml.safe_dump(content(tmp_path)))
+    assert load_camera(path, forward_offset_m=0.2).forward_offset_m == 0.2
+    assert load_camera(path).forward_offset_m == CameraModel.forward_offset_m
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"widht_px": 3}, "unknown key 'widht_px'; did you mean 'width_px'"),
+        ({"width_px": 0}, "width_px must be a positive whole number, got 0"),
+        ({"height_px": "720"}, "height_px must be"),
+        ({"height_px": True}, "height_px must be"),
+        ({"K": 3}, "K must be"),
+        ({"K": [[1, 0], [0, 1]]}, "K must be 3x3, got 2x2"),
+        ({"K": [[1, 0, 0], [0, 1]]}, "differ in length"),
+        ({"K": [[931, 5, 640], [0, 931, 359], [0, 0, 1]]}, "no skew"),
+        ({"K": [[931, 0, 640], [0, 931, 359], [0, 0, 2]]}, "no skew"),
+        ({"K": [[-931, 0, 640], [0, 931, 359], [0, 0, 1]]}, "focal lengths must be positive"),
+        ({"K": [[931, 0, 2640], [0, 931, 359], [0, 0, 1]]}, "centre within the picture"),
+        ({"K": [[float("nan"), 0, 640], [0, 931, 359], [0, 0, 1]]}, "finite"),
+        ({"distortion": [0.1, 0.2]}, "distortion must hold 0, 4, 5, 8, 12, 14 numbers, got 2"),
+        ({"distortion": ["a", 0, 0, 0]}, "distortion must be a list of finite numbers"),
+        ({"distortion": None}, "distortion must be a list"),
+        ({"forward_offset_m": "far"}, "forward_offset_m must be a finite number"),
+    ],
+)
+def test_a_malformed_file_is_refused_by_name(
+    tmp_path: Path, changes: dict[str, object], words: str
+) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(content(tmp_path) | changes), encoding="utf-8")
+    with pytest.raises(FileError) as refused:
+        load_camera(path)
+    assert words in str(refused.value)
+    assert str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["- 1\n- 2\n", "width_px: [", "!!python/object:os.x {}", ""])
+def test_what_is_no_camera_file_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(FileError):
+        load_camera(path)
+
+
+def test_missing_keys_and_files_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text("width_px: 3\n", encoding="utf-8")
+    with pytest.raises(FileError, match="needs height_px, K, distortion"):
+        load_camera(path)
+    with pytest.raises(FileError, match="no such camera file"):
+        load_camera(tmp_path / "absent.yaml")
+    with pytest.raises(FileError, match="cannot be written"):
+        write_camera(tmp_path / "absent" / "camera.yaml", TRIAL)
+
+
+def test_no_distortion_is_an_empty_list(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(content(tmp_path) | {"distortion": []}), encoding="utf-8")
+    assert load_camera(path).distortion == ()

@@ -1,0 +1,228 @@
+"""Rays, ground points and projections: known values, round trips, refusals, and the twin's word."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from perception.camera.geometry import (
+    camera_axes,
+    elevation_to_row,
+    ground_points,
+    ground_range_to_row,
+    pixel_rays,
+    project,
+)
+from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.views import render_views
+from uav_bt.classes import CARPET
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types import CameraModel
+
+# Round numbers, unequal focal lengths as after a resize that changes the aspect.
+CAMERA = CameraModel(width_px=201, height_px=101, fx_px=100.0, fy_px=80.0, cx_px=100.0, cy_px=50.0)
+CENTRE = (100.0, 50.0)
+
+pitches = st.floats(-math.pi / 2, 0.3)
+
+
+# --- known values ---------------------------------------------------------------------------------
+
+
+def test_axes_of_a_level_camera() -> None:
+    """Level: image right is right, image down is down, the optical axis is forward."""
+    assert camera_axes(0.0) == pytest.approx(np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]]))
+
+
+def test_axes_looking_straight_down() -> None:
+    """Straight down: the image's top is ahead, the optical axis is down."""
+    right, down, axis = camera_axes(-math.pi / 2).T
+
+    assert right == pytest.approx([0, 1, 0])
+    assert down == pytest.approx([-1, 0, 0])
+    assert axis == pytest.approx([0, 0, 1])
+
+
+@settings(deadline=None)  # the machine may be busy
+@given(pitches)
+def test_axes_are_a_rotation(pitch_rad: float) -> None:
+    """Orthonormal and right-handed at any pitch."""
+    axes = camera_axes(pitch_rad)
+
+    assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("pixel", "pitch_deg", "expected"),
+    [
+        (CENTRE, -45, (2.0, 0.0)),  # the axis meets the ground as far ahead as it is high
+        (CENTRE, -90, (0.0, 0.0)),
+        ((150.0, 50.0), -90, (0.0, 1.0)),  # half a focal length to the right: half the height
+        ((100.0, 10.0), -90, (1.0, 0.0)),  # up in the image is ahead
+        ((100.0, 130.0), 0, (2.0, 0.0)),  # 45 degrees below a level axis
+        ((200.0, 130.0), 0, (2.0, 2.0)),
+    ],
+)
+def test_ground_points_known_values(
+    pixel: tuple[float, float], pitch_deg: float, expected: tuple[float, float]
+) -> None:
+    """Hand-computed points at a height of 2 m."""
+    point = ground_points(pixel, CAMERA, math.radians(pitch_deg), 2.0)
+
+    assert point == pytest.approx(expected, abs=1e-9)
+
+
+def test_rays_that_do_not_go_down_meet_no_ground() -> None:
+    """The horizon and the sky give NaN, in their places."""
+    points = ground_points([CENTRE, (100.0, 20.0), (100.0, 90.0)], CAMERA, 0.0, 1.0)
+
+    assert np.isnan(points[:2]).all()
+    assert np.isfinite(points[2]).all()
+
+
+def test_points_behind_the_camera_have_no_pixel() -> None:
+    """A point behind, or in the image plane's own plane, gives NaN."""
+    pixels = project([(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (2.0, 0.0, 0.0)], CAMERA, 0.0)
+
+    assert np.isnan(pixels[:2]).all()
+    assert pixels[2] == pytest.approx(CENTRE)
+
+
+def test_rays_have_unit_depth() -> None:
+    """A ray times the depth along the axis is the point itself."""
+    axis = camera_axes(-0.5)[:, 2]
+
+    rays = pixel_rays([(0.0, 0.0), (200.0, 100.0), CENTRE], CAMERA, -0.5)
+
+    assert rays @ axis == pytest.approx([1.0, 1.0, 1.0])
+
+
+# --- round trips ----------------------------------------------------------------------------------
+
+
+@settings(deadline=None)
+@given(
+    pitches,
+    st.floats(0.2, 3.0),
+    st.floats(0.0, 200.0),
+    st.floats(0.0, 100.0),
+)
+def test_pixel_to_ground_and_back(
+    pitch_rad: float, height_m: float, column: float, row: float
+) -> None:
+    """A pixel that sees the ground is where its ground point projects to."""
+    point = ground_points((column, row), CAMERA, pitch_rad, height_m)
+    if np.isnan(point).any() or np.abs(point).max() > 1e4:
+        return  # at the horizon a point is anywhere
+    back = project((*point, height_m), CAMERA, pitch_rad)
+
+    assert back == pytest.approx((column, row), abs=1e-5)
+
+
+def test_any_leading_shape_is_kept() -> None:
+    """A grid of pixels gives a grid of points."""
+    grid = np.stack(np.meshgrid(np.arange(5), np.arange(60, 63)), axis=-1)
+
+    assert pixel_rays(grid, CAMERA, 0.0).shape == (3, 5, 3)
+    assert ground_points(grid, CAMERA, 0.0, 1.0).shape == (3, 5, 2)
+    assert project(np.ones((4, 1, 3)), CAMERA, 0.0).shape == (4, 1, 2)
+
+
+@settings(deadline=None)
+@given(st.floats(-math.pi / 2, 0.0), st.floats(0.3, 8.0), st.floats(0.3, 3.0))
+def test_row_of_a_range_sees_that_range(pitch_rad: float, range_m: float, height_m: float) -> None:
+    """`ground_range_to_row` undoes `ground_points` in the central column."""
+    row = ground_range_to_row(range_m, CAMERA, pitch_rad, height_m)
+    point = ground_points((CAMERA.cx_px, row), CAMERA, pitch_rad, height_m)
+
+    assert point == pytest.approx((range_m, 0.0), rel=1e-4, abs=1e-6)
+
+
+def test_elevation_rows() -> None:
+    """The axis is at the centre; 45 degrees below it is a focal length further down."""
+    assert elevation_to_row(-0.5, CAMERA, -0.5) == pytest.approx(50.0)
+    assert elevation_to_row(-math.pi / 4, CAMERA, 0.0) == pytest.approx(130.0)
+
+
+@pytest.mark.parametrize(("pitch_deg", "side"), [(30, 1), (-90, -1)])
+def test_elevation_behind_the_image_plane_is_far_outside(pitch_deg: float, side: int) -> None:
+    """Straight down from a raised camera is far below the image, above the horizon far above it."""
+    elevation_rad = -side * math.pi / 2 if side > 0 else 0.3
+
+    row = elevation_to_row(elevation_rad, CAMERA, math.radians(pitch_deg))
+
+    assert side * row > 1e6
+    assert round(row) != 0  # finite: callers round it
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bad", [3.0, np.zeros(3), np.zeros((2, 4))])
+def test_pixels_must_be_pairs(bad: object) -> None:
+    """A wrong last axis is named with what came."""
+    with pytest.raises(ShapeError, match=r"pixels must be \.\.\.x2, got"):
+        ground_points(bad, CAMERA, 0.0, 1.0)
+
+
+def test_points_must_be_triples() -> None:
+    """Likewise for points of the level frame."""
+    with pytest.raises(ShapeError, match=r"points must be \.\.\.x3, got 5x2"):
+        project(np.zeros((5, 2)), CAMERA, 0.0)
+
+
+@pytest.mark.parametrize("height_m", [0.0, -0.4, math.nan])
+def test_the_camera_must_be_above_the_plane(height_m: float) -> None:
+    """From below a plane the points would be mirrored: refused."""
+    with pytest.raises(ValueRangeError, match="above the plane"):
+        ground_points(CENTRE, CAMERA, -0.5, height_m)
+
+
+# --- agreement with the twin ----------------------------------------------------------------------
+
+SCENE = Scene(name="pad", helipad=Helipad(position_m=(0.3, -0.2), yaw_deg=25), boxes=())
+POSES = [
+    CameraPose(x_m=-1.5, y_m=-0.6, z_m=1.5, yaw_rad=0.3, pitch_rad=math.radians(-28)),
+    CameraPose(x_m=1.2, y_m=1.1, z_m=1.2, yaw_rad=-2.2, pitch_rad=math.radians(-40)),
+    CameraPose(x_m=0.2, y_m=-0.1, z_m=1.7, yaw_rad=1.0, pitch_rad=-math.pi / 2),
+]
+
+
+def _level(pose: CameraPose, x_m: float, y_m: float, z_m: float) -> tuple[float, float, float]:
+    """A world point as forward, right and down of the camera."""
+    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    dx, dy = x_m - pose.x_m, y_m - pose.y_m
+    return c * dx + s * dy, s * dx - c * dy, pose.z_m - z_m
+
+
+# The network's size has another aspect than the video: focal lengths are unequal there.
+@pytest.mark.parametrize("size_px", [(640, 360), (224, 112)])
+def test_the_twin_sees_points_where_they_project(size_px: tuple[int, int]) -> None:
+    """The pad's mask spans its projected corners, and carpet lies as deep as the rays say."""
+    camera = anafi_camera(640, 360).resized(*size_px)
+    tops = [(x, y, 0.4) for x, y in SCENE.helipad.footprint.corners()]
+    feet = [(x, y, 0.0) for x, y in SCENE.helipad.footprint.corners()]
+
+    for view in render_views(SCENE, POSES, truth_size_px=size_px):
+        pose = view.pose
+        corners = project([_level(pose, *point) for point in tops + feet], camera, pose.pitch_rad)
+        rows, columns = np.nonzero((view.ids == 2) | (view.ids == 3))
+        # Pixel centres lie inside the outline, at most a pixel from it.
+        assert columns.min() == pytest.approx(corners[:, 0].min() + 0.5, abs=1.0)
+        assert columns.max() == pytest.approx(corners[:, 0].max() - 0.5, abs=1.0)
+        assert rows.min() == pytest.approx(corners[:, 1].min() + 0.5, abs=1.0)
+        assert rows.max() == pytest.approx(corners[:, 1].max() - 0.5, abs=1.0)
+
+        rows, columns = np.nonzero(view.ids == CARPET)
+        pixels = np.stack([columns, rows], axis=-1)
+        rays = pixel_rays(pixels, camera, pose.pitch_rad)
+        heights = rays[:, 2] * view.depth[rows, columns]
+        assert np.median(heights) == pytest.approx(pose.z_m, abs=0.002)
+        assert np.percentile(np.abs(heights - pose.z_m), 95) < 0.02

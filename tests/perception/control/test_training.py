@@ -1,0 +1,115 @@
+"""Training of the control student: it learns, and a broken-off run comes to the same end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from perception.control.runtime import ControlEstimate
+from perception.control.samples import ControlSamples
+from perception.control.scoring import ControlScore, score_control
+from perception.control.training import (
+    ControlProgress,
+    ControlTrainingConfig,
+    predict_control,
+    train_control,
+)
+from perception.segmentation.training.unet import UNet, UNetConfig
+from tests.perception.control.control_world import TINY, made_up_flight
+from uav_bt.errors import ValueRangeError, WeightsError
+
+QUICK = ControlTrainingConfig(
+    steps=200, batch=8, warm_up_steps=10, learning_rate=1e-2, average=0.9, dropout=0.0
+)
+SHORT = replace(QUICK, steps=6, checkpoint_every=3)
+
+
+def scored(samples: ControlSamples, net: object) -> ControlScore:
+    return score_control(lambda batch: predict_control(net, batch), samples)  # type: ignore[arg-type]  # a ControlNet
+
+
+def test_it_learns_what_the_rule_does() -> None:
+    """On views that it has not seen."""
+    net = train_control(ControlSamples([made_up_flight(1)], TINY), QUICK, TINY)
+    score = scored(ControlSamples([made_up_flight(2)], TINY), net)
+    assert score.windows == 60
+    assert (score.missed, score.stopped, score.wrong_side) == (0.0, 0.0, 0.0)
+    assert score.step_error_m < 0.15
+
+
+def test_it_learns_the_movement_as_the_paper_does() -> None:
+    paper = replace(TINY, learns="movement")
+    net = train_control(ControlSamples([made_up_flight(1)], paper), QUICK, paper)
+    samples = ControlSamples([made_up_flight(2)], paper)
+    score = score_control(lambda batch: predict_control(net, batch), samples)
+    assert max(score.missed, score.stopped) < 0.05
+
+
+def test_a_broken_off_run_comes_to_the_same_end(tmp_path: Path) -> None:
+    samples = ControlSamples([made_up_flight(1)], TINY)
+    whole = train_control(samples, SHORT, TINY)
+
+    class StoppedError(Exception):
+        pass
+
+    def stop(now: ControlProgress, net: object) -> None:
+        if now.step == 4:
+            raise StoppedError
+
+    kept = tmp_path / "run" / "checkpoint.safetensors"
+    with pytest.raises(StoppedError):
+        train_control(samples, SHORT, TINY, checkpoint=kept, progress=stop)
+    steps: list[int] = []
+    resumed = train_control(
+        samples, SHORT, TINY, checkpoint=kept, progress=lambda now, _: steps.append(now.step)
+    )
+    assert steps == [4, 5, 6]
+    for name, value in whole.state_dict().items():
+        assert torch.equal(value, resumed.state_dict()[name]), name
+
+
+def test_the_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
+    kept = tmp_path / "checkpoint.safetensors"
+    train_control(ControlSamples([made_up_flight(1)], TINY), SHORT, TINY, checkpoint=kept)
+    more = ControlSamples([made_up_flight(1), made_up_flight(2)], TINY)
+    with pytest.raises(WeightsError, match="other settings or data; delete the file"):
+        train_control(more, SHORT, TINY, checkpoint=kept)
+
+
+def test_it_begins_with_the_weights_it_is_given() -> None:
+    """The encoder of a segmentation U-Net, for instance; what that lacks begins at random."""
+    unet = UNet(UNetConfig(width_px=32, height_px=16, channels=TINY.channels))
+    start = {name: value.numpy() for name, value in unet.state_dict().items()}
+    held = replace(SHORT, steps=1, learning_rate=1e-12, weight_decay=0.0)
+    net = train_control(ControlSamples([made_up_flight(1)], TINY), held, TINY, start=start)
+    begun = net.state_dict()["down.0.0.weight"].numpy()
+    assert begun == pytest.approx(start["down.0.0.weight"], abs=1e-6)
+
+
+def test_a_loss_that_is_no_number_ends_the_run() -> None:
+    samples = ControlSamples([made_up_flight(1)], TINY)
+    start = {"say.bias": np.full(5, np.nan, dtype=np.float32)}
+    with pytest.raises(ValueRangeError, match="the loss is nan after 1 steps"):
+        train_control(samples, SHORT, TINY, start=start)
+
+
+@pytest.mark.parametrize("changed", [{"steps": 0}, {"average": 1.0}, {"dropout": 1.0}])
+def test_settings_that_cannot_be_are_refused(changed: dict[str, float]) -> None:
+    with pytest.raises(ValueRangeError, match="must"):
+        replace(QUICK, **changed)
+
+
+def test_the_score_tells_misses_from_stops() -> None:
+    """A network that always goes on misses all that is blocked, and never stops."""
+    samples = ControlSamples([made_up_flight(1)], TINY)
+    always = ControlEstimate(advance=1.0, clockwise=1.0, step_m=1.0, carpet_ends=0.0, free_m=1.0)
+    score = score_control(lambda batch: [always] * len(batch.labels), samples)
+    assert (score.missed, score.stopped) == (1.0, 0.0)
+    assert score.step_error_m == pytest.approx(0.2, abs=1e-6)
+    assert score.step_excess_m == pytest.approx(0.2, abs=1e-6)
+    assert 0.2 < score.wrong_side < 0.8
+    assert score.wrong_end == 0.0

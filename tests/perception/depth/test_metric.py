@@ -1,0 +1,242 @@
+"""Metric depth from network, footing or both, and every reason why there is none."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from perception.depth.metric import MetricDepthMaker, remembered_bases
+from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.views import View, render_views
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
+from uav_bt.errors import UnknownNameError
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    ClassMap,
+    DepthMap,
+    DroneState,
+    FlyingState,
+    Frame,
+    ObstaclePoints,
+)
+
+SIZE = (224, 112)
+CAMERA = anafi_camera(160, 90)
+PITCH_RAD = math.radians(-28.0)
+
+
+@pytest.fixture(scope="module")
+def drawn() -> View:
+    """Return a box two metres ahead and one cut off on the left."""
+    scene = Scene(
+        name="two",
+        helipad=Helipad(position_m=(-2.0, -1.5)),
+        boxes=(
+            BoxSpec(pattern=1, position_m=(1.0, -0.2), size_m=(0.4, 0.4, 2.0)),
+            BoxSpec(pattern=2, position_m=(-0.3, 0.45), size_m=(0.3, 0.3, 2.0)),
+        ),
+    )
+    pose = CameraPose(x_m=-1.0, y_m=0.0, z_m=1.5, yaw_rad=0.0, pitch_rad=PITCH_RAD)
+    (view,) = render_views(scene, [pose], size_px=(160, 90), truth_size_px=SIZE)
+    return view
+
+
+def frame(drawn: View, **changes: Any) -> Frame:
+    given = {
+        "image": drawn.image,
+        "index": 0,
+        "captured_s": 3.0,
+        "gimbal_pitch_rad": PITCH_RAD,
+        "height_above_carpet_m": 1.5,
+    }
+    return Frame(**(given | changes))
+
+
+def class_map(drawn: View, captured_s: float = 3.0) -> ClassMap:
+    return ClassMap(ids=drawn.ids, captured_s=captured_s)
+
+
+def relative(drawn: View, unit: float = 0.25, captured_s: float = 3.0) -> DepthMap:
+    """What a perfect network says in a unit of its own."""
+    return DepthMap(depth=drawn.depth * np.float32(unit), metric=False, captured_s=captured_s)
+
+
+def maker(source: str, scale: str = "adaptive") -> MetricDepthMaker:
+    return MetricDepthMaker(source=source, scale=scale, generator=np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("scale", ["adaptive", "constant", "least_squares"])
+def test_a_networks_depth_becomes_metres(drawn: View, scale: str) -> None:
+    made = maker("network", scale).make(frame(drawn), class_map(drawn), CAMERA, relative(drawn))
+
+    assert made.refusal == ""
+    assert made.depth is not None
+    assert made.depth.metric
+    assert made.depth.captured_s == 3.0
+    assert made.depth.depth == pytest.approx(drawn.depth, rel=2e-3)
+
+
+def test_a_network_of_another_size_is_resized(drawn: View) -> None:
+    small = DepthMap(
+        depth=np.ascontiguousarray(drawn.depth[::2, ::2]) * np.float32(3.0),
+        metric=False,
+        captured_s=3.0,
+    )
+    made = maker("network").make(frame(drawn), class_map(drawn), CAMERA, small)
+
+    assert made.depth is not None
+    assert made.depth.depth.shape == (112, 224)
+    carpet = drawn.ids == CARPET
+    assert np.median(np.abs(made.depth.depth - drawn.depth)[carpet]) < 0.02
+
+
+def test_footing_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:
+    made = maker("footing").make(frame(drawn), class_map(drawn), CAMERA)
+
+    assert made.depth is not None
+    assert made.depth.at_most is not None
+    ahead, cut = drawn.ids == BOXES[0], drawn.ids == BOXES[1]
+    assert np.nanmedian(np.abs(made.depth.depth - drawn.depth)[ahead]) < 0.02
+    assert np.isnan(made.depth.depth[cut]).all()
+    assert np.isnan(made.depth.depth[drawn.ids == BACKGROUND]).all()
+    assert 0.0 < made.depth.confidence < 1.0
+
+
+def test_fused_takes_footing_where_it_knows_and_the_network_elsewhere(drawn: View) -> None:
+    """The network here is wrong on the box whose base is seen, right elsewhere."""
+    wrong = relative(drawn).depth.copy()
+    ahead, cut = drawn.ids == BOXES[0], drawn.ids == BOXES[1]
+    wrong[ahead] *= 1.5
+    given = DepthMap(depth=wrong, metric=False, captured_s=3.0)
+    made = maker("fused").make(frame(drawn), class_map(drawn), CAMERA, given)
+
+    assert made.depth is not None
+    error_m = np.abs(made.depth.depth - drawn.depth)
+    assert np.median(error_m[ahead]) < 0.02
+    assert np.median(error_m[cut]) < 0.02
+    assert np.isfinite(made.depth.depth).all()
+
+
+def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
+    far = relative(drawn).depth.copy()
+    far[drawn.ids == BOXES[1]] *= 10.0
+    given = DepthMap(depth=far, metric=False, captured_s=3.0)
+    made = maker("fused").make(frame(drawn), class_map(drawn), CAMERA, given)
+
+    assert made.depth is not None
+    assert made.depth.at_most is not None
+    assert np.all(made.depth.depth <= made.depth.at_most)
+    assert made.depth.depth[drawn.ids == BOXES[1]].max() < 2.5
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"image": np.zeros((90, 160, 3), dtype=np.uint8)}, "black"),
+        ({"height_above_carpet_m": 0.0}, "no height"),
+        ({"height_above_carpet_m": -0.2}, "no height"),
+        ({"height_above_carpet_m": math.nan}, "telemetry"),
+        ({"gimbal_pitch_rad": math.nan}, "telemetry"),
+        ({"captured_s": 9.0}, "class map is of another frame"),
+    ],
+)
+@pytest.mark.parametrize("source", ["network", "footing", "fused"])
+def test_a_bad_frame_is_refused_by_name(
+    drawn: View, source: str, changes: dict[str, Any], word: str
+) -> None:
+    made = maker(source).make(frame(drawn, **changes), class_map(drawn), CAMERA, relative(drawn))
+
+    assert made.depth is None
+    assert word in made.refusal
+
+
+@pytest.mark.parametrize("source", ["network", "fused"])
+def test_a_network_that_says_nothing_usable_is_refused_by_name(drawn: View, source: str) -> None:
+    def refusal(given: DepthMap | None) -> str:
+        made = maker(source).make(frame(drawn), class_map(drawn), CAMERA, given)
+        assert made.depth is None
+        return made.refusal
+
+    holed = relative(drawn).depth.copy()
+    holed[3, 4] = np.nan
+    assert "not finite" in refusal(DepthMap(depth=holed, metric=False, captured_s=3.0))
+    assert "no relative depth" in refusal(None)
+    assert "no relative depth" in refusal(relative(drawn, captured_s=2.0))
+
+
+def test_without_a_scale_footing_remains(drawn: View) -> None:
+    """The pad's top needs no carpet: its height is known."""
+    ids = np.where(drawn.ids == CARPET, BACKGROUND, drawn.ids).astype(np.uint8)
+    ids[60:70, 100:120] = HELIPAD_H
+    bare = ClassMap(ids=ids, captured_s=3.0)
+    network = maker("network").make(frame(drawn), bare, CAMERA, relative(drawn))
+    fused = maker("fused").make(frame(drawn), bare, CAMERA, relative(drawn))
+
+    assert network.depth is None
+    assert network.refusal == "no scale: too little carpet"
+    assert fused.refusal == network.refusal
+    assert fused.depth is not None
+    assert np.isfinite(fused.depth.depth).sum() == 200
+
+
+@pytest.mark.parametrize(
+    ("source", "word"), [("footing", "nothing in view stands"), ("fused", "no scale")]
+)
+def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> None:
+    """It would read as a free way."""
+    nothing = ClassMap(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=3.0)
+    made = maker(source).make(frame(drawn), nothing, CAMERA, relative(drawn))
+
+    assert made.depth is None
+    assert word in made.refusal
+
+
+def test_unknown_sources_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="fused"):
+        maker("fusd")
+    with pytest.raises(UnknownNameError, match="adaptive"):
+        maker("network", "adaptiv")
+
+
+# --- what is remembered ---------------------------------------------------------------------------
+
+
+def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(drawn: View) -> None:
+    """Half a second ago the drone was a quarter metre behind and looked a quarter turn left."""
+    now = DroneState(
+        captured_s=3.5,
+        flying=FlyingState.FLYING,
+        attitude=Attitude(yaw_rad=math.pi / 2),
+        velocity=BodyVelocity(forward_mps=0.5),
+    )
+    points = ObstaclePoints(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
+    seen = remembered_bases(points, now, frame(drawn), CAMERA)
+
+    # 1.25 m to the right of where it was, and the lens ahead of its centre.
+    ahead = -CAMERA.forward_offset_m
+    assert seen.range_m == pytest.approx([math.hypot(ahead, 1.25)])
+    assert seen.azimuth_rad == pytest.approx([math.atan2(1.25, ahead)])
+
+
+def test_footing_uses_what_is_remembered(drawn: View) -> None:
+    """The box on the left is cut off; its outline was seen before."""
+    edge = np.linspace(-0.15, 0.15, 7)
+    rim = [
+        np.stack([np.full(7, 0.55), edge - 0.45], 1),
+        np.stack([edge + 0.7, np.full(7, -0.3)], 1),
+    ]
+    points = ObstaclePoints(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
+    state = DroneState(captured_s=3.0, flying=FlyingState.HOVERING)
+    remembered = remembered_bases(points, state, frame(drawn), CAMERA)
+    made = maker("footing").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)
+
+    assert made.depth is not None
+    error_m = np.abs(made.depth.depth - drawn.depth)[drawn.ids == BOXES[1]]
+    assert np.isfinite(error_m).mean() > 0.9
+    assert np.nanmedian(error_m) < 0.03

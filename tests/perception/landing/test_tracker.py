@@ -1,0 +1,381 @@
+"""Odometry and the helipad's track: dead reckoning, latency, gating, doubt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from perception.landing.tracker import HelipadTracker, HelipadTrackerConfig, Odometry, OdometryPose
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, HelipadFix
+
+TICK_S = 0.1
+
+
+def state(
+    time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0, right_mps: float = 0.0
+) -> DroneState:
+    return DroneState(
+        captured_s=time_s,
+        flying=FlyingState.FLYING,
+        attitude=Attitude(yaw_rad=yaw_rad),
+        velocity=BodyVelocity(forward_mps=forward_mps, right_mps=right_mps),
+    )
+
+
+class Flight:
+    """A drone on a circle: it flies ahead and turns clockwise, both steadily."""
+
+    def __init__(self, speed_mps: float, yaw_rate_radps: float, yaw_rad: float = 0.4) -> None:
+        self.speed_mps, self.rate, self.yaw_rad = speed_mps, yaw_rate_radps, yaw_rad
+
+    def pose(self, time_s: float) -> OdometryPose:
+        """The true pose; x and y start at the origin."""
+        yaw = self.yaw_rad + self.rate * time_s
+        if self.rate == 0.0:
+            x, y = OdometryPose(0.0, 0.0, 0.0, yaw).to_world(self.speed_mps * time_s, 0.0)
+            return OdometryPose(time_s, x, y, yaw)
+        radius = self.speed_mps / self.rate
+        x = radius * (math.sin(yaw) - math.sin(self.yaw_rad))
+        y = -radius * (math.cos(yaw) - math.cos(self.yaw_rad))
+        return OdometryPose(time_s, x, y, yaw)
+
+    def state(self, time_s: float) -> DroneState:
+        """What telemetry says."""
+        wrapped = math.remainder(self.yaw_rad + self.rate * time_s, 2 * math.pi)
+        return state(time_s, wrapped, forward_mps=self.speed_mps)
+
+
+def known(fix: HelipadFix | None) -> HelipadFix:
+    assert fix is not None
+    return fix
+
+
+# --- poses ----------------------------------------------------------------------------------------
+
+
+def test_heading_east_ahead_is_y() -> None:
+    """Yaw is clockwise and y to the right: at a quarter turn, ahead is +y and right is -x."""
+    pose = OdometryPose(0.0, 1.0, 2.0, math.pi / 2)
+
+    assert pose.to_world(3.0, 0.0) == pytest.approx((1.0, 5.0))
+    assert pose.to_world(0.0, 3.0) == pytest.approx((-2.0, 2.0))
+
+
+@pytest.mark.parametrize("yaw_rad", [-3.0, 0.0, 0.7, 2.5])
+def test_world_and_body_undo_each_other(yaw_rad: float) -> None:
+    """There and back again."""
+    pose = OdometryPose(0.0, -0.4, 1.3, yaw_rad)
+
+    assert pose.to_body(*pose.to_world(1.2, -0.7)) == pytest.approx((1.2, -0.7))
+
+
+# --- odometry -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.7, -1.4])
+def test_odometry_follows_a_circle(rate: float) -> None:
+    """Eight seconds on a circle at the mission's tick are followed to within 2 cm."""
+    flight, odometry = Flight(0.5, rate), Odometry()
+
+    for tick in range(81):
+        odometry.update(flight.state(TICK_S * tick))
+
+    found, truth = odometry.now, flight.pose(8.0)
+    assert found is not None
+    assert math.dist((found.x_m, found.y_m), (truth.x_m, truth.y_m)) < 0.02
+
+
+def test_odometry_follows_sideways_motion() -> None:
+    """Velocity to the right counts to the right of the heading."""
+    odometry = Odometry()
+    for tick in range(11):
+        odometry.update(state(TICK_S * tick, math.pi, right_mps=0.3))
+
+    assert odometry.now is not None
+    assert (odometry.now.x_m, odometry.now.y_m) == pytest.approx((0.0, -0.3))
+
+
+def test_odometry_counts_half_of_a_change_of_speed() -> None:
+    """Between two samples the speed is their mean."""
+    odometry = Odometry()
+    odometry.update(state(0.0))
+    pose = odometry.update(state(0.2, forward_mps=1.0))
+
+    assert pose.x_m == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        state(1.0, forward_mps=9.0),
+        state(0.5, forward_mps=9.0),
+        state(1.1, forward_mps=math.nan),
+        state(1.1, yaw_rad=math.nan),
+        state(1.1, right_mps=math.inf),
+    ],
+)
+def test_odometry_passes_over_useless_samples(bad: DroneState) -> None:
+    """A sample that is old, or has no numbers, changes nothing."""
+    odometry = Odometry()
+    odometry.update(state(1.0))
+
+    odometry.update(bad)
+    pose = odometry.update(state(1.2))
+
+    assert (pose.x_m, pose.y_m, pose.yaw_rad) == (0.0, 0.0, 0.0)
+
+
+def test_odometry_may_begin_with_a_useless_sample() -> None:
+    """Nothing is remembered of it."""
+    odometry = Odometry()
+
+    odometry.update(state(0.0, yaw_rad=math.nan))
+
+    assert odometry.now is None
+
+
+def test_odometry_interpolates_across_the_wrap() -> None:
+    """Half-way between 175 and -175 degrees lies 180, not 0."""
+    odometry = Odometry()
+    odometry.update(state(0.0, math.radians(175)))
+    odometry.update(state(0.1, math.radians(-175)))
+
+    pose = odometry.at(0.05)
+
+    assert pose is not None
+    assert math.cos(pose.yaw_rad) == pytest.approx(-1.0)
+
+
+def test_odometry_beyond_its_memory() -> None:
+    """Before the first sample there is nothing; earlier than its memory, the oldest; later, now."""
+    odometry = Odometry(memory_s=1.0)
+    assert odometry.at(0.0) is None
+    for tick in range(31):
+        odometry.update(state(TICK_S * tick, forward_mps=1.0))
+
+    oldest, newest = odometry.at(0.0), odometry.at(9.0)
+
+    assert oldest is not None
+    assert newest is not None
+    assert oldest.time_s == pytest.approx(2.0)
+    assert newest == odometry.now
+
+
+# --- the track ------------------------------------------------------------------------------------
+
+
+def test_nothing_is_known_before_a_detection() -> None:
+    """Telemetry alone gives no fix; a detection before any telemetry cannot be placed."""
+    tracker = HelipadTracker()
+
+    assert not tracker.update(1.0, 0.0, captured_s=0.0, confidence=1.0)
+    tracker.predict(state(0.1))
+    assert tracker.fix(detected=False) is None
+
+
+def test_the_first_detection_is_the_fix() -> None:
+    """Place, capture time and confidence are those of the detection."""
+    tracker = HelipadTracker()
+    tracker.predict(state(0.3, yaw_rad=1.1))
+
+    assert tracker.update(2.0, -0.5, captured_s=0.3, confidence=0.8)
+    fix = known(tracker.fix(detected=True))
+
+    assert (fix.forward_m, fix.right_m) == pytest.approx((2.0, -0.5))
+    assert (fix.captured_s, fix.confidence, fix.detected) == (0.3, 0.8, True)
+    assert fix.std_m > 0.06
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.7, -1.0])
+def test_the_fix_stands_still_while_the_drone_moves(rate: float) -> None:
+    """Unseen for three seconds of flying and turning, the pad is still where it was."""
+    flight, tracker = Flight(0.45, rate), HelipadTracker()
+    pad = flight.pose(0.0).to_world(2.5, 0.3)
+    tracker.predict(flight.state(0.0))
+    tracker.update(2.5, 0.3, captured_s=0.0, confidence=1.0)
+
+    for tick in range(1, 31):
+        tracker.predict(flight.state(TICK_S * tick))
+
+    fix = known(tracker.fix(detected=False))
+    assert (fix.forward_m, fix.right_m) == pytest.approx(flight.pose(3.0).to_body(*pad), abs=0.02)
+    assert fix.captured_s == 0.0
+
+
+def test_a_late_frame_counts_from_where_it_was_captured() -> None:
+    """Turning at 1 rad/s, a frame 0.25 s old would be off by 0.6 m if it counted from now."""
+    flight, tracker = Flight(0.3, 1.0), HelipadTracker()
+    pad = flight.pose(0.0).to_world(2.5, 0.0)
+    for tick in range(11):
+        tracker.predict(flight.state(TICK_S * tick))
+    captured_s = 0.75
+    seen = flight.pose(captured_s).to_body(*pad)
+
+    tracker.update(*seen, captured_s=captured_s, confidence=1.0)
+    fix = known(tracker.fix(detected=True))
+
+    truth = flight.pose(1.0).to_body(*pad)
+    assert math.dist(seen, truth) > 0.6
+    assert (fix.forward_m, fix.right_m) == pytest.approx(truth, abs=0.01)
+
+
+def _noisy_track(
+    place: Callable[[float], tuple[float, float]], count: int, confidence: float = 1.0
+) -> HelipadTracker:
+    tracker = HelipadTracker()
+    for tick in range(count):
+        tracker.predict(state(TICK_S * tick))
+        tracker.update(*place(TICK_S * tick), captured_s=TICK_S * tick, confidence=confidence)
+    return tracker
+
+
+def test_noise_averages_out() -> None:
+    """Forty noisy detections give a better fix than one, and the filter knows it."""
+    generator = np.random.default_rng(3)
+    std = 0.06 * 2.0
+
+    tracker = _noisy_track(lambda _: (2.0 + std * generator.standard_normal(), 0.0), 40)
+    fix = known(tracker.fix(detected=True))
+
+    assert fix.forward_m == pytest.approx(2.0, abs=0.06)
+    assert fix.std_m < 0.06
+
+
+def test_uncertainty_grows_while_unseen() -> None:
+    """Dead reckoning drifts: each unseen second adds to the variance."""
+    tracker = _noisy_track(lambda _: (2.0, 0.0), 20)
+    before = known(tracker.fix(detected=True)).std_m
+
+    for tick in range(20, 60):
+        tracker.predict(state(TICK_S * tick))
+    after = known(tracker.fix(detected=False)).std_m
+
+    assert after**2 - before**2 == pytest.approx(0.05**2 * 4.0, rel=1e-6)
+
+
+def test_range_is_trusted_less_than_bearing() -> None:
+    """Far away, an error along the line of sight is forgiven where one across it is rejected."""
+    along, across = (_noisy_track(lambda _: (4.0, 0.0), 3) for _ in range(2))
+
+    assert along.update(4.6, 0.0, captured_s=0.2, confidence=1.0)
+    assert not across.update(4.0, 0.6, captured_s=0.2, confidence=1.0)
+
+
+def test_the_line_of_sight_turns_with_the_heading() -> None:
+    """The same at another heading, where the line of sight lies along the odometry's y."""
+    along, across = HelipadTracker(), HelipadTracker()
+    for tracker in (along, across):
+        for tick in range(3):
+            tracker.predict(state(TICK_S * tick, yaw_rad=math.pi / 2))
+            tracker.update(4.0, 0.0, captured_s=TICK_S * tick, confidence=1.0)
+
+    assert along.update(4.6, 0.0, captured_s=0.2, confidence=1.0)
+    assert not across.update(4.0, 0.6, captured_s=0.2, confidence=1.0)
+
+
+def test_an_outlier_leaves_the_track_alone() -> None:
+    """A detection metres away is refused; fix, age and confidence stay."""
+    tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
+    before = known(tracker.fix(detected=True))
+
+    assert not tracker.update(3.5, 1.5, captured_s=0.9, confidence=0.5)
+
+    assert tracker.fix(detected=True) == before
+
+
+def test_many_outliers_in_a_row_move_the_track() -> None:
+    """If they keep coming the track was wrong: it begins again at the next one."""
+    tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
+    answers = [
+        tracker.update(3.5, 1.5, captured_s=1.0 + TICK_S * tick, confidence=0.9)
+        for tick in range(6)
+    ]
+
+    assert answers == [False] * 5 + [True]
+    fix = known(tracker.fix(detected=True))
+    assert (fix.forward_m, fix.right_m) == pytest.approx((3.5, 1.5))
+
+
+def test_scattered_outliers_never_add_up() -> None:
+    """A good detection in between ends the count."""
+    tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
+    for _ in range(5):
+        for _ in range(4):
+            assert not tracker.update(3.5, 1.5, captured_s=0.9, confidence=1.0)
+        assert tracker.update(2.0, 0.0, captured_s=0.9, confidence=1.0)
+
+    fix = known(tracker.fix(detected=True))
+    assert (fix.forward_m, fix.right_m) == pytest.approx((2.0, 0.0), abs=0.01)
+
+
+def test_doubtful_detections_move_the_track_less() -> None:
+    """The same shifted detection pulls less with half the confidence."""
+
+    def shift(confidence: float) -> float:
+        tracker = _noisy_track(lambda _: (1.0, 0.0), 5)
+        assert tracker.update(1.1, 0.0, captured_s=0.4, confidence=confidence)
+        return known(tracker.fix(detected=True)).forward_m - 1.0
+
+    assert 0.0 < shift(0.5) < 0.5 * shift(1.0)
+
+
+def test_an_older_detection_does_not_age_the_fix() -> None:
+    """Frames may come out of order; the fix keeps the newest capture time."""
+    tracker = _noisy_track(lambda _: (2.0, 0.0), 10)
+
+    tracker.update(2.0, 0.0, captured_s=0.4, confidence=1.0)
+
+    assert known(tracker.fix(detected=True)).captured_s == pytest.approx(0.9)
+
+
+def test_forgetting_keeps_the_odometry() -> None:
+    """The track is gone; a detection made before the forgetting can still be placed right."""
+    tracker = HelipadTracker()
+    for tick in range(11):
+        tracker.predict(state(TICK_S * tick, forward_mps=0.5))
+    tracker.update(2.0, 0.0, captured_s=1.0, confidence=1.0)
+
+    tracker.forget()
+    assert tracker.fix(detected=False) is None
+
+    tracker.update(2.0, 0.0, captured_s=0.6, confidence=1.0)
+    fix = known(tracker.fix(detected=True))
+    assert fix.forward_m == pytest.approx(1.8)
+    assert fix.captured_s == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    ("forward_m", "right_m", "captured_s", "confidence"),
+    [
+        (math.nan, 0.0, 0.0, 1.0),
+        (1.0, math.inf, 0.0, 1.0),
+        (1.0, 0.0, math.nan, 1.0),
+        (1.0, 0.0, 0.0, 1.5),
+        (1.0, 0.0, 0.0, -0.1),
+        (1.0, 0.0, 0.0, math.nan),
+    ],
+)
+def test_refuses_what_is_no_detection(
+    forward_m: float, right_m: float, captured_s: float, confidence: float
+) -> None:
+    """One bad number would poison the filter for good: it is refused, and the track stays."""
+    tracker = _noisy_track(lambda _: (2.0, 0.0), 3)
+    before = tracker.fix(detected=True)
+
+    with pytest.raises(ValueRangeError, match="detection must be finite"):
+        tracker.update(forward_m, right_m, captured_s=captured_s, confidence=confidence)
+
+    assert tracker.fix(detected=True) == before
+
+
+def test_the_noise_model_is_configurable() -> None:
+    """A wide gate lets in what the default refuses."""
+    tracker = HelipadTracker(HelipadTrackerConfig(gate=1e6))
+    tracker.predict(state(0.0))
+    tracker.update(2.0, 0.0, captured_s=0.0, confidence=1.0)
+
+    assert tracker.update(3.5, 1.5, captured_s=0.0, confidence=1.0)

@@ -1,0 +1,354 @@
+"""The corridor: against brute-force intersection, known cases, and what is unknown."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from perception.camera.geometry import pixel_rays
+from perception.camera.ground_plane import CameraView
+from perception.obstacles.corridor import (
+    SIDES,
+    CorridorBuilder,
+    CorridorConfig,
+    CorridorPlanes,
+    build_corridor,
+)
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types import BodyVelocity, CameraModel, Corridor, DepthMap
+
+# Wide, so that every plane is seen.
+CAMERA = CameraModel(
+    width_px=61, height_px=41, fx_px=30.0, fy_px=25.0, cx_px=30.0, cy_px=20.0, forward_offset_m=0.15
+)
+LEVEL = CameraView(camera=CAMERA, pitch_rad=0.0, height_m=1.5)
+CONFIG = CorridorConfig(stray_px=0)
+CENTRE = (20, 30)  # row and column of the optical axis
+
+
+def depth_map(depth: np.ndarray, at_most: np.ndarray | None = None) -> DepthMap:
+    bound = None if at_most is None else at_most.astype(np.float32)
+    return DepthMap(depth=depth.astype(np.float32), metric=True, captured_s=1.0, at_most=bound)
+
+
+def far() -> np.ndarray:
+    return np.full((41, 61), 50.0)
+
+
+def built(
+    depth: np.ndarray,
+    *,
+    config: CorridorConfig = CONFIG,
+    at_most: np.ndarray | None = None,
+    things: np.ndarray | None = None,
+    velocity: BodyVelocity | None = None,
+) -> Corridor:
+    return CorridorBuilder(config).build(
+        depth_map(depth, at_most), LEVEL, things=things, velocity=velocity
+    )
+
+
+# --- planes ---------------------------------------------------------------------------------------
+
+
+def brute_force(
+    column: int, row: int, view: CameraView, config: CorridorConfig
+) -> tuple[float, str | None]:
+    """Walk through the planes as the paper writes them, point by point, for one pixel.
+
+    The paper's axes: X up, Y lateral, Z forward. Here Y is to the right.
+    """
+    ray = pixel_rays((column, row), view.camera, view.pitch_rad, view.roll_rad)
+    up, lateral, forward = -ray[2], ray[1], ray[0]
+    c = np.array([0.0, 0.0, view.camera.forward_offset_m])
+    p = c + config.image_plane_m * np.array([up, lateral, forward])
+    p_center = c + (p - c) * config.focal_factor
+    planes = {
+        "down": (0, -config.down_m),
+        "up": (0, config.up_m),
+        "left": (1, -config.left_m),
+        "right": (1, config.right_m),
+        "front": (2, config.front_m),
+    }
+    nearest, side = math.inf, None
+    for name, (axis, place) in planes.items():
+        step = p_center[axis] - c[axis]
+        if step == 0.0:
+            continue
+        multiple = (place - c[axis]) / step
+        if multiple <= 1.0:
+            continue
+        crossing = c + multiple * (p_center - c)
+        distance = float(np.linalg.norm(crossing - c))
+        if distance < nearest:
+            nearest, side = distance, name
+    return nearest, side
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    column=st.integers(0, 60),
+    row=st.integers(0, 40),
+    pitch=st.floats(-1.5, 0.3),
+    roll=st.floats(-0.2, 0.2),
+    walls=st.tuples(*[st.floats(0.3, 3.0)] * 5),
+    focal=st.floats(0.8, 1.2),
+    image_plane=st.sampled_from([0.02, 0.3, 1.0]),
+)
+def test_planes_agree_with_brute_force_intersection(
+    *,
+    column: int,
+    row: int,
+    pitch: float,
+    roll: float,
+    walls: tuple[float, ...],
+    focal: float,
+    image_plane: float,
+) -> None:
+    left, right, front, up, down = walls
+    config = CorridorConfig(
+        left_m=left,
+        right_m=right,
+        front_m=front,
+        up_m=up,
+        down_m=down,
+        focal_factor=focal,
+        image_plane_m=image_plane,
+    )
+    view = CameraView(camera=CAMERA, pitch_rad=pitch, height_m=1.0, roll_rad=roll)
+    planes = CorridorPlanes.of(view, config)
+    ray = pixel_rays((column, row), CAMERA, pitch, roll)
+    distance, side = brute_force(column, row, view, config)
+
+    found = float(planes.depth_m[row, column])
+    if side is None or distance > 1e3:
+        assert found > 1e2
+        return
+    assert found * np.linalg.norm(ray) == pytest.approx(distance, rel=1e-3)
+    crossing = found * ray + (CAMERA.forward_offset_m, 0.0, 0.0)
+    value = {
+        "left": -crossing[1] - left,
+        "right": crossing[1] - right,
+        "front": crossing[0] - front,
+        "up": -crossing[2] - up,
+        "down": crossing[2] - down,
+    }
+    assert value[SIDES[planes.side[row, column]]] == pytest.approx(0.0, abs=1e-2)
+
+
+def test_the_axis_meets_the_front_less_the_lenss_offset() -> None:
+    planes = CorridorPlanes.of(LEVEL, CONFIG)
+
+    assert planes.depth_m[CENTRE] == pytest.approx(1.85)
+    assert SIDES[planes.side[CENTRE]] == "front"
+    assert SIDES[planes.side[20, 0]] == "left"
+    assert SIDES[planes.side[20, 60]] == "right"
+    assert planes.depth_m[20, 60] == pytest.approx(0.5)
+    assert SIDES[planes.side[0, 30]] == "up"
+    assert SIDES[planes.side[40, 30]] == "down"
+
+
+def test_the_papers_image_plane_takes_the_side_walls_from_wide_pixels() -> None:
+    """At 45 degrees the wall is 0.5 m of depth away: nearer than 1 m, so the front plane counts."""
+    papers = CorridorPlanes.of(LEVEL, CorridorConfig(image_plane_m=1.0))
+
+    assert SIDES[papers.side[20, 60]] == "front"
+    assert papers.depth_m[20, 60] == pytest.approx(1.85)
+    nearer = CorridorPlanes.of(LEVEL, CorridorConfig(image_plane_m=0.6, focal_factor=0.8))
+    assert SIDES[nearer.side[20, 60]] == "right"
+
+
+# --- what is inside -------------------------------------------------------------------------------
+
+
+def test_a_free_way_has_nothing_in_it() -> None:
+    corridor = built(far())
+
+    assert corridor.captured_s == 1.0
+    assert corridor.nearest_m == math.inf
+    assert corridor.nearest_side is None
+    assert corridor.free_distance_m == pytest.approx(50.15)
+    assert corridor.time_to_impact_s == math.inf
+    assert corridor.unknown_px == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "side"),
+    [
+        ((20, 31), "front"),
+        ((20, 50), "right"),
+        ((20, 10), "left"),
+        ((3, 30), "up"),
+        ((38, 30), "down"),
+    ],
+)
+def test_an_intrusion_belongs_to_the_plane_its_ray_would_cross(
+    place: tuple[int, int], side: str
+) -> None:
+    depth = far()
+    depth[place] = 0.4
+    corridor = built(depth)
+    ray = pixel_rays((place[1], place[0]), CAMERA, 0.0)
+
+    assert corridor.nearest_side == side
+    assert corridor.nearest_m == pytest.approx(
+        float(np.linalg.norm(0.4 * ray + (0.15, 0.0, 0.0))), rel=1e-5
+    )
+
+
+def test_what_is_beyond_its_plane_is_outside() -> None:
+    """Along the optical axis, not along the ray: at 45 degrees 0.6 m of depth is 0.85 m away."""
+    depth = far()
+    depth[20, 60] = 0.6  # right of the right wall
+    depth[CENTRE] = 1.9  # ahead of the front plane
+    corridor = built(depth)
+
+    assert corridor.nearest_side is None
+    assert corridor.free_distance_m == pytest.approx(2.05)
+
+
+def test_the_free_distance_ends_at_what_is_between_the_walls_and_not_beside_them() -> None:
+    depth = far()
+    depth[:, 45:] = 1.5  # 0.75 m and more to the right
+    assert built(depth).free_distance_m > 10.0
+    depth[:, 32:45] = 1.5
+    assert built(depth).free_distance_m == pytest.approx(1.65)
+
+
+def test_each_hand_has_its_own_nearest() -> None:
+    depth = far()
+    depth[20, 25] = 0.8
+    depth[20, 35] = 1.2
+    corridor = built(depth)
+
+    assert corridor.nearest_left_m < 1.0 < corridor.nearest_right_m < 1.5
+    assert corridor.nearest_m == corridor.nearest_left_m
+
+
+def test_time_to_impact_counts_from_the_nose_at_the_present_speed() -> None:
+    depth = far()
+    depth[CENTRE] = 1.0
+    moving = built(depth, velocity=BodyVelocity(forward_mps=0.5))
+
+    assert moving.time_to_impact_s == pytest.approx((1.15 - 0.12) / 0.5)
+    assert built(depth, velocity=BodyVelocity(forward_mps=0.0)).time_to_impact_s == math.inf
+    assert built(depth, velocity=BodyVelocity(forward_mps=-0.5)).time_to_impact_s == math.inf
+    assert built(far(), velocity=BodyVelocity(forward_mps=0.5)).time_to_impact_s > 90.0
+
+
+def test_a_few_stray_pixels_are_not_believed() -> None:
+    depth = far()
+    depth[20, 28:31] = 0.3
+    strict, tolerant = built(depth), built(depth, config=CorridorConfig(stray_px=4))
+    depth[21, 28:31] = 0.3
+    believed = built(depth, config=CorridorConfig(stray_px=4))
+
+    assert strict.nearest_side == "front"
+    assert tolerant.nearest_side is None
+    assert believed.nearest_side == "front"
+
+
+def test_only_things_count_where_they_are_told() -> None:
+    depth = far()
+    depth[:20] = 0.3
+    depth[20:, 25:35] = 1.0
+    things = np.zeros((41, 61), dtype=bool)
+    things[20:] = True
+
+    assert built(depth, things=things).free_distance_m == pytest.approx(1.15)
+    assert built(depth).free_distance_m < 0.5
+
+
+# --- what is unknown ------------------------------------------------------------------------------
+
+
+def test_unknown_background_is_no_obstacle() -> None:
+    corridor = built(np.full((41, 61), np.nan))
+
+    assert corridor.nearest_side is None
+    assert corridor.free_distance_m == math.inf
+    assert corridor.unknown_px == 0
+
+
+def test_an_unknown_thing_that_must_be_inside_leaves_nothing_free() -> None:
+    """Its base is below the view: at most 1.2 m away, how near nobody knows."""
+    depth, things = far(), np.zeros((41, 61), dtype=bool)
+    depth[10:30, 28:34] = np.nan
+    things[10:30, 28:34] = True
+    at_most = np.full((41, 61), np.inf)
+    at_most[things] = 1.2
+    corridor = built(depth, at_most=at_most, things=things)
+
+    assert corridor.free_distance_m == 0.0
+    assert corridor.nearest_m <= 1.5
+    assert corridor.nearest_side == "front"
+    assert corridor.unknown_px == 120
+
+
+def test_an_unknown_thing_that_may_be_outside_is_counted_only() -> None:
+    depth, things = far(), np.zeros((41, 61), dtype=bool)
+    depth[20, 55:] = np.nan
+    things[20, 55:] = True
+    corridor = built(depth, things=things)
+
+    assert corridor.unknown_px == 6
+    assert corridor.nearest_side is None
+    assert corridor.free_distance_m == math.inf
+
+
+# --- the builder, and refusals --------------------------------------------------------------------
+
+
+def test_planes_are_made_once_for_each_camera_and_attitude() -> None:
+    builder = CorridorBuilder(kept=2)
+    first = builder.planes(LEVEL)
+    higher = CameraView(camera=CAMERA, pitch_rad=0.0, height_m=0.9)
+    tilted = CameraView(camera=CAMERA, pitch_rad=-0.4, height_m=1.5)
+    resized = LEVEL.resized(30, 20)
+
+    assert builder.planes(higher) is first
+    assert builder.planes(tilted) is not first
+    assert builder.planes(resized).depth_m.shape == (20, 30)
+    assert builder.planes(LEVEL) is not first  # two others came in between
+    other = CorridorBuilder(CorridorConfig(front_m=1.0))
+    assert other.planes(LEVEL).depth_m[CENTRE] == pytest.approx(0.85)
+
+
+def test_relative_depth_is_refused() -> None:
+    given = DepthMap(depth=np.ones((41, 61), dtype=np.float32), metric=False, captured_s=0.0)
+    with pytest.raises(ValueRangeError, match="metres"):
+        CorridorBuilder().build(given, LEVEL)
+
+
+def test_other_sizes_are_refused() -> None:
+    planes = CorridorPlanes.of(LEVEL, CONFIG)
+    with pytest.raises(ShapeError, match="depth map must be 41x61"):
+        build_corridor(depth_map(np.ones((5, 6))), planes, offset_m=0.15)
+    with pytest.raises(ShapeError, match="mask of things"):
+        build_corridor(depth_map(far()), planes, offset_m=0.15, things=np.ones((2, 2), dtype=bool))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"left_m": 0.0}, {"front_m": math.inf}, {"focal_factor": -1.0}, {"stray_px": -1}]
+)
+def test_impossible_corridors_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueRangeError):
+        CorridorConfig(**wrong)
+
+
+def test_the_pixels_told_for_pictures_are_those_inside() -> None:
+    depth, at_most = far(), np.full((41, 61), np.inf)
+    depth[20, 30] = 1.0  # inside, known
+    depth[20, 40], at_most[20, 40] = np.nan, 0.9  # inside at any rate
+    depth[20, 50] = np.nan  # nobody knows
+    depth[10, 30] = 1.0  # inside, and no thing
+    things = np.ones((41, 61), dtype=bool)
+    things[10, 30] = False
+    marked = CorridorBuilder(CONFIG).intruding(depth_map(depth, at_most), LEVEL, things=things)
+    assert sorted(map(tuple, np.argwhere(marked).tolist())) == [(20, 30), (20, 40)]
+    with pytest.raises(ShapeError, match="mask of things"):
+        CorridorBuilder(CONFIG).intruding(depth_map(depth), LEVEL, things=things[1:])

@@ -1,0 +1,433 @@
+"""The obstacle memory: where bases stand, what is forgotten, what has no range yet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.camera.geometry import pixel_rays, project
+from perception.obstacles.contact_scan import Bases, find_bases
+from perception.obstacles.memory import ObstacleMemory, ObstacleMemoryConfig
+from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.views import render_views
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, group_of
+from uav_bt.errors import ShapeError
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    ClassMap,
+    DroneState,
+    FlyingState,
+    Frame,
+    ObstaclePoints,
+)
+
+CAMERA = anafi_camera(640, 360).resized(224, 112)
+PITCH_RAD = math.radians(-28)
+HEIGHT_M = 1.5
+Ids = NDArray[np.uint8]
+
+
+def carpet() -> Ids:
+    return np.full((112, 224), CARPET, dtype=np.uint8)
+
+
+def draw_box(ids: Ids, forward_m: float, left_m: float, right_m: float) -> Ids:
+    """Ray-cast a high box's front face, so far ahead of the camera, its ends to the right."""
+    rows, columns = np.mgrid[: ids.shape[0], : ids.shape[1]]
+    rays = pixel_rays(np.stack([columns, rows], axis=-1), CAMERA, PITCH_RAD)
+    across = forward_m / rays[..., 0] * rays[..., 1]
+    down = forward_m / rays[..., 0] * rays[..., 2]
+    ids[(across >= left_m) & (across <= right_m) & (down <= HEIGHT_M)] = BOXES[0]
+    return ids
+
+
+def end_carpet(ids: Ids, forward_m: float) -> Ids:
+    """Put background where carpet is further ahead of the camera than that."""
+    rows, columns = np.mgrid[: ids.shape[0], : ids.shape[1]]
+    rays = pixel_rays(np.stack([columns, rows], axis=-1), CAMERA, PITCH_RAD)
+    beyond = rays[..., 2] * forward_m < HEIGHT_M * rays[..., 0]
+    ids[beyond & (ids == CARPET)] = BACKGROUND
+    return ids
+
+
+def frame(time_s: float, pitch_rad: float = PITCH_RAD) -> Frame:
+    return Frame(
+        image=np.zeros((36, 64, 3), dtype=np.uint8),
+        index=0,
+        captured_s=time_s,
+        gimbal_pitch_rad=pitch_rad,
+        height_above_carpet_m=HEIGHT_M,
+    )
+
+
+def state(time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> DroneState:
+    return DroneState(
+        captured_s=time_s,
+        flying=FlyingState.FLYING,
+        attitude=Attitude(yaw_rad=yaw_rad),
+        velocity=BodyVelocity(forward_mps=forward_mps),
+    )
+
+
+def look(memory: ObstacleMemory, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
+    memory.update(ClassMap(ids=ids, captured_s=time_s), frame(time_s, pitch_rad), CAMERA)
+
+
+# --- bases ----------------------------------------------------------------------------------------
+
+
+def bases(ids: Ids) -> Bases:
+    return find_bases(group_of(ids), CAMERA, PITCH_RAD, HEIGHT_M, min_run=4)
+
+
+@pytest.mark.parametrize("forward_m", [1.6, 2.2, 3.0])
+@pytest.mark.parametrize(("left_m", "right_m"), [(-0.3, 0.2), (0.3, 0.9)])
+def test_a_base_is_where_the_box_meets_the_carpet(
+    forward_m: float, left_m: float, right_m: float
+) -> None:
+    """Within what a pixel of the row is worth, and as wide as the box; none of it is hidden."""
+    found = bases(draw_box(carpet(), forward_m, left_m, right_m))
+
+    # At the outline's ends a bearing may pass it and meet the face further up: behind, not before.
+    pixel_m = 1.5 * (forward_m**2 + HEIGHT_M**2) / HEIGHT_M / CAMERA.fy_px
+    error_m = found.placed_m[:, 0] - forward_m
+    assert error_m.min() > -pixel_m
+    assert np.median(np.abs(error_m)) < pixel_m
+    assert np.count_nonzero(error_m > 2.0 * pixel_m) <= 2
+    ends = found.placed_m[:, 1].min(), found.placed_m[:, 1].max()
+    assert ends[0] == pytest.approx(left_m, abs=0.08)
+    assert right_m - 0.08 < ends[1]
+    assert found.hidden_m.shape == (0, 2)
+
+
+def test_what_floats_before_the_background_has_no_base() -> None:
+    """Below it there is no carpet to meet."""
+    ids = draw_box(carpet(), 2.2, -0.3, 0.2)
+    ids[ids == CARPET] = BACKGROUND
+
+    assert bases(ids).placed_m.shape == (0, 2)
+    assert bases(ids).hidden_m.shape == (0, 2)
+
+
+def test_the_carpet_ends_where_background_follows_it() -> None:
+    """Across the view 2.5 m ahead, but not behind a box, whose own base is no edge."""
+    ids = end_carpet(draw_box(carpet(), 1.8, -0.3, 0.2), 2.5)
+
+    edges_m = bases(ids).edges_m
+
+    assert len(edges_m) > 20
+    assert np.median(edges_m[:, 0]) == pytest.approx(2.5, abs=0.06)
+    behind = np.abs(edges_m[:, 1] / edges_m[:, 0] + 0.03) < 0.1
+    assert not behind.any()
+
+
+def test_an_edge_nearer_than_the_view_has_bearings_and_no_place() -> None:
+    """The view begins with background: the carpet ends somewhere before."""
+    found = bases(end_carpet(carpet(), 0.8))
+
+    assert found.edges_m.shape == (0, 2)
+    assert len(found.hidden_edges_m) > 40
+    assert found.hidden_m.shape == (0, 2)
+
+
+def test_specks_have_no_base() -> None:
+    """A few obstacle pixels on the carpet are a mistake of the mask."""
+    ids = carpet()
+    ids[60:62, 100:104] = BOXES[0]
+
+    assert bases(ids).placed_m.shape == (0, 2)
+
+
+def test_no_obstacle_no_bases() -> None:
+    """Empty results keep their shape."""
+    assert bases(carpet()).placed_m.shape == (0, 2)
+    assert bases(carpet()).hidden_m.shape == (0, 2)
+
+
+def test_a_box_nearer_than_the_view_hides_its_base() -> None:
+    """It gives the nearest carpet in view on its bearings, and no base."""
+    found = bases(draw_box(carpet(), 0.8, 0.2, 0.6))
+
+    assert found.placed_m.shape == (0, 2)
+    bearings = np.arctan2(found.hidden_m[:, 1], found.hidden_m[:, 0])
+    assert bearings.min() == pytest.approx(math.atan2(0.2, 0.8), abs=math.radians(1.5))
+    assert bearings.max() == pytest.approx(math.atan2(0.6, 0.8), abs=math.radians(1.5))
+    edge = np.column_stack([found.hidden_m, np.full(len(found.hidden_m), HEIGHT_M)])
+    assert (project(edge, CAMERA, PITCH_RAD)[:, 1] > 108).all()
+
+
+# --- memory ---------------------------------------------------------------------------------------
+
+
+def test_a_base_is_remembered_after_it_left_the_view() -> None:
+    """Flown past and turned away from, the box is still where it was."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0, forward_mps=0.5))
+    look(memory, draw_box(carpet(), 2.0, 0.4, 0.8), 0.0)
+    for tick in range(1, 31):
+        memory.predict(state(0.1 * tick, forward_mps=0.5))
+    memory.predict(state(3.1, yaw_rad=math.pi / 2))
+
+    found = memory.points().points_m
+
+    # It was 2.0 + 0.15 ahead of the centre; 1.5 m flown and half a tick of braking; turned right.
+    ahead = 2.0 + CAMERA_FORWARD_M - 1.5 - 0.025
+    assert np.median(np.abs(found[:, 1] + ahead)) < 0.04
+    assert found[:, 1].max() < -ahead + 0.06
+    assert (found[:, 0].min(), found[:, 0].max()) == pytest.approx((0.4, 0.8), abs=0.08)
+
+
+def test_seen_again_a_point_is_kept_once() -> None:
+    """Ten looks at one box leave as many points as one look."""
+    once, often = ObstacleMemory(), ObstacleMemory()
+    ids = draw_box(carpet(), 2.0, -0.4, 0.4)
+    for memory, looks in ((once, 1), (often, 10)):
+        for tick in range(looks):
+            memory.predict(state(0.1 * tick))
+            look(memory, ids, 0.1 * tick)
+
+    assert len(often.points().points_m) == len(once.points().points_m) > 5
+
+
+def test_carpet_seen_in_its_place_forgets_a_point() -> None:
+    """What was a mistake, or was moved, does not stay."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+
+    memory.predict(state(0.1))
+    look(memory, carpet(), 0.1)
+
+    assert memory.points().points_m.shape == (0, 2)
+    assert memory.points().nearest_m == math.inf
+
+
+def test_old_points_are_forgotten() -> None:
+    """Dead reckoning goes astray: nothing is kept for longer than its time."""
+    memory = ObstacleMemory(ObstacleMemoryConfig(max_age_s=5.0))
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+
+    memory.predict(state(5.0))
+    assert len(memory.points().points_m) > 0
+    memory.predict(state(5.1))
+    assert len(memory.points().points_m) == 0
+
+
+def test_the_end_of_the_carpet_is_remembered_longer() -> None:
+    """A decimetre matters less there; and it does not count among the obstacles."""
+    memory = ObstacleMemory(ObstacleMemoryConfig(max_age_s=5.0, edge_age_s=9.0))
+    ids = draw_box(carpet(), 1.8, -0.3, 0.2)
+    ids[:60][ids[:60] == CARPET] = BACKGROUND
+    memory.predict(state(0.0))
+    look(memory, ids, 0.0)
+    nearest_m = memory.points().nearest_m
+    assert nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M, abs=0.1)
+
+    memory.predict(state(5.1))
+
+    assert len(memory.points().points_m) == 0
+    assert len(memory.points().edges_m) > 10
+    memory.predict(state(9.1))
+    assert len(memory.points().edges_m) == 0
+
+
+def test_far_bases_are_not_remembered() -> None:
+    """Beyond the range a pixel is worth too many centimetres."""
+    memory = ObstacleMemory(ObstacleMemoryConfig(max_range_m=2.0))
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+
+    assert len(memory.points().points_m) == 0
+
+
+def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
+    """Straight down a roof is nearer than any base."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    before = memory.points().points_m
+
+    memory.predict(state(0.1))
+    look(memory, carpet(), 0.1, pitch_rad=-math.pi / 2)
+
+    assert np.array_equal(memory.points().points_m, before)
+    assert memory.points().captured_s == pytest.approx(0.1)
+
+
+NEAR_BOX = ObstacleMemoryConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
+
+
+def test_an_unexplained_near_box_is_a_bearing() -> None:
+    """Its bearings, from the body's centre, turn as the drone does."""
+    memory = ObstacleMemory(NEAR_BOX)
+    memory.predict(state(0.0, yaw_rad=3.0))
+    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+
+    found = memory.points()
+    assert len(found.unplaced_rad) > 5
+    assert (found.unplaced_rad > 0.1).all()
+    assert found.unplaced_within(math.radians(60)) == len(found.unplaced_rad)
+    assert found.unplaced_within(0.1) == 0
+
+    memory.predict(state(0.1, yaw_rad=3.0 + 1.0 - 2 * math.pi))
+    assert memory.points().unplaced_rad == pytest.approx(found.unplaced_rad - 1.0)
+
+
+def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
+    """At the assumed ranges, for the assumed time; no longer, since it was never seen there."""
+    memory = ObstacleMemory(NEAR_BOX)
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+
+    found = memory.points()
+    assert len(found.points_m) == 0
+    ranges = np.hypot(found.assumed_m[:, 0], found.assumed_m[:, 1])
+    bearings = np.arctan2(found.assumed_m[:, 1], found.assumed_m[:, 0])
+    assert np.unique(np.round(ranges, 6)) == pytest.approx([0.5, 1.0])
+    assert bearings.min() == pytest.approx(found.unplaced_rad.min(), abs=0.1)
+    assert bearings.max() == pytest.approx(found.unplaced_rad.max(), abs=0.1)
+
+    memory.predict(state(2.9))
+    assert len(memory.points().assumed_m) > 0
+    memory.predict(state(3.1))
+    assert len(memory.points().assumed_m) == 0
+
+
+def test_a_remembered_base_explains_the_near_box() -> None:
+    """The base seen from further away is the same box: its range is known."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0, forward_mps=1.0))
+    look(memory, draw_box(carpet(), 1.8, -0.3, 0.3), 0.0)
+    for tick in range(1, 11):
+        memory.predict(state(0.1 * tick, forward_mps=1.0))
+    ids = carpet()
+    ids[:, 90:134] = BOXES[0]
+    look(memory, ids, 1.0)
+
+    found = memory.points()
+
+    assert len(found.points_m) > 5
+    assert len(found.unplaced_rad) == 0
+    assert found.nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M - 1.0, abs=0.06)
+
+
+def test_the_pad_is_no_obstacle() -> None:
+    """The drone flies above it."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0))
+    look(
+        memory,
+        np.where(draw_box(carpet(), 2.0, -0.4, 0.4) == CARPET, 1, HELIPAD_BOX).astype(np.uint8),
+        0.0,
+    )
+
+    assert len(memory.points().points_m) == 0
+
+
+def test_before_telemetry_nothing_is_known() -> None:
+    """A class map without a pose cannot be placed."""
+    memory = ObstacleMemory()
+    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+
+    assert len(memory.points().points_m) == 0
+
+
+# --- points ---------------------------------------------------------------------------------------
+
+
+def test_a_way_keeps_its_margin() -> None:
+    """Distance to the way, not to its line: beyond an end it is the distance to the end."""
+    ahead = ObstaclePoints(points_m=np.array([[0.5, 0.4]]), captured_s=0.0)
+
+    assert ahead.allows(1.0, margin_m=0.39)
+    assert not ahead.allows(1.0, margin_m=0.41)
+    assert ahead.allows(0.2, margin_m=0.49)
+    assert not ahead.allows(0.2, margin_m=0.51)
+
+
+def test_what_is_near_already_may_be_left_but_not_approached() -> None:
+    """Inside the margin only the direction counts, whichever it is."""
+    beside = ObstaclePoints(points_m=np.array([[0.0, 0.3]]), captured_s=0.0)
+
+    assert beside.nearest_m == pytest.approx(0.3)
+    assert beside.allows(0.3, margin_m=0.5)
+    assert beside.allows(0.0, -0.3, margin_m=0.5)
+    assert not beside.allows(0.0, 0.3, margin_m=0.5)
+
+
+def test_assumed_points_count_unless_told_otherwise() -> None:
+    """They are assumptions: who is stuck may drop them."""
+    assumed = ObstaclePoints(
+        points_m=np.empty((0, 2)), assumed_m=np.array([[0.4, 0.0]]), captured_s=0.0
+    )
+
+    assert not assumed.allows(0.3, margin_m=0.3)
+    assert assumed.allows(0.3, margin_m=0.3, assumed=False)
+
+
+def test_points_must_be_pairs() -> None:
+    """A wrong shape is refused."""
+    with pytest.raises(ShapeError, match="obstacle points must be Nx2, got 3"):
+        ObstaclePoints(points_m=np.zeros(3), captured_s=0.0)
+
+
+# --- agreement with the twin ----------------------------------------------------------------------
+
+
+def test_the_twins_box_is_where_it_stands() -> None:
+    """From the twin's exact ids: every base within 5 cm of the box's outline."""
+    box = BoxSpec(pattern=3, position_m=(0.8, 0.3), yaw_deg=30, size_m=(0.4, 0.4, 1.9))
+    scene = Scene(name="box", helipad=Helipad(position_m=(-2.0, -1.5)), boxes=(box,))
+    poses = [
+        CameraPose(x_m=x, y_m=y, z_m=HEIGHT_M, yaw_rad=yaw, pitch_rad=PITCH_RAD)
+        for x, y, yaw in ((-1.0, 0.0, 0.1), (-0.9, 1.0, -0.5), (0.8, -1.5, 1.5))
+    ]
+    for view in render_views(scene, poses, truth_size_px=(224, 112)):
+        found = find_bases(group_of(view.ids), CAMERA, PITCH_RAD, view.pose.z_m)
+        assert len(found.placed_m) > 5
+        c, s = math.cos(view.pose.yaw_rad), math.sin(view.pose.yaw_rad)
+        for forward_m, right_m in found.placed_m:
+            x = view.pose.x_m + c * forward_m + s * right_m
+            y = view.pose.y_m + s * forward_m - c * right_m
+            distance_m = box.footprint.distance_m(x, y)
+            assert distance_m < 0.05
+            # Not inside either, as far as the outline can tell.
+            shrunk = BoxSpec(pattern=3, position_m=(0.8, 0.3), yaw_deg=30, size_m=(0.3, 0.3, 1.9))
+            assert shrunk.footprint.distance_m(x, y) > 0.0
+
+
+def test_an_edge_that_was_never_seen_is_told_by_its_bearings() -> None:
+    """Its bearings turn with the drone, and an obstacle is not made of it."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0))
+    look(memory, end_carpet(carpet(), 0.8), 0.0)
+
+    found = memory.points()
+
+    assert len(found.unplaced_edges_rad) > 40
+    assert len(found.unplaced_rad) == len(found.edges_m) == len(found.assumed_m) == 0
+    memory.predict(state(0.1, yaw_rad=1.0))
+    assert memory.points().unplaced_edges_rad == pytest.approx(found.unplaced_edges_rad - 1.0)
+
+
+def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
+    """Flown up to, it is where it was seen to be."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0, forward_mps=0.5))
+    look(memory, end_carpet(carpet(), 2.0), 0.0)
+    for tick in range(1, 25):
+        memory.predict(state(0.1 * tick, forward_mps=0.5))
+    look(memory, end_carpet(carpet(), 0.8), 2.4)
+
+    found = memory.points()
+
+    ahead = np.abs(found.unplaced_edges_rad) < math.radians(20)
+    assert not ahead.any()
+    assert len(found.edges_m) > 10

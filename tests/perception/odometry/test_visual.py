@@ -1,0 +1,96 @@
+"""Dead reckoning corrected by the carpet, in pictures of the twin with telemetry that drifts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from perception.odometry.visual import CarpetOdometry
+from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.views import render_views
+from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, Frame
+
+SIZE_PX = (320, 180)
+CAMERA = anafi_camera(*SIZE_PX)
+PITCH_RAD = math.radians(-30)
+HEIGHT_M = 1.5
+STEP_S = 0.1
+LAB = Scene(name="empty", helipad=Helipad(position_m=(-2.2, -1.7)), boxes=())
+
+
+def fly(poses: Sequence[CameraPose], told: BodyVelocity, *, blind: bool = False) -> CarpetOdometry:
+    """Show the pictures of poses, 0.1 s apart, with a velocity told by telemetry."""
+    odometry = CarpetOdometry()
+    for index, view in enumerate(
+        render_views(LAB, poses, size_px=SIZE_PX, profile=Profile.named("lab"))
+    ):
+        time_s = index * STEP_S
+        odometry.predict(
+            DroneState(
+                captured_s=time_s,
+                flying=FlyingState.FLYING,
+                attitude=Attitude(yaw_rad=-view.pose.yaw_rad),
+                velocity=told,
+            )
+        )
+        frame = Frame(
+            image=np.zeros_like(view.image) if blind else view.image,
+            index=index,
+            captured_s=time_s,
+            gimbal_pitch_rad=PITCH_RAD,
+            height_above_carpet_m=HEIGHT_M,
+        )
+        odometry.see(ClassMap(ids=view.ids, captured_s=time_s), frame, CAMERA)
+    return odometry
+
+
+def pose(x_m: float, y_m: float, yaw_rad: float = 0.0) -> CameraPose:
+    return CameraPose(x_m=x_m, y_m=y_m, z_m=HEIGHT_M, yaw_rad=yaw_rad, pitch_rad=PITCH_RAD)
+
+
+def test_a_drone_that_stands_still_stays_where_it_is() -> None:
+    """Telemetry says it drifts by 0.15 m; the carpet says it does not."""
+    odometry = fly([pose(-1.0, 0.0)] * 16, BodyVelocity(forward_mps=0.06, right_mps=-0.08))
+
+    assert odometry.now is not None
+    assert math.hypot(odometry.now.x_m, odometry.now.y_m) < 0.02
+
+
+def test_a_drift_that_telemetry_does_not_feel_is_found() -> None:
+    """The camera slides to the left, telemetry says that it stands still."""
+    odometry = fly([pose(-1.0, 0.015 * step) for step in range(16)], BodyVelocity())
+
+    assert odometry.now is not None
+    assert odometry.now.x_m == pytest.approx(0.0, abs=0.02)
+    assert odometry.now.y_m == pytest.approx(-0.225, abs=0.02)
+
+
+def test_turning_about_the_camera_moves_nothing() -> None:
+    """A turn of 60 degrees with the lens in one place moves the body's centre only."""
+    turns = [pose(-1.0, 0.0, -math.radians(4 * step)) for step in range(16)]
+    offset_m = CAMERA.forward_offset_m
+    odometry = fly(turns, BodyVelocity())
+
+    assert odometry.now is not None
+    lens = odometry.now.to_world(offset_m, 0.0)
+    assert math.hypot(lens[0] - offset_m, lens[1]) < 0.03
+
+
+def test_without_a_view_of_the_carpet_telemetry_stays() -> None:
+    odometry = fly([pose(-1.0, 0.0)] * 6, BodyVelocity(forward_mps=0.2), blind=True)
+
+    assert odometry.now is not None
+    assert odometry.now.x_m == pytest.approx(0.1)
+
+
+def test_before_the_first_telemetry_there_is_no_pose() -> None:
+    odometry = CarpetOdometry()
+
+    assert odometry.now is None
+    assert odometry.at(1.0) is None

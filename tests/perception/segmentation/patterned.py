@@ -1,0 +1,56 @@
+"""Small made-up pictures in which colour tells the class, for the segmentation's tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
+
+Image = NDArray[np.uint8]
+
+_COLOURS = {
+    BACKGROUND: ((120, 120, 120), (128, 128, 124)),
+    CARPET: ((60, 110, 140), (90, 150, 170)),
+    HELIPAD_H: ((10, 70, 45), (240, 245, 240)),
+    HELIPAD_BOX: ((245, 205, 20), (205, 25, 20)),
+    BOXES[0]: ((205, 40, 150), (250, 220, 240)),
+    BOXES[2]: ((30, 60, 180), (140, 190, 245)),
+}
+CLASSES = tuple(_COLOURS)
+
+
+def paint(ids: Image, rng: np.random.Generator) -> Image:
+    """Return a picture whose pixels take one of their class's two colours, with noise."""
+    coin = rng.integers(2, size=ids.shape)
+    table = np.zeros((17, 2, 3))
+    for class_id, pair in _COLOURS.items():
+        table[class_id] = pair
+    noisy = table[ids, coin] + rng.normal(0.0, 3.0, (*ids.shape, 3))
+    return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+
+
+def layout(rng: np.random.Generator, width: int, height: int) -> Image:
+    """Return a map: wall above, carpet below, two boxes and a pad with its H."""
+    ids = np.full((height, width), BACKGROUND, dtype=np.uint8)
+    ids[height // 3 :] = CARPET
+    side = height // 3
+    for class_id in (BOXES[0], BOXES[2], HELIPAD_BOX):
+        x, y = int(rng.integers(width - side)), int(rng.integers(height - side))
+        ids[y : y + side, x : x + side] = class_id
+        if class_id == HELIPAD_BOX:
+            inner = side // 5
+            ids[y + inner : y + side - inner, x + inner : x + side - inner] = HELIPAD_H
+    return ids
+
+
+def samples(
+    count: int, *, seed: int, width: int = 160, height: int = 90
+) -> Iterator[tuple[str, Image, Image]]:
+    """Yield names, pictures and exact ids."""
+    rng = np.random.default_rng(seed)
+    for index in range(count):
+        ids = layout(rng, width, height)
+        yield f"{index}.png", paint(ids, rng), ids

@@ -1,0 +1,188 @@
+"""The U-Net: its shape, its losses, training that resumes, and the ONNX file made from it."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+import torch
+
+from perception.networks.onnx_runtime import compile_model, read_model, taking_pictures
+from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.segmentation.evaluation import score_segmentation
+from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.training import export, losses, run, unet
+from tests.perception.segmentation.patterned import CLASSES, samples
+from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError, WeightsError
+
+NET = unet.UNetConfig(width_px=64, height_px=32, channels=(8, 12, 16))
+SHORT = run.TrainingConfig(steps=6, batch=2, checkpoint_every=3, warm_up_steps=2)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    """Sums in one order, so that two runs agree to the bit; small nets are no slower for it."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def pictures() -> run.LabelledPictures:
+    return run.collect_pictures(((rgb, ids) for _, rgb, ids in samples(16, seed=0)), NET)
+
+
+def _state(net: unet.UNet) -> dict[str, np.ndarray]:
+    return {name: tensor.numpy().copy() for name, tensor in net.state_dict().items()}
+
+
+def test_every_pixel_gets_seventeen_scores() -> None:
+    with torch.inference_mode():
+        logits = unet.UNet(NET).eval()(torch.zeros(2, 3, 32, 64))
+    assert logits.shape == (2, 17, 32, 64)
+
+
+def test_the_shipped_shape_has_about_a_million_parameters() -> None:
+    count = sum(p.numel() for p in unet.UNet(unet.UNetConfig()).parameters())
+    assert 0.8e6 < count < 1.5e6
+
+
+def test_a_size_that_cannot_be_halved_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="3 levels need sides divisible by 8, got 60x32"):
+        replace(NET, width_px=60)
+
+
+@pytest.mark.parametrize("name", ["cross_entropy", "bce_dice"])
+def test_a_loss_is_small_for_the_right_answer_and_ignores_what_nobody_knows(name: str) -> None:
+    ids = torch.tensor([[[0, 3], [16, run.IGNORED]]])
+    right = torch.full((1, 17, 2, 2), -20.0)
+    for row, column, class_id in ((0, 0, 0), (0, 1, 3), (1, 0, 16), (1, 1, 5)):
+        right[0, class_id, row, column] = 20.0
+    loss = losses.LOSSES[name]
+    assert loss(right, ids, run.IGNORED).item() < 0.02
+    wrong = right.clone()
+    wrong[0, :, 1, 1] = right[0, :, 0, 0]  # another answer where nobody knows
+    assert loss(wrong, ids, run.IGNORED).item() == pytest.approx(
+        loss(right, ids, run.IGNORED).item(), abs=1e-6
+    )
+    wrong[0, :, 0, 0] = right[0, :, 0, 1]
+    assert loss(wrong, ids, run.IGNORED).item() > 0.1
+
+
+def test_a_few_steps_teach_the_patterns(pictures: run.LabelledPictures) -> None:
+    config = run.TrainingConfig(steps=60, batch=4, warm_up_steps=5, learning_rate=1e-2)
+    told: list[run.Progress] = []
+    net = run.train_unet(pictures, config, NET, progress=told.append)
+    assert [now.step for now in told] == list(range(1, 61))
+    assert told[-1].loss < 0.3 * told[0].loss
+    predicted = run.predict(net, pictures.rgb)
+    score = score_segmentation(zip(predicted, pictures.ids, strict=True))
+    assert score.accuracy > 0.85
+    assert set(np.unique(predicted)) <= set(CLASSES)
+
+
+def test_a_resumed_run_ends_where_an_unbroken_one_does(
+    pictures: run.LabelledPictures, tmp_path: Path
+) -> None:
+    whole = _state(run.train_unet(pictures, SHORT, NET))
+
+    class BrokenOffError(Exception):
+        pass
+
+    def stop(now: run.Progress) -> None:
+        if now.step == 4:  # the checkpoint of step 3 is the newest
+            raise BrokenOffError
+
+    path = tmp_path / "run.safetensors"
+    with pytest.raises(BrokenOffError):
+        run.train_unet(pictures, SHORT, NET, checkpoint=path, progress=stop)
+    told: list[int] = []
+    resumed = run.train_unet(
+        pictures, SHORT, NET, checkpoint=path, progress=lambda now: told.append(now.step)
+    )
+    assert told == [4, 5, 6]
+    for name, value in _state(resumed).items():
+        np.testing.assert_array_equal(value, whole[name])
+
+
+def test_a_checkpoint_of_another_run_or_a_damaged_one_is_refused(
+    pictures: run.LabelledPictures, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.safetensors"
+    run.train_unet(pictures, SHORT, NET, checkpoint=path)
+    with pytest.raises(WeightsError, match="other settings or data; delete the file"):
+        run.train_unet(pictures, replace(SHORT, seed=1), NET, checkpoint=path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(WeightsError, match="damaged"):
+        run.train_unet(pictures, SHORT, NET, checkpoint=path)
+
+
+def test_bad_training_input_is_refused(pictures: run.LabelledPictures) -> None:
+    with pytest.raises(ShapeError, match="labels must be 16x32x64"):
+        run.LabelledPictures(rgb=pictures.rgb, ids=pictures.ids[:, :4])
+    with pytest.raises(ValueRangeError, match="within 0 and 16 or be 255"):
+        run.LabelledPictures(rgb=pictures.rgb, ids=np.full_like(pictures.ids, 17))
+    with pytest.raises(ValueRangeError, match="no pictures"):
+        run.collect_pictures([], NET)
+    with pytest.raises(ValueRangeError, match="must be positive"):
+        replace(SHORT, steps=0)
+    with pytest.raises(UnknownNameError, match="unknown loss 'dice'"):
+        replace(SHORT, loss="dice")  # type: ignore[arg-type]
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def test_the_onnx_file_answers_as_torch_does(tmp_path: Path) -> None:
+    """With statistics unlike those of a fresh net, so that a wrong folding shows."""
+    torch.manual_seed(3)
+    net = unet.UNet(NET).eval()
+    for module in net.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            module.running_mean.uniform_(-0.3, 0.3)
+            module.running_var.uniform_(0.3, 2.0)
+            torch.nn.init.uniform_(module.weight, 0.5, 1.5)
+            torch.nn.init.uniform_(module.bias, -0.2, 0.2)
+    weights = tmp_path / "unet.safetensors"
+    export.save_unet(weights, net, notes={})
+    export.export_onnx(weights, tmp_path / "unet.onnx")
+    segmenter = OnnxSegmenter(tmp_path / "unet.onnx")
+    model = taking_pictures(read_model(tmp_path / "unet.onnx", "nothing"))
+    rgb = np.random.default_rng(0).integers(256, size=(32, 64, 3), dtype=np.uint8)
+    with torch.inference_mode():
+        expected = net(torch.from_numpy(rgb[None]).permute(0, 3, 1, 2) / 255.0).numpy()
+    np.testing.assert_allclose(compile_model(model, 1)(rgb[None])[0], expected, atol=2e-5)
+    np.testing.assert_array_equal(segmenter.ids(rgb), expected[0].argmax(axis=0))
+
+
+def test_the_shipped_onnx_file_was_made_from_the_shipped_weights(tmp_path: Path) -> None:
+    export.export_onnx(SHIPPED_WEIGHTS / "unet.safetensors", tmp_path / "again.onnx")
+    shipped = SHIPPED_WEIGHTS / "unet-fp32.onnx"
+    again = onnx.load(tmp_path / "again.onnx")
+    model = onnx.load(shipped)
+    assert {p.key: p.value for p in model.metadata_props} == {
+        p.key: p.value for p in again.metadata_props
+    }
+    names = next(p.value for p in model.metadata_props if p.key == "classes")
+    assert json.loads(names)[2] == "helipad_h"
+    for ours, theirs in zip(again.graph.initializer, model.graph.initializer, strict=True):
+        np.testing.assert_array_equal(
+            onnx.numpy_helper.to_array(ours), onnx.numpy_helper.to_array(theirs)
+        )
+
+
+def test_weights_with_nan_or_of_another_network_are_refused(tmp_path: Path) -> None:
+    net = unet.UNet(NET)
+    with torch.no_grad():
+        net.head.bias[3] = float("nan")
+    path = tmp_path / "unet.safetensors"
+    export.save_unet(path, net, notes={})
+    with pytest.raises(WeightsError, match=r"NaN or infinity \(head.bias\)"):
+        export.export_onnx(path, tmp_path / "unet.onnx")
+    with pytest.raises(WeightsError, match="expected weights of kind 'segmentation-unet', got"):
+        export.export_onnx(SHIPPED_WEIGHTS / "teacher.safetensors", tmp_path / "unet.onnx")
+    assert not (tmp_path / "unet.onnx").exists()

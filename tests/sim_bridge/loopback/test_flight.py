@@ -1,0 +1,188 @@
+"""Taking off, landing, cutting out, the sticks, and the battery's end."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from sim_bridge.loopback.firmware.battery import BatteryOptions
+from sim_bridge.loopback.firmware.piloting import EXPIRY_S
+from tests.sim_bridge.loopback.loopback_world import Bench
+from uav_bt.types import FlyingState, Hover, Land, Velocity
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def pcmd(bench: Bench, **percent: int) -> None:
+    sticks: dict[str, Any] = dict.fromkeys(("roll", "pitch", "yaw", "gaz"), 0)
+    bench.send("ardrone3.Piloting.PCMD", flag=1, timestampAndSeqNum=0, **(sticks | percent))
+
+
+def test_a_flight_goes_through_the_firmwares_states(bench: Bench) -> None:
+    bench.told.clear()
+    bench.send("ardrone3.Piloting.TakeOff")
+    bench.run(2.0)
+    bench.send("ardrone3.Piloting.Landing")
+    bench.run(2.0)
+    assert bench.flying_states() == ["motor_ramping", "takingoff", "hovering", "landing", "landed"]
+
+
+def test_a_landing_can_be_taken_back(bench: Bench) -> None:
+    bench.fly()
+    bench.send("ardrone3.Piloting.SmartTakeOffLand")
+    bench.run(0.2)
+    assert isinstance(bench.world.orders[-1], Land)
+    assert bench.flying_states() == ["landing"]
+
+
+def test_an_emergency_cuts_the_motors_out(bench: Bench) -> None:
+    bench.fly()
+    bench.send("ardrone3.Piloting.Emergency")
+    assert bench.flying_states() == ["emergency"]
+    bench.run(2.0)
+    assert bench.flying_states() == ["emergency", "landed"]
+
+
+def test_an_emergency_on_the_ground_is_told_too(bench: Bench) -> None:
+    bench.told.clear()
+    bench.send("ardrone3.Piloting.Emergency")
+    bench.run(1.0)
+    assert bench.flying_states() == ["emergency", "landed"]
+
+
+def test_the_sticks_fly_and_expire(bench: Bench) -> None:
+    bench.fly()
+    pcmd(bench, pitch=50)
+    bench.run(EXPIRY_S / 2)
+    assert isinstance(bench.world.orders[-1], Velocity)
+    bench.run(EXPIRY_S)
+    assert isinstance(bench.world.orders[-1], Hover)
+    assert bench.flying_states() == ["flying", "hovering"]
+
+
+def test_centred_sticks_stop_at_once(bench: Bench) -> None:
+    bench.fly()
+    pcmd(bench, pitch=50)
+    bench.run(0.1)
+    pcmd(bench)
+    assert isinstance(bench.world.orders[-1], Hover)
+
+
+def test_without_the_flag_roll_and_pitch_do_not_count(bench: Bench) -> None:
+    bench.fly()
+    bench.send(
+        "ardrone3.Piloting.PCMD",
+        flag=0,
+        roll=50,
+        pitch=50,
+        yaw=10,
+        gaz=0,
+        timestampAndSeqNum=0,
+    )
+    order = bench.world.orders[-1]
+    assert isinstance(order, Velocity)
+    assert (order.forward_mps, order.right_mps) == (0.0, 0.0)
+    assert order.yaw_rate_radps > 0.0
+
+
+def test_sticks_are_shares_of_what_is_set(bench: Bench) -> None:
+    bench.fly()
+    bench.send("ardrone3.PilotingSettings.MaxTilt", current=5.0)
+    bench.send("ardrone3.SpeedSettings.MaxVerticalSpeed", current=0.4)
+    bench.send("ardrone3.SpeedSettings.MaxRotationSpeed", current=30.0)
+    pcmd(bench, pitch=100, gaz=50, yaw=-100)
+    order = bench.world.orders[-1]
+    assert isinstance(order, Velocity)
+    tilt = math.tan(math.radians(5.0)) / math.tan(math.radians(40.0))
+    assert order.forward_mps == pytest.approx(15.0 * tilt)
+    assert order.down_mps == pytest.approx(-0.2)
+    assert order.yaw_rate_radps == pytest.approx(-math.radians(30.0))
+
+
+def test_sticks_keep_within_what_the_body_can_do(bench: Bench) -> None:
+    bench.fly()
+    bench.send("ardrone3.PilotingSettings.MaxTilt", current=40.0)
+    pcmd(bench, pitch=100, roll=-100)
+    order = bench.world.orders[-1]
+    assert isinstance(order, Velocity)
+    assert math.hypot(order.forward_mps, order.right_mps) == pytest.approx(2.0)
+    assert order.right_mps == pytest.approx(-order.forward_mps)
+
+
+def test_the_greatest_altitude_is_kept(bench: Bench) -> None:
+    bench.fly()
+    bench.send("ardrone3.PilotingSettings.MaxAltitude", current=1.2)
+    for _ in range(60):
+        pcmd(bench, gaz=100)
+        bench.run(0.02)
+    assert bench.world.state().altitude_m == pytest.approx(1.2, abs=0.05)
+
+
+def test_the_sticks_do_nothing_on_the_ground(bench: Bench) -> None:
+    pcmd(bench, pitch=50)
+    bench.run(0.1)
+    assert bench.world.orders == []
+
+
+def test_the_battery_drains_warns_and_lands() -> None:
+    bench = Bench(battery=BatteryOptions(charge=0.23, life_s=100.0))
+    bench.fly()
+    bench.run(16.0)
+    percents = [one["percent"] for one in bench.values("common.CommonState.BatteryStateChanged")]
+    assert percents == sorted(percents, reverse=True)
+    alerts = [one["state"] for one in bench.values("ardrone3.PilotingState.AlertStateChanged")]
+    assert alerts == ["low_battery", "critical_battery"]
+    levels = [
+        (one["alert"], one["level"])
+        for one in bench.values("battery.alert")
+        if one["level"] != "none"
+    ]
+    assert levels == [("power_level", "warning"), ("power_level", "critical")]
+    assert bench.flying_states()[-1] == "landed"
+
+
+def test_an_empty_battery_does_not_take_off_and_a_new_one_does() -> None:
+    bench = Bench(battery=BatteryOptions(charge=0.05))
+    bench.send("ardrone3.Piloting.TakeOff")
+    bench.run(1.0)
+    assert bench.world.state().flying is FlyingState.LANDED
+    full = Bench(battery=BatteryOptions(charge=0.11, life_s=50.0))
+    full.fly()
+    full.send("ardrone3.Piloting.Landing")
+    full.run(3.0)
+    assert full.anafi.battery < 0.1
+    full.anafi.disconnected()
+    assert full.anafi.battery == pytest.approx(0.11)
+
+
+def test_a_client_that_leaves_in_flight_leaves_a_hovering_drone_that_comes_home(
+    bench: Bench,
+) -> None:
+    bench.fly()
+    bench.send("rth.set_delay", delay=10)
+    for _ in range(100):
+        pcmd(bench, pitch=50)
+        bench.run(0.02)
+    away = bench.world.state().north_m
+    assert away > 2.0
+    bench.anafi.disconnected()
+    bench.run(5.0)
+    assert bench.world.state().flying is FlyingState.HOVERING
+    bench.run(60.0)
+    assert bench.world.state().flying is FlyingState.LANDED
+    assert bench.world.state().north_m == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_client_that_comes_back_in_time_keeps_the_drone_there(bench: Bench) -> None:
+    bench.fly()
+    bench.send("rth.set_delay", delay=10)
+    bench.anafi.disconnected()
+    bench.run(5.0)
+    bench.connect()
+    bench.run(20.0)
+    assert bench.world.state().flying is FlyingState.HOVERING

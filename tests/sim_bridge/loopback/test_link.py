@@ -1,0 +1,127 @@
+"""The command link on a channel that loses, doubles and reorders."""
+
+from __future__ import annotations
+
+from random import Random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_bridge.loopback.frames import (
+    EVENTS,
+    PING,
+    PONG,
+    VERSION_1,
+    VERSION_2,
+    FrameType,
+    Framing,
+    WireFrame,
+)
+from sim_bridge.loopback.link import Link, LinkTiming
+from tests.sim_bridge.loopback.loopback_patience import PATIENT
+
+
+class Channel:
+    """Two links and a bad line between them; time moves in steps of 10 ms."""
+
+    def __init__(self, seed: int, *, bad: float, framing: Framing) -> None:
+        self._random = Random(seed)  # noqa: S311 - the weather, no secret
+        self._bad = bad
+        self._now_s = 0.0
+        self._line: list[tuple[float, bool, bytes]] = []
+        self.drone = Link(lambda data: self._put(data, to_client=True), 0.0, framing=framing)
+        self.client = Link(lambda data: self._put(data, to_client=False), 0.0, framing=framing)
+        self.at_drone: list[bytes] = []
+        self.at_client: list[bytes] = []
+
+    def _put(self, data: bytes, *, to_client: bool) -> None:
+        chance = self._random.random
+        copies = 0 if chance() < self._bad else 2 if chance() < self._bad else 1
+        for _ in range(copies):
+            late = 0.03 if chance() < self._bad else 0.0
+            self._line.append((self._now_s + 0.001 + late, to_client, data))
+
+    def run(self, duration_s: float) -> None:
+        for _ in range(round(duration_s / 0.01)):
+            self._now_s += 0.01
+            due = sorted(item for item in self._line if item[0] <= self._now_s)
+            self._line = [item for item in self._line if item[0] > self._now_s]
+            for _, to_client, data in due:
+                if to_client:
+                    self.at_client += self.client.receive(data, self._now_s)
+                else:
+                    self.at_drone += self.drone.receive(data, self._now_s)
+            self.drone.poll(self._now_s)
+            self.client.poll(self._now_s)
+
+    def send(self, link: Link, payload: bytes) -> None:
+        link.send(payload, self._now_s, acked=True)
+
+
+@settings(PATIENT, max_examples=30)
+@given(st.integers(0, 2**32), st.floats(0.0, 0.3), st.sampled_from([VERSION_1, VERSION_2]))
+def test_all_that_is_acknowledged_arrives_once_and_in_order(
+    seed: int, bad: float, framing: Framing
+) -> None:
+    channel = Channel(seed, bad=bad, framing=framing)
+    messages = [bytes([index]) for index in range(40)]
+    for message in messages:
+        channel.send(channel.drone, message)
+        channel.send(channel.client, message)
+    for _ in range(20):
+        channel.run(3.0)
+        if not (channel.drone.pending or channel.client.pending):
+            break
+    assert channel.at_client == messages
+    assert channel.at_drone == messages
+
+
+def test_a_good_line_needs_no_repeats() -> None:
+    sent: list[bytes] = []
+    link = Link(sent.append, 0.0)
+    link.send(b"one", 0.0, acked=True)
+    link.send(b"two", 0.0, acked=True)
+    assert [frame.payload for data in sent for frame in VERSION_1.parse(data)] == [b"one"]
+    ack = WireFrame(type=FrameType.ACK, buffer=EVENTS + 128, sequence=0, payload=b"\0")
+    link.receive(VERSION_1.to_bytes(ack), 0.01)
+    link.receive(VERSION_1.to_bytes(ack), 0.02)  # a double acknowledges nothing else
+    link.poll(0.05)
+    assert [frame.payload for data in sent for frame in VERSION_1.parse(data)] == [b"one", b"two"]
+    assert link.pending == 1
+
+
+def test_a_command_that_comes_twice_is_acknowledged_twice_and_obeyed_once() -> None:
+    sent: list[bytes] = []
+    link = Link(sent.append, 0.0)
+    command = WireFrame(type=FrameType.DATA_WITH_ACK, buffer=11, sequence=7, payload=b"go")
+    assert link.receive(VERSION_1.to_bytes(command), 0.0) == [b"go"]
+    assert link.receive(VERSION_1.to_bytes(command), 0.1) == []
+    acks = [frame for data in sent for frame in VERSION_1.parse(data)]
+    assert [(ack.type, ack.buffer, ack.payload) for ack in acks] == [
+        (FrameType.ACK, 139, b"\7"),
+        (FrameType.ACK, 139, b"\7"),
+    ]
+
+
+def test_the_sequence_wraps_around() -> None:
+    link = Link(lambda _: None, 0.0)
+    taken = []
+    for sequence in (254, 255, 0, 255, 1):
+        frame = WireFrame(type=FrameType.DATA, buffer=10, sequence=sequence, payload=b"x")
+        taken.append(len(link.receive(VERSION_1.to_bytes(frame), 0.0)))
+    assert taken == [1, 1, 1, 0, 1]
+
+
+def test_a_ping_is_answered_with_its_own_payload() -> None:
+    sent: list[bytes] = []
+    link = Link(sent.append, 0.0)
+    ping = WireFrame(type=FrameType.DATA, buffer=PING, sequence=0, payload=b"12345678")
+    assert link.receive(VERSION_1.to_bytes(ping), 0.0) == []
+    (pong,) = VERSION_1.parse(sent[0])
+    assert (pong.buffer, pong.payload) == (PONG, b"12345678")
+
+
+def test_silence_is_death() -> None:
+    link = Link(lambda _: None, 0.0, timing=LinkTiming(silence_s=5.0))
+    assert not link.dead(4.9)
+    assert link.dead(5.1)

@@ -1,0 +1,91 @@
+"""The H.264 encoder, looked at through PyAV's decoder."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from sim_bridge.loopback.video.encoder import Encoder, EncoderConfig, parameter_sets
+from sim_bridge.loopback.video.h264 import IDR, find_parameter_sets, nal_type
+from tests.sim_bridge.loopback.video.video_client import (
+    COLOURS,
+    SIZE_PX,
+    centres,
+    decodable,
+    quadrants,
+)
+from uav_bt.errors import ValueRangeError
+
+CONFIG = EncoderConfig(size_px=SIZE_PX)
+
+
+def decoded(*streams: bytes) -> list[Any]:
+    decoder = av.CodecContext.create("h264", "r")
+    frames = [frame for stream in streams for frame in decoder.decode(av.Packet(stream))]
+    return [*frames, *decoder.decode(None)]
+
+
+@pytest.mark.parametrize("size_px", [SIZE_PX, (128, 96), (32, 24)])
+def test_colours_come_back_at_the_videos_size(size_px: tuple[int, int]) -> None:
+    """A picture of another size is resized, not cropped; red stays red by either way of looking."""
+    encoded = Encoder(CONFIG).encode(quadrants(size_px), 1.0)
+    (frame,) = decoded(decodable(encoded.nals))
+    assert (frame.width, frame.height) == SIZE_PX
+    by_stream = frame.to_ndarray(format="rgb24")
+    by_opencv = cv2.cvtColor(frame.to_ndarray(format="yuv420p"), cv2.COLOR_YUV2RGB_I420)
+    for image in (by_stream, by_opencv):
+        assert np.abs(centres(image) - np.array(COLOURS)).max() <= 6
+
+
+def test_every_picture_comes_out_at_once_and_in_slices() -> None:
+    encoder = Encoder(CONFIG)
+    pictures = [encoder.encode(quadrants(), 1.0 + n / 30.0) for n in range(5)]
+    assert [picture.is_key for picture in pictures] == [True, False, False, False, False]
+    assert [nal_type(unit) for unit in pictures[1].nals] == [1] * len(pictures[1].nals)
+    assert 1 < len(pictures[1].nals) <= CONFIG.slices
+    assert len(decoded(*(decodable(picture.nals) for picture in pictures))) == 5
+
+
+def test_a_key_frame_is_made_when_it_is_wanted_and_brings_its_parameters() -> None:
+    encoder = Encoder(CONFIG)
+    encoder.encode(quadrants(), 1.0)
+    encoder.encode(quadrants(), 1.1)
+    wanted = encoder.encode(quadrants(), 1.2, key=True)
+    assert wanted.is_key
+    assert find_parameter_sets(wanted.nals) == parameter_sets(CONFIG)
+    assert len(decoded(decodable(wanted.nals))) == 1
+
+
+def test_key_frames_come_in_the_interval() -> None:
+    config = EncoderConfig(size_px=SIZE_PX, rate_hz=10.0, keyframe_interval_s=0.5)
+    encoder = Encoder(config)
+    keys = [encoder.encode(quadrants(), 1.0 + n / 10.0).is_key for n in range(11)]
+    assert [n for n, key in enumerate(keys) if key] == [0, 5, 10]
+
+
+def test_the_stream_is_baseline_as_drones_send_it() -> None:
+    sets = parameter_sets(CONFIG)
+    assert sets.profile_level_id.startswith("42C0")
+    assert nal_type(sets.sps) != IDR
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"size_px": (641, 360)}, "even"),
+        ({"size_px": (0, 360)}, "even"),
+        ({"rate_hz": 0.0}, "rate"),
+        ({"bitrate_bps": 1}, "bit rate"),
+        ({"keyframe_interval_s": 0.0}, "key frames"),
+        ({"keyframe_interval_s": float("nan")}, "key frames"),
+        ({"slices": 0}, "slices"),
+        ({"threads": 99}, "threads"),
+    ],
+)
+def test_settings_out_of_range_are_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueRangeError, match=message):
+        EncoderConfig(**values)

@@ -1,0 +1,34 @@
+"""Fixtures of the twin's tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from sim_bridge.twin import create_drone
+from sim_bridge.twin.drone import TwinDrone
+from tests.sim_bridge.twin.lab_world import fly
+from uav_bt.protocols import DroneOptions
+from uav_bt.types import TakeOff
+
+SMALL = (160, 90)
+
+
+@pytest.fixture
+def make_twin() -> Iterator[Callable[..., TwinDrone]]:
+    """Return a maker of connected twins with small pictures; all are disconnected afterwards."""
+    made: list[TwinDrone] = []
+
+    def make(*, airborne: bool = False, **options: object) -> TwinDrone:
+        settings = {"profile": "ideal", "image_size_px": SMALL} | options
+        drone = create_drone(DroneOptions(**settings))
+        made.append(drone)
+        drone.connect()
+        if airborne:
+            fly(drone, TakeOff(), 4.5)
+        return drone
+
+    yield make
+    for drone in made:
+        drone.disconnect()

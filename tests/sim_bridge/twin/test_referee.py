@@ -1,0 +1,135 @@
+"""The referee tells the truth about contacts, clearance and places."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_bridge.twin.drone import TwinDrone
+from sim_bridge.twin.referee import TwinReferee
+from tests.sim_bridge.twin.lab_world import cast_rays, fly
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Command, Hover, Land, MoveBy, TakeOff, Velocity
+
+MakeTwin = Callable[..., TwinDrone]
+
+WALL = """
+helipad: {position_m: [-1.5, -1.0]}
+boxes:
+  - {pattern: 1, position_m: [0.5, -1.0], size_m: [0.4, 1.0, 2.2]}
+take_off: {from: helipad, yaw_deg: 0}
+"""
+
+
+@pytest.fixture
+def wall_scene(tmp_path: Path) -> str:
+    path = tmp_path / "wall.yaml"
+    path.write_text(WALL, encoding="utf-8")
+    return str(path)
+
+
+def referee_of(drone: TwinDrone) -> TwinReferee:
+    assert drone.referee is not None
+    return drone.referee
+
+
+def test_clearance_is_the_gap_between_hull_and_box(make_twin: MakeTwin, wall_scene: str) -> None:
+    """Standing on the pad 1.8 m before a wall, the hull's nose is 1.68 m away from it."""
+    drone = make_twin(scene=wall_scene)
+    assert referee_of(drone).truth().clearance_m == pytest.approx(1.68, abs=1e-3)
+
+
+def test_flying_into_a_box_is_a_contact_with_its_name(make_twin: MakeTwin, wall_scene: str) -> None:
+    """The contact names the box, with no clearance left, and is remembered for a tick."""
+    drone = make_twin(scene=wall_scene, airborne=True)
+    assert referee_of(drone).truth().contacts == ()
+    fly(drone, Velocity(forward_mps=0.5), 5.0)
+    hit = referee_of(drone).truth()
+    assert hit.contacts == ("box-1",)
+    assert hit.clearance_m < 0.005
+    fly(drone, MoveBy(id=1, forward_m=-1.0), 2.0)
+    assert referee_of(drone).truth().contacts == ()
+
+
+def test_a_touch_between_two_looks_is_not_missed(make_twin: MakeTwin, wall_scene: str) -> None:
+    """A touch and go within a tick still shows at the next tick."""
+    drone = make_twin(scene=wall_scene, airborne=True)
+    seen: set[str] = set()
+    touched: set[str] = set()
+    for step in range(600):
+        drone.send(Command(movement=Velocity(forward_mps=0.8 if step < 320 else -0.8)))
+        drone.clock.sleep_until(drone.clock.now() + 0.01)
+        touched |= set(drone.simulation.airframe.contacts())
+        if step % 10 == 0:
+            seen |= set(referee_of(drone).truth().contacts)
+    assert touched == seen == {"box-1"}
+
+
+def test_standing_with_turning_motors_is_a_contact_with_the_surface(make_twin: MakeTwin) -> None:
+    """With the motors off nothing is reported; spinning up on the pad, the pad is."""
+    drone = make_twin()
+    drone.clock.sleep_until(0.2)
+    assert referee_of(drone).truth().contacts == ()
+    fly(drone, TakeOff(), 0.5)
+    assert referee_of(drone).truth().contacts == ("helipad",)
+
+
+def test_landing_beside_the_pad_is_measured(make_twin: MakeTwin, wall_scene: str) -> None:
+    """One metre off, on the carpet: not on the pad, error 1 m, still inside the carpet."""
+    drone = make_twin(scene=wall_scene, airborne=True)
+    fly(drone, MoveBy(id=1, forward_m=1.0), 3.0)
+    fly(drone, Land(), 6.0)
+    end = referee_of(drone).truth()
+    assert not end.motors_on
+    assert not end.on_helipad
+    assert end.inside_carpet
+    assert end.landing_error_m == pytest.approx(1.0, abs=0.05)
+    assert end.pose.z_m == pytest.approx(0.05, abs=0.01)
+
+
+def test_leaving_the_carpet_is_seen(make_twin: MakeTwin, wall_scene: str) -> None:
+    """The body's centre counts."""
+    drone = make_twin(scene=wall_scene, airborne=True)
+    fly(drone, MoveBy(id=1, forward_m=-1.3), 4.0)
+    assert not referee_of(drone).truth().inside_carpet
+
+
+def test_without_boxes_the_clearance_is_infinite(make_twin: MakeTwin, tmp_path: Path) -> None:
+    """Nothing to be near to."""
+    path = tmp_path / "bare.yaml"
+    path.write_text("helipad: {position_m: [0, 0]}\n", encoding="utf-8")
+    assert referee_of(make_twin(scene=str(path))).truth().clearance_m == math.inf
+
+
+def test_masks_and_depth_show_the_frame_s_own_view(make_twin: MakeTwin) -> None:
+    """An old frame's ids and depth are those of its capture, not of now."""
+    drone = make_twin(profile="lab", airborne=True)
+    frame = drone.observe().frame
+    assert frame is not None
+    fly(drone, MoveBy(id=1, yaw_rad=2.0), 3.0)
+    referee = referee_of(drone)
+    ids, depth = referee.class_ids(frame, 320, 180), referee.depth(frame, 320, 180)
+    capture = next(c for c in drone.simulation.frames if c.index == frame.index)
+    pixels = np.random.default_rng(0).integers((0, 0), (320, 180), (200, 2))
+    want_ids, want_depth = cast_rays(drone.scene, capture.camera, pixels.astype(float), (320, 180))
+    same = ids[pixels[:, 1], pixels[:, 0]] == want_ids
+    assert same.mean() > 0.98
+    assert np.median(np.abs(depth[pixels[:, 1], pixels[:, 0]] - want_depth)[same]) < 1e-3
+
+
+def test_a_forgotten_or_foreign_frame_is_refused(make_twin: MakeTwin) -> None:
+    """After half a minute, or from another flight, the referee says which frames it has."""
+    drone = make_twin()
+    drone.clock.sleep_until(0.2)
+    frame = drone.observe().frame
+    assert frame is not None
+    with pytest.raises(ValueRangeError, match="remembered"):
+        referee_of(drone).class_ids(replace(frame, captured_s=0.123), 64, 36)
+    fly(drone, Hover(), 31.0)
+    with pytest.raises(ValueRangeError, match="30 s"):
+        referee_of(drone).depth(frame, 64, 36)

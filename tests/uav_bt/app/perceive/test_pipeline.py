@@ -1,0 +1,252 @@
+"""The whole of perception of a frame, without a tree."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.camera.geometry import project
+from perception.camera.ground_plane import ground_depth, view_of
+from uav_bt.app.perceive.pipeline import STAGES, Pipeline, PipelineConfig
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
+from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.types import (
+    BodyVelocity,
+    CameraModel,
+    ClassMap,
+    DepthMap,
+    DroneState,
+    FlyingState,
+    Frame,
+)
+
+SIZE = (224, 112)
+CAMERA = CameraModel(width_px=64, height_px=36, fx_px=46.0, fy_px=46.0, cx_px=31.5, cy_px=17.5)
+MAP_CAMERA = CAMERA.resized(*SIZE)
+PITCH_RAD = math.radians(-30.0)
+BOX = BOXES[0]
+
+
+class Painted:
+    """A segmenter that answers the ids it is given."""
+
+    def __init__(self, ids: NDArray[np.uint8]) -> None:
+        self.ids = ids
+
+    def segment(self, frame: Frame) -> ClassMap:
+        return ClassMap(ids=self.ids, captured_s=frame.captured_s)
+
+
+class Halves:
+    """A network whose unit is two metres, exact on the carpet."""
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        exact = ground_depth(view_of(frame, CAMERA, SIZE))
+        depth = np.where(np.isfinite(exact), 0.5 * exact, np.float32(4.0)).astype(np.float32)
+        return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
+
+
+def carpet() -> NDArray[np.uint8]:
+    """Carpet up to 4 m, nothing beyond."""
+    exact = ground_depth(view_of(frame(), CAMERA, SIZE))
+    return np.where(exact < 4.0, CARPET, BACKGROUND).astype(np.uint8)
+
+
+def with_box(near_row: int = 80) -> NDArray[np.uint8]:
+    """A box in the middle of the image that stands on the carpet at a row."""
+    ids = carpet()
+    ids[:near_row, 96:128] = BOX
+    return ids
+
+
+def frame(index: int = 0, **changes: float) -> Frame:
+    """Return a picture that is never the same."""
+    values = {
+        "captured_s": 0.1 * index,
+        "gimbal_pitch_rad": PITCH_RAD,
+        "height_above_carpet_m": 1.5,
+    } | changes
+    image = np.random.default_rng(index).integers(40, 200, (36, 64, 3), dtype=np.uint8)
+    return Frame(image=image, index=index, **values)
+
+
+def state(time_s: float, forward_mps: float = 0.5) -> DroneState:
+    return DroneState(
+        captured_s=time_s,
+        flying=FlyingState.FLYING,
+        velocity=BodyVelocity(forward_mps=forward_mps),
+    )
+
+
+def pipeline(
+    ids: NDArray[np.uint8],
+    network: Halves | None = None,
+    camera: CameraModel = CAMERA,
+    config: PipelineConfig | None = None,
+) -> Pipeline:
+    rng = np.random.default_rng(0)
+    return Pipeline(Painted(ids), network, camera, generator=rng, config=config)
+
+
+def pad_at(forward_m: float, right_m: float) -> NDArray[np.uint8]:
+    """Paint a helipad's H and rim where a pad 0.4 m high would appear."""
+    ids = carpet()
+    ahead_m = forward_m - CAMERA.forward_offset_m
+    column, row = project([ahead_m, right_m, 1.1], MAP_CAMERA, PITCH_RAD)
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
+    distance = np.hypot((columns - column) / 2.0, rows - row)
+    ids[distance < 9] = HELIPAD_BOX
+    ids[distance < 6] = HELIPAD_H
+    return ids
+
+
+def test_carpet_has_the_depth_of_the_ground_and_the_corridor_is_clear() -> None:
+    seen = pipeline(carpet()).perceive(frame())
+    exact = ground_depth(view_of(frame(), CAMERA, SIZE))
+    on_carpet = seen.class_map.ids == CARPET
+    assert seen.depth is not None
+    assert seen.depth.depth[on_carpet] == pytest.approx(exact[on_carpet])
+    assert seen.corridor is not None
+    assert seen.corridor.nearest_side is None
+    assert seen.corridor.free_distance_m == math.inf
+    assert seen.intruding is not None
+    assert not seen.intruding.any()
+    assert (seen.refusal, seen.helipad, seen.relative) == ("", None, None)
+
+
+def test_a_box_ahead_intrudes_where_it_stands_and_only_its_pixels_are_marked() -> None:
+    ids = with_box()
+    seen = pipeline(ids).perceive(frame())
+    assert seen.corridor is not None
+    assert seen.corridor.nearest_side == "front"
+    # The middle column's ray through the row where the box stands, from the body's centre.
+    down = math.tan((79.5 - MAP_CAMERA.cy_px) / MAP_CAMERA.fy_px) - PITCH_RAD
+    base_m = 1.5 / math.tan(down) + CAMERA.forward_offset_m
+    assert seen.corridor.free_distance_m == pytest.approx(base_m, rel=0.03)
+    assert seen.intruding is not None
+    assert seen.intruding.any()
+    assert (ids[seen.intruding] == BOX).all()
+
+
+def test_telemetry_gives_the_time_to_impact() -> None:
+    seen = pipeline(with_box()).perceive(frame(), [state(0.0, forward_mps=0.5)])
+    assert seen.corridor is not None
+    expected_s = (seen.corridor.free_distance_m - 0.12) / 0.5
+    assert seen.corridor.time_to_impact_s == pytest.approx(expected_s)
+
+
+def test_a_networks_depth_is_scaled_by_the_carpet() -> None:
+    seen = pipeline(carpet(), Halves()).perceive(frame())
+    assert seen.scale is not None
+    assert seen.scale.factor == pytest.approx(2.0, rel=1e-3)
+    assert seen.depth is not None
+    assert np.isfinite(seen.depth.depth).all()
+    assert seen.relative is not None
+
+
+@pytest.mark.parametrize(
+    ("ids", "changes", "words"),
+    [
+        (carpet(), {"height_above_carpet_m": math.nan}, "telemetry is not finite"),
+        (carpet(), {"height_above_carpet_m": 0.0}, "no height above the carpet"),
+        (np.zeros(SIZE[::-1], np.uint8), {}, "nothing in view stands on carpet"),
+    ],
+    ids=["no telemetry", "on the ground", "only background"],
+)
+def test_what_has_no_depth_says_why_and_has_no_corridor(
+    ids: NDArray[np.uint8], changes: dict[str, float], words: str
+) -> None:
+    seen = pipeline(ids).perceive(frame(**changes))
+    assert seen.refusal == words
+    assert seen.depth is None
+    assert seen.corridor is None
+    assert seen.intruding is None
+
+
+def test_a_black_frame_has_no_depth() -> None:
+    black = replace(frame(), image=np.zeros((36, 64, 3), np.uint8))
+    assert pipeline(carpet()).perceive(black).refusal == "the frame is black"
+
+
+def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen() -> None:
+    flying, first = pipeline(carpet(), Halves()), frame()
+    again = replace(first, index=1, captured_s=0.1)
+    assert flying.perceive(first, [state(0.0)]).refusal == ""
+    frozen = flying.perceive(again, [state(0.1)])
+    assert (frozen.refusal, frozen.depth) == ("the picture is frozen", None)
+    assert "relative_depth" not in frozen.stage_s
+
+
+@pytest.mark.parametrize("states", [[], [state(0.0, forward_mps=0.0)]], ids=["unknown", "hovers"])
+def test_the_same_picture_is_no_fault_where_nothing_moves(states: list[DroneState]) -> None:
+    standing, first = pipeline(carpet()), frame()
+    standing.perceive(first, states)
+    assert standing.perceive(replace(first, index=1, captured_s=0.1)).refusal == ""
+
+
+def test_a_helipad_is_placed_where_it_is() -> None:
+    seen = pipeline(pad_at(2.0, 0.5)).perceive(frame())
+    assert seen.helipad is not None
+    assert seen.helipad.detected
+    assert (seen.helipad.forward_m, seen.helipad.right_m) == pytest.approx((2.0, 0.5), abs=0.05)
+
+
+def test_without_telemetry_a_helipad_is_told_only_while_it_is_seen() -> None:
+    segmenter = Painted(pad_at(2.0, 0.5))
+    blind = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
+    assert blind.perceive(frame(0)).helipad is not None
+    segmenter.ids = carpet()
+    assert blind.perceive(frame(1)).helipad is None
+
+
+def test_telemetry_carries_a_helipad_until_it_is_lost() -> None:
+    segmenter = Painted(pad_at(2.0, 0.5))
+    flying = Pipeline(segmenter, None, CAMERA, generator=np.random.default_rng(0))
+    flying.perceive(frame(0), [state(0.0)])
+    segmenter.ids = carpet()
+    carried = flying.perceive(frame(10), [state(1.0)]).helipad
+    assert carried is not None
+    assert not carried.detected
+    assert carried.forward_m == pytest.approx(1.5, abs=0.05)
+    assert flying.perceive(frame(130), [state(13.0, 0.0)]).helipad is None
+
+
+def test_a_helipad_is_not_placed_from_a_height_nobody_knows() -> None:
+    seen = pipeline(pad_at(2.0, 0.5)).perceive(frame(height_above_carpet_m=math.nan))
+    assert seen.detection is not None
+    assert seen.helipad is None
+
+
+def test_every_stage_is_timed() -> None:
+    ticks = iter(range(100))
+    timed = Pipeline(
+        Painted(carpet()),
+        Halves(),
+        CAMERA,
+        generator=np.random.default_rng(0),
+        timer=lambda: float(next(ticks)),
+    )
+    assert timed.perceive(frame()).stage_s == dict.fromkeys(STAGES, 1.0)
+
+
+def test_frames_of_a_distorting_lens_are_straightened() -> None:
+    bent = replace(CAMERA, distortion=(-0.3, 0.1, 0.0, 0.0, 0.0))
+    straight = pipeline(carpet(), camera=bent)
+    assert straight.camera.distortion == ()
+    assert not np.array_equal(straight.perceive(frame()).frame.image, frame().image)
+
+
+def test_a_frame_of_another_size_is_refused() -> None:
+    with pytest.raises(ShapeError, match="36x64, as its camera"):
+        pipeline(carpet()).perceive(replace(frame(), image=np.zeros((36, 65, 3), np.uint8)))
+
+
+def test_a_config_that_makes_no_sense_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="must be positive"):
+        PipelineConfig(carried_s=0.0)
+    with pytest.raises(UnknownNameError, match="scale 'adaptve'"):
+        pipeline(carpet(), config=PipelineConfig(scale="adaptve"))

@@ -1,0 +1,252 @@
+"""Perception of whole sources: what comes out, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from tests.uav_bt.app.perceive.perceive_world import (
+    Image,
+    flight,
+    write_flight,
+    write_pictures,
+    write_video,
+)
+from uav_bt.app import perceive
+from uav_bt.app.perceive import PerceiveOptions
+from uav_bt.app.perceive.pipeline import Pipeline
+from uav_bt.errors import FileError, InputError, ShapeError, UnknownNameError, ValueRangeError
+
+FOOTING = PerceiveOptions(model="footing")
+
+
+@pytest.fixture(scope="module")
+def images() -> list[Image]:
+    return flight()
+
+
+def rows(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
+    with av.open(str(path)) as container:
+        codec = container.streams.video[0].codec_context
+        size_px = (codec.width, codec.height)
+        return size_px, [float(picture.time) for picture in container.decode(video=0)]
+
+
+def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list[Image]) -> None:
+    source = write_video(tmp_path / "flight.mp4", images)
+    told: list[tuple[int, int]] = []
+    summary = perceive.perceive(
+        str(source),
+        FOOTING,
+        out=tmp_path / "seen.mp4",
+        lines=tmp_path / "seen.jsonl",
+        advance=lambda _text, done, total: told.append((done, total)),
+    )
+    assert (summary.frames, summary.without_depth, summary.interrupted) == (4, {}, False)
+    assert "ANAFI" in summary.camera
+    assert "assumed for all frames" in summary.telemetry
+    assert set(summary.stage_ms) == {
+        "segmentation",
+        "metric_depth",
+        "corridor",
+        "helipad",
+        "all",
+    }
+    assert facts(tmp_path / "seen.mp4") == ((1280, 720), pytest.approx([0.0, 0.1, 0.2, 0.3]))
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    lines = rows(tmp_path / "seen.jsonl")
+    assert [line["index"] for line in lines] == [0, 1, 2, 3]
+    # The box's front stands 1.75 m ahead of the lens, 1.9 m ahead of the body, and comes nearer.
+    assert lines[0]["corridor"]["free_distance_m"] == pytest.approx(1.90, abs=0.12)
+    assert lines[3]["corridor"]["nearest_side"] is not None
+    assert lines[0]["refusal"] is None
+
+
+def test_footage_brings_its_camera_and_its_telemetry(tmp_path: Path, images: list[Image]) -> None:
+    source = write_flight(tmp_path / "flight.npz", images)
+    summary = perceive.perceive(
+        str(source), FOOTING, out=tmp_path / "seen.mp4", lines=tmp_path / "seen.jsonl"
+    )
+    assert summary.camera == summary.telemetry == f"of {source}"
+    assert facts(tmp_path / "seen.mp4")[0] == (1280, 720), "footage is squeezed, the film is not"
+    first = rows(tmp_path / "seen.jsonl")[0]["corridor"]
+    assert first["free_distance_m"] == pytest.approx(1.90, abs=0.15)
+    assert first["time_to_impact_s"] == pytest.approx((first["free_distance_m"] - 0.12) / 0.5, 0.01)
+
+
+def test_a_video_is_looked_at_with_the_telemetry_of_its_flight(
+    tmp_path: Path, images: list[Image]
+) -> None:
+    source = write_video(tmp_path / "flight.mp4", images)
+    flown = write_flight(tmp_path / "flight.npz", images[:2])
+    options = replace(FOOTING, telemetry=flown, height_m=9.0)
+    summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
+    assert summary.camera == f"of {flown}"
+    first, *_, last = rows(tmp_path / "seen.jsonl")
+    assert first["corridor"]["free_distance_m"] == pytest.approx(1.90, abs=0.15)
+    assert last["index"] == 3
+    assert last["refusal"] is None, "a moment after the last entry still has telemetry"
+
+
+def test_moments_without_telemetry_have_no_depth(tmp_path: Path, images: list[Image]) -> None:
+    source = write_video(tmp_path / "flight.mp4", images * 2)
+    flown = write_flight(tmp_path / "flight.npz", images[:2])
+    summary = perceive.perceive(str(source), replace(FOOTING, telemetry=flown))
+    assert summary.without_depth == {"telemetry is not finite": 4}
+
+
+def test_a_folder_needs_as_many_pictures_as_its_telemetry_has_entries(
+    tmp_path: Path, images: list[Image]
+) -> None:
+    folder = write_pictures(tmp_path / "views", images)
+    whole = write_flight(tmp_path / "whole.npz", images)
+    half = write_flight(tmp_path / "half.npz", images[:2])
+    assert perceive.perceive(str(folder), replace(FOOTING, telemetry=whole)).without_depth == {}
+    with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 4"):
+        perceive.perceive(str(folder), replace(FOOTING, telemetry=half))
+
+
+def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[Image]) -> None:
+    folder = write_pictures(tmp_path / "views", [np.zeros_like(images[0]), images[1]])
+    (folder / "2.png").write_bytes(b"no picture")
+    summary = perceive.perceive(str(folder), FOOTING, lines=tmp_path / "seen.jsonl")
+    assert summary.frames == 2
+    assert summary.without_depth == {"the frame is black": 1}
+    assert summary.skipped == ("2.png: is not a readable picture",)
+    assert rows(tmp_path / "seen.jsonl")[0]["depth"] is None
+
+
+def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Image]) -> None:
+    source = write_video(tmp_path / "flight.mp4", images * 3)
+    options = replace(FOOTING, every=2, longest_s=0.5)
+    summary = perceive.perceive(str(source), options, out=tmp_path / "seen.mp4")
+    assert summary.frames == 3
+    assert facts(tmp_path / "seen.mp4")[1] == pytest.approx([0.0, 0.2, 0.4])
+
+
+def test_a_break_keeps_what_was_written(
+    tmp_path: Path, images: list[Image], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look, calls = Pipeline.perceive, iter(range(10))
+
+    def interrupted(*arguments: Any) -> Any:
+        if next(calls) == 2:
+            raise KeyboardInterrupt
+        return look(*arguments)
+
+    monkeypatch.setattr(Pipeline, "perceive", interrupted)
+    folder = write_pictures(tmp_path / "views", images)
+    out, lines = tmp_path / "seen.mp4", tmp_path / "seen.jsonl"
+    summary = perceive.perceive(str(folder), FOOTING, out=out, lines=lines)
+    assert (summary.frames, summary.interrupted) == (2, True)
+    assert len(facts(out)[1]) == len(rows(lines)) == 2
+
+
+def test_a_camera_file_is_for_pictures_of_its_aspect(tmp_path: Path, images: list[Image]) -> None:
+    folder = write_pictures(tmp_path / "views", images[:1])
+    file = camera_file(tmp_path / "camera.yaml", 640, 360)
+    summary = perceive.perceive(str(folder), replace(FOOTING, camera=file))
+    assert summary.camera == f"of {file}"
+    wrong = camera_file(tmp_path / "wrong.yaml", 640, 480)
+    with pytest.raises(
+        ValueRangeError, match=r"640x480 \(aspect 1.333\), the pictures are 320x180"
+    ):
+        perceive.perceive(str(folder), replace(FOOTING, camera=wrong))
+
+
+def camera_file(path: Path, width_px: int, height_px: int) -> Path:
+    focal = 0.7275 * width_px
+    matrix = [[focal, 0.0, width_px / 2], [0.0, focal, height_px / 2], [0.0, 0.0, 1.0]]
+    path.write_text(
+        f"width_px: {width_px}\nheight_px: {height_px}\nK: {matrix}\ndistortion: []\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def test_pictures_of_another_aspect_need_a_camera_file(tmp_path: Path) -> None:
+    folder = write_pictures(tmp_path / "views", [np.full((240, 320, 3), 90, np.uint8)])
+    with pytest.raises(ValueRangeError, match=r"320x240 \(aspect 1.333\); without a camera file"):
+        perceive.perceive(str(folder), FOOTING)
+
+
+def test_pictures_cropped_out_of_the_flight_are_refused(
+    tmp_path: Path, images: list[Image]
+) -> None:
+    folder = write_pictures(tmp_path / "views", [image[:, 40:280] for image in images])
+    flown = write_flight(tmp_path / "flight.npz", images)
+    with pytest.raises(ValueRangeError, match="whole, not cropped"):
+        perceive.perceive(str(folder), replace(FOOTING, telemetry=flown))
+
+
+def test_footage_and_a_camera_file_contradict_each_other(
+    tmp_path: Path, images: list[Image]
+) -> None:
+    source = write_flight(tmp_path / "flight.npz", images[:1])
+    file = camera_file(tmp_path / "camera.yaml", 640, 360)
+    with pytest.raises(InputError, match="knows its own camera"):
+        perceive.perceive(str(source), replace(FOOTING, camera=file))
+
+
+def test_a_folder_of_unreadable_pictures_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"no picture")
+    with pytest.raises(InputError, match=r"can be read: a\.png: is not a readable"):
+        perceive.perceive(str(tmp_path), FOOTING)
+
+
+@pytest.mark.parametrize("what", ["out", "lines"])
+def test_what_is_read_is_never_written_over(tmp_path: Path, images: list[Image], what: str) -> None:
+    source = write_video(tmp_path / "flight.mp4", images)
+    before = source.read_bytes()
+    with pytest.raises(InputError, match="would be written over what is read"):
+        perceive.perceive(str(source), FOOTING, **{what: source})
+    assert source.read_bytes() == before
+
+
+def test_a_file_in_a_missing_folder_is_refused(tmp_path: Path, images: list[Image]) -> None:
+    folder = write_pictures(tmp_path / "views", images[:1])
+    for given in ({"out": tmp_path / "no" / "a.mp4"}, {"lines": tmp_path / "no" / "a.jsonl"}):
+        with pytest.raises(FileError, match="cannot be written"):
+            perceive.perceive(str(folder), FOOTING, **given)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"model": "foting"}, "unknown depth model 'foting'; did you mean 'footing'"),
+        ({"segmentation": "u-net"}, "unknown segmentation 'u-net'; did you mean 'unet'"),
+    ],
+)
+def test_an_unknown_network_is_refused_with_a_suggestion(
+    tmp_path: Path, images: list[Image], options: dict[str, str], words: str
+) -> None:
+    folder = write_pictures(tmp_path / "views", images[:1])
+    with pytest.raises(UnknownNameError, match=words):
+        perceive.perceive(str(folder), replace(FOOTING, **options))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"every": 0},
+        {"threads": 0},
+        {"longest_s": 0.0},
+        {"height_m": 0.0},
+        {"gimbal_pitch_rad": math.radians(-91)},
+        {"classes": Path("classes.yaml")},
+    ],
+)
+def test_options_that_make_no_sense_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError):
+        PerceiveOptions(**options)

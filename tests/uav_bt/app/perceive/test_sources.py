@@ -1,0 +1,231 @@
+"""Pictures from files, folders and cameras, and what happens to those that cannot be read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uav_bt.app.perceive.sources import (
+    ArraySource,
+    CameraSource,
+    FolderSource,
+    VideoSource,
+    open_source,
+)
+from uav_bt.clock import ManualClock
+from uav_bt.display.video.video_file import VideoFile
+from uav_bt.errors import FileError, InputError, ShapeError
+
+RED = (200, 30, 40)
+
+
+def picture(
+    path: Path, colour: tuple[int, int, int] = RED, size: tuple[int, int] = (32, 18)
+) -> None:
+    bgr = np.full((size[1], size[0], 3), colour[::-1], dtype=np.uint8)
+    assert cv2.imwrite(str(path), bgr)
+
+
+def video(path: Path, count: int = 6, rate: int = 10) -> None:
+    with_noise = np.random.default_rng(0).integers(0, 255, (count, 36, 64, 3), dtype=np.uint8)
+    film = VideoFile(path, size_px=(64, 36), frames_per_s=Fraction(rate))
+    for image in with_noise:
+        film.write(image)
+    film.close()
+
+
+# --- folders --------------------------------------------------------------------------------------
+
+
+def test_a_folders_pictures_come_by_name_with_numbers_by_value(tmp_path: Path) -> None:
+    for name in ("view_10.png", "view_9.png", "b.jpg", "notes.txt"):
+        path = tmp_path / name
+        picture(path) if path.suffix != ".txt" else path.write_text("no picture")
+    source = open_source(str(tmp_path))
+    assert [one.name for one in source.pictures()] == ["b.jpg", "view_9.png", "view_10.png"]
+    assert source.total == 3
+    assert list(source.skipped) == []
+
+
+def test_pictures_are_rgb_and_ten_a_second(tmp_path: Path) -> None:
+    picture(tmp_path / "a.png")
+    picture(tmp_path / "b.png")
+    first, second = FolderSource(tmp_path).pictures()
+    assert tuple(first.image[0, 0]) == RED
+    assert first.image.shape == (18, 32, 3)
+    assert (first.time_s, second.time_s) == (0.0, 0.1)
+
+
+def test_a_single_picture_is_a_source(tmp_path: Path) -> None:
+    picture(tmp_path / "a.png")
+    assert [one.index for one in open_source(str(tmp_path / "a.png")).pictures()] == [0]
+
+
+def test_unreadable_pictures_are_named_and_left_out(tmp_path: Path) -> None:
+    picture(tmp_path / "a.png")
+    (tmp_path / "b.png").write_bytes(b"no picture")
+    (tmp_path / "c.png").touch()
+    picture(tmp_path / "d.png", size=(18, 32))
+    (tmp_path / "e.png").mkdir()
+    picture(tmp_path / "f.png")
+    source = FolderSource(tmp_path)
+    assert [one.index for one in source.pictures()] == [0, 5]
+    told = "\n".join(source.skipped)
+    assert "b.png: is not a readable picture" in told
+    assert "c.png: is not a readable picture" in told
+    assert "d.png: is 18x32, the first picture is 32x18" in told
+    assert "e.png: cannot be read: Is a directory" in told
+
+
+def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"holds no pictures \(bmp, jpeg"):
+        open_source(str(tmp_path))
+
+
+def test_times_belong_to_pictures_one_by_one(tmp_path: Path) -> None:
+    for name in "abc":
+        picture(tmp_path / f"{name}.png")
+    source = open_source(str(tmp_path), times_s=[0.0, 0.3, 0.9])
+    assert [one.time_s for one in source.pictures(every=2)] == [0.0, 0.9]
+    with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 3"):
+        open_source(str(tmp_path), times_s=[0.0, 0.3])
+
+
+# --- video files ----------------------------------------------------------------------------------
+
+
+def test_a_videos_pictures_come_with_their_times(tmp_path: Path) -> None:
+    video(tmp_path / "flight.mp4")
+    source = open_source(str(tmp_path / "flight.mp4"))
+    pictures = list(source.pictures())
+    assert [one.time_s for one in pictures] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    assert pictures[0].image.shape == (36, 64, 3)
+    assert source.total == 6
+    assert source.rate_per_s == pytest.approx(10.0)
+
+
+def test_every_third_picture_keeps_its_number_and_time(tmp_path: Path) -> None:
+    video(tmp_path / "flight.mp4")
+    taken = VideoSource(tmp_path / "flight.mp4").pictures(every=3)
+    assert [(one.index, round(one.time_s, 3)) for one in taken] == [(0, 0.0), (3, 0.3)]
+
+
+@pytest.mark.parametrize("content", [b"", b"this is no video" * 100], ids=["empty", "text"])
+def test_what_is_no_video_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "flight.mp4"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match="is no video that can be read"):
+        open_source(str(path))
+
+
+def test_a_damaged_stretch_is_told_and_the_rest_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mp4"
+    video(path, count=40)
+    content = bytearray(path.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 4000] = bytes(4000)
+    path.write_bytes(content)
+    source = VideoSource(path)
+    count = len(list(source.pictures()))
+    assert 0 < count <= 40
+    assert source.skipped
+    assert "damaged" in source.skipped[0]
+
+
+def test_an_absent_file_is_refused_with_what_a_source_can_be() -> None:
+    with pytest.raises(FileError, match="there is no such video file or folder of pictures"):
+        open_source("nowhere.mp4")
+
+
+# --- arrays ---------------------------------------------------------------------------------------
+
+
+def test_pictures_in_memory_keep_their_times() -> None:
+    images = np.zeros((3, 18, 32, 3), np.uint8)
+    source = ArraySource("flight", images, np.array([0.0, 0.2, 0.4]))
+    assert source.rate_per_s == pytest.approx(5.0)
+    assert [one.time_s for one in source.pictures(every=2)] == [0.0, 0.4]
+    with pytest.raises(ShapeError, match="times of pictures"):
+        ArraySource("flight", images, np.array([0.0]))
+
+
+# --- cameras --------------------------------------------------------------------------------------
+
+
+class Device:
+    """Stands for OpenCV's camera: sends some pictures, some of them broken, and stops."""
+
+    def __init__(
+        self, clock: ManualClock, *, whole: Sequence[bool] = (), opens: bool = True
+    ) -> None:
+        self.clock, self.whole, self.opens = clock, list(whole), opens
+        self.grabbed, self.released = -1, False
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        return self.opens
+
+    def set(self, *_: Any) -> bool:
+        return True
+
+    def grab(self) -> bool:
+        self.clock.advance(0.05)
+        self.grabbed += 1
+        return self.grabbed < len(self.whole)
+
+    def retrieve(self) -> tuple[bool, NDArray[np.uint8] | None]:
+        image = np.full((18, 32, 3), RED[::-1], np.uint8)
+        return self.whole[self.grabbed], image if self.whole[self.grabbed] else None
+
+    def release(self) -> None:
+        self.released = True
+
+
+def camera(**given: Any) -> tuple[CameraSource, Device]:
+    clock = ManualClock()
+    device = Device(clock, **given)
+    return CameraSource(0, clock, capture=lambda _: device), device
+
+
+def test_a_cameras_pictures_come_with_the_clocks_times_until_it_stops() -> None:
+    source, device = camera(whole=[True, False, True])
+    pictures = list(source.pictures())
+    assert [one.time_s for one in pictures] == pytest.approx([0.05, 0.15])
+    assert tuple(pictures[0].image[0, 0]) == RED
+    assert source.skipped == [
+        "picture 1: did not arrive whole",
+        "the camera stopped after 3 pictures",
+    ]
+    assert device.released
+
+
+def test_a_camera_is_let_go_when_nobody_looks_any_more() -> None:
+    source, device = camera(whole=[True] * 5)
+    pictures = source.pictures()
+    next(pictures)
+    pictures.close()
+    assert device.released
+
+
+def test_a_camera_that_does_not_open_is_refused() -> None:
+    source, device = camera(opens=False)
+    with pytest.raises(InputError, match="camera 0 does not open; is it plugged in, and free"):
+        next(source.pictures())
+    assert device.released
+
+
+def test_a_camera_that_sends_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match="camera 0 opens, but sends no pictures"):
+        next(camera(whole=[])[0].pictures())
+
+
+def test_a_camera_is_named_by_its_number() -> None:
+    assert open_source("camera:2", clock=ManualClock()).name == "camera:2"
+    with pytest.raises(InputError, match="expected a camera such as camera:0, got 'camera:front'"):
+        open_source("camera:front")

@@ -1,0 +1,283 @@
+"""Replays: the same for what is unchanged, different where and when something was changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from behaviours.fly.land import Land
+from behaviours.policies.segmentation_rule import SegmentationRule
+from tests.uav_bt.record.record_world import FLIGHT, fly_noisy, tree_file
+from uav_bt import app
+from uav_bt.app.replay import ReplayOptions, replay
+from uav_bt.app.replay.movement_ids import MovementIds
+from uav_bt.errors import FileError, TreeError
+from uav_bt.mission.arbiter import Limits
+from uav_bt.mission.runner import MissionRunner, TickRecord
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.record import encoder
+from uav_bt.record.channels import Channel
+from uav_bt.record.copying import cut_record
+from uav_bt.tree import Status
+from uav_bt.types import (
+    DroneState,
+    FlyingState,
+    Hover,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+    Velocity,
+)
+
+# With networks, detector, tracker, memory and policy: all that may decide differently.
+PERCEIVING = """
+<ReactiveSequence>
+  <Segment model="unet"/>
+  <FindHelipad/>
+  <RememberObstacles/>
+  <Sequence>
+    <TakeOff height_m="1.0"/>
+    <Fallback><Explore policy="segmentation"/><Avoid policy="segmentation"/></Fallback>
+    <Land/>
+  </Sequence>
+</ReactiveSequence>
+"""
+SMALL = app.FlightOptions(scene="val-a", seed=3, profile="lab", image_size_px=(160, 90))
+
+
+@pytest.fixture(scope="module")
+def perceived(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the lossless record of a flight of the twin."""
+    folder = tmp_path_factory.mktemp("perceived")
+    record = folder / "flight.mcap"
+    report = app.fly(tree_file(folder, PERCEIVING), replace(SMALL, record=record))
+    assert report.ticks > 60
+    return record
+
+
+@pytest.fixture
+def noisy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    return fly_noisy(tmp_path, monkeypatch)[0]
+
+
+def test_a_flight_with_networks_replays_without_a_difference(perceived: Path) -> None:
+    report = replay(perceived)
+    assert (report.status_ticks, report.command_ticks) == (0, 0)
+    assert report.exact
+    assert report.same
+    assert report.masks == "network"
+    assert report.ticks > 60
+
+
+def test_recorded_masks_stand_in_for_the_network(perceived: Path) -> None:
+    report = replay(perceived, ReplayOptions(masks="recorded"))
+    assert report.same
+    assert report.masks == "recorded"
+
+
+def test_another_policy_differs_where_it_decides_otherwise(
+    perceived: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def decide(_self: SegmentationRule, _view: PolicyView) -> Decision:
+        return Decision(forward_m=0.1, reason="always on")
+
+    monkeypatch.setattr(SegmentationRule, "decide", decide)
+    report = replay(perceived)
+    assert not report.same
+    assert report.command_ticks > 0
+    first = report.differences[0]
+    assert "Main/ReactiveSequence/Sequence/Fallback/Explore" in str(first)
+
+
+def test_a_small_record_replays_within_the_tolerance_it_states(tmp_path: Path) -> None:
+    record = tmp_path / "small.mcap"
+    options = replace(SMALL, image_size_px=(640, 360), record=record, record_quality="high")
+    app.fly(tree_file(tmp_path, PERCEIVING), options)
+    report = replay(record)
+    assert not report.exact
+    assert report.same
+    assert replay(record, ReplayOptions(masks="recorded")).differing_ticks == 0
+
+
+def test_a_flight_on_exact_masks_replays_on_the_recorded_ones(tmp_path: Path) -> None:
+    record = tmp_path / "exact.mcap"
+    app.fly(tree_file(tmp_path, PERCEIVING), replace(SMALL, record=record, exact_masks=True))
+    report = replay(record)
+    assert report.masks == "recorded"
+    assert report.same
+
+
+def test_an_unchanged_mission_is_the_same(noisy: Path) -> None:
+    report = replay(noisy)
+    assert report.same
+    assert report.differences == ()
+    assert report.outcome == "success"
+
+
+def test_a_changed_mission_differs_from_where_it_was_changed(noisy: Path, tmp_path: Path) -> None:
+    changed = FLIGHT.replace('degrees="-90"', 'degrees="-60"')
+    tree = tree_file(tmp_path, changed, "changed.xml")
+    report = replay(noisy, ReplayOptions(tree=tree))
+    assert not report.same
+    assert report.tree == str(tree)
+    first = report.differences[0]
+    assert first.command is not None
+    assert "90 deg left" in first.command[0]
+    assert "60 deg left" in first.command[1]
+    assert first.statuses == {}  # until then all was the same
+    # Its movement is the same one in all else: it ends when the recorded one ended.
+    assert report.status_ticks == 0
+
+
+def test_nodes_that_only_one_tree_has_are_named(noisy: Path, tmp_path: Path) -> None:
+    changed = FLIGHT.replace('name="back"', 'name="home"')
+    report = replay(noisy, ReplayOptions(tree=tree_file(tmp_path, changed, "changed.xml")))
+    assert report.only_recorded == ("Main/Sequence/back",)
+    assert report.only_replayed == ("Main/Sequence/home",)
+    assert not report.same
+
+
+def test_a_tree_that_ends_early_ends_nothing_else(noisy: Path, tmp_path: Path) -> None:
+    tree = tree_file(tmp_path, '<Sequence><TakeOff height_m="1.5"/></Sequence>', "short.xml")
+    report = replay(noisy, ReplayOptions(tree=tree))
+    assert report.ticks == replay(noisy).ticks
+    assert not report.same
+
+
+def test_a_leaf_that_fails_in_the_replay_is_told(
+    noisy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def update(_self: Land) -> None:
+        raise RuntimeError("no ground")
+
+    monkeypatch.setattr(Land, "update", update)
+    report = replay(noisy)
+    assert report.ended is not None
+    assert "no ground" in report.ended
+    assert not report.same
+
+
+@pytest.mark.parametrize("when", ["between ticks", "within a tick"])
+def test_an_operators_stop_is_repeated_in_its_tick(
+    when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tick_tree = MissionRunner._tick_tree
+
+    def stop_before(self: MissionRunner) -> Status:
+        if self._index == 14:
+            self.request_abort("stopped by SIGINT")
+        return tick_tree(self)
+
+    def stop_within(self: MissionRunner) -> Status:
+        status = tick_tree(self)
+        if self._index == 14:
+            self.request_abort("stopped by SIGINT")
+        return status
+
+    with pytest.MonkeyPatch.context() as patch:
+        stop = stop_before if when == "between ticks" else stop_within
+        patch.setattr(MissionRunner, "_tick_tree", stop)
+        record, flown = fly_noisy(tmp_path, monkeypatch)
+    assert flown.outcome == "aborted"
+    report = replay(record)
+    assert report.differences == ()
+    assert report.same
+
+
+def test_limits_are_the_recorded_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = app.FlightOptions(limits=Limits(ceiling_m=1.2))
+    record, _ = fly_noisy(tmp_path, monkeypatch, options=options)
+    assert replay(record).same
+
+
+def test_a_cut_from_the_beginning_replays_and_another_is_refused(
+    noisy: Path, tmp_path: Path
+) -> None:
+    head, tail = tmp_path / "head.mcap", tmp_path / "tail.mcap"
+    cut_record(noisy, head, from_s=0.0, to_s=1.0)
+    cut_record(noisy, tail, from_s=0.5, to_s=1.0)
+    report = replay(head)
+    assert report.same
+    assert report.ticks == 10
+    with pytest.raises(FileError, match=r"begins 0\.5 s into its flight"):
+        replay(tail)
+
+
+def test_a_lost_picture_makes_a_replay_inexact(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = encoder.MomentEncoder._frame
+
+    def blind(
+        self: encoder.MomentEncoder, tick: TickRecord, *, pictures: bool
+    ) -> Iterator[tuple[Channel, bytes | None]]:
+        return frames(self, tick, pictures=pictures and tick.index != 4)
+
+    monkeypatch.setattr(encoder.MomentEncoder, "_frame", blind)
+    record, _ = fly_noisy(tmp_path, monkeypatch)
+    report = replay(record)
+    assert report.missing_pictures == 1
+    assert not report.exact
+
+
+def test_a_record_without_its_tree_asks_for_one(
+    noisy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uav_bt.app.replay.replayer.TREE_FOLDER", "elsewhere/")
+    with pytest.raises(FileError, match="lacks its tree file; give one with --tree"):
+        replay(noisy)
+
+
+def test_a_tree_file_that_leads_out_of_its_folder_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uav_bt.app.flight_record.TREE_FOLDER", "tree/../../")
+    record, _ = fly_noisy(tmp_path, monkeypatch)
+    monkeypatch.undo()
+    with pytest.raises(FileError, match="lies outside its folder"):
+        replay(record)
+
+
+def test_an_unknown_policy_is_refused(noisy: Path, tmp_path: Path) -> None:
+    tree = tree_file(tmp_path, '<Explore policy="segmentation"/>', "explore.xml")
+    with pytest.raises(TreeError, match="did you mean 'segmentation'"):
+        replay(noisy, ReplayOptions(tree=tree, policies={"Explore": "segmentatoin"}))
+
+
+# --- movements' numbers ---------------------------------------------------------------------------
+
+
+def state_of(movement_id: int) -> DroneState:
+    status = MovementStatus(id=movement_id, state=MovementState.DONE)
+    return DroneState(captured_s=0.0, flying=FlyingState.HOVERING, movement=status)
+
+
+def test_answers_arrive_at_the_movement_that_began_with_the_recorded_one() -> None:
+    ids = MovementIds()
+    assert ids.pair(MoveBy(id=7), MoveBy(id=3))
+    assert ids.pair(MoveBy(id=7), MoveBy(id=3))
+    told = ids.told(state_of(7)).movement
+    assert told is not None
+    assert told.id == 3
+
+
+def test_a_movement_that_goes_on_when_the_recorded_one_is_new_is_another() -> None:
+    ids = MovementIds()
+    assert ids.pair(MoveBy(id=1), MoveBy(id=1))
+    assert not ids.pair(MoveBy(id=2), MoveBy(id=1))
+    assert not ids.pair(MoveBy(id=1), MoveBy(id=2))
+
+
+def test_an_answer_that_nobody_waits_for_reaches_nobody() -> None:
+    told = MovementIds().told(state_of(1)).movement
+    assert told is not None
+    assert told.id == -1
+
+
+def test_commands_without_numbers_need_no_pairing() -> None:
+    ids = MovementIds()
+    assert ids.pair(Hover(), Velocity(forward_mps=1.0))
+    assert ids.pair(Hover(), MoveBy(id=1))

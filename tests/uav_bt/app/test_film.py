@@ -1,0 +1,172 @@
+"""What the displays are told about our lab, and how they are put together."""
+
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from rich.console import Console
+
+from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from uav_bt.app import film
+from uav_bt.board import CLASS_MAP, MISSION_KEYS
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
+from uav_bt.classes import CLASS_COLOURS, class_id
+from uav_bt.errors import FileError
+from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.testing import ScriptedDrone
+from uav_bt.tree import Status, load_tree
+from uav_bt.types import HOVER, ClassMap, DepthMap, Frame
+
+SCENE = Scene(
+    name="small",
+    helipad=Helipad(position_m=(-1.5, -1.0), yaw_deg=90.0),
+    boxes=(BoxSpec(pattern=3, position_m=(1.0, 0.5), size_m=(0.4, 0.3, 1.9), yaw_deg=20.0),),
+)
+
+
+class SceneDrone(ScriptedDrone):
+    """Stands for the twin: it knows its scene."""
+
+    scene = SCENE
+
+
+def context_of(drone: ScriptedDrone) -> MissionContext:
+    return MissionContext(
+        board=Blackboard(drone.clock, MISSION_KEYS),
+        clock=drone.clock,
+        proposals=Proposals(),
+        policy=lambda name: pytest.fail(f"asked for policy {name}"),
+    )
+
+
+def ticks(drone: ScriptedDrone, listeners: Sequence[TickListener], count: int) -> None:
+    for index in range(count):
+        record = TickRecord(
+            index=index,
+            time_s=drone.clock.now(),
+            observation=drone.observe(),
+            tree_status=Status.RUNNING,
+            phase="explore",
+            active=("mission", "Explore"),
+            command=HOVER,
+            proposed_by=None,
+            override=None,
+            compute_s=0.0,
+            truth=None,
+        )
+        for listener in listeners:
+            listener.on_tick(record)
+        drone.clock.advance(0.1)
+
+
+def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
+    lab = film.lab_map_of(SceneDrone())
+    assert lab.carpet_size_m == (5.0, 4.0)
+    (box,) = lab.boxes
+    assert (box.x_m, box.y_m, box.size_m) == (1.0, 0.5, (0.4, 0.3, 1.9))
+    assert box.yaw_rad == pytest.approx(math.radians(20))
+    assert box.colour == tuple(CLASS_COLOURS[class_id("box_3")])
+    assert np.allclose(box.corners(), SCENE.boxes[0].footprint.corners())
+    assert (lab.helipad.x_m, lab.helipad.y_m) == (-1.5, -1.0)
+
+
+def test_a_drone_that_knows_no_scene_has_no_map() -> None:
+    assert film.lab_map_of(ScriptedDrone()) is None
+
+
+@pytest.mark.parametrize("drone", [SceneDrone(), ScriptedDrone()])
+def test_a_flight_inside_is_filmed(tmp_path: Path, drone: ScriptedDrone) -> None:
+    path = tmp_path / "flight.mp4"
+    with film.flight_video(path, speed=2.0, title="small") as video:
+        ticks(drone, video(drone, context_of(drone)), 3)
+        assert not path.exists()
+    with av.open(str(path)) as container:
+        assert sum(1 for _ in container.decode(video=0)) == 3
+
+
+def test_a_video_that_cannot_be_written_is_refused_before_the_flight(tmp_path: Path) -> None:
+    with (
+        pytest.raises(FileError),
+        film.flight_video(tmp_path / "nowhere" / "flight.mp4"),
+    ):
+        pytest.fail("flew")
+
+
+def test_a_flight_that_never_begins_leaves_no_video(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), film.flight_video(tmp_path / "flight.mp4"):
+        raise RuntimeError("the tree was refused")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_flight_is_filmed_and_told_at_once(tmp_path: Path) -> None:
+    drone, out = SceneDrone(), io.StringIO()
+    console = Console(file=out, force_terminal=False, width=120)
+    with (
+        film.flight_video(tmp_path / "flight.mp4") as video,
+        film.live_status(console) as status,
+    ):
+        ticks(drone, film.all_of(video, status)(drone, context_of(drone)), 2)
+    assert (tmp_path / "flight.mp4").stat().st_size > 0
+    assert out.getvalue().startswith("explore")
+
+
+SECOND_LEVEL = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+<Segment/><EstimateDepth model="footing"/><BuildCorridor side_m="0.4"/><Land/>
+</Sequence></BehaviorTree></root>"""
+
+
+def class_maps_size(tmp_path: Path, body: str) -> bool:
+    """Film one tick of a tree; return whether the class map has its quarter to itself."""
+    tree = tmp_path / "mission.xml"
+    tree.write_text(body, encoding="utf-8")
+    drone = SceneDrone()
+    context = context_of(drone)
+    ids = np.full((112, 224), 1, np.uint8)
+    context.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=0.0), captured_s=0.0)
+    with film.flight_video(tmp_path / "flight.mp4") as video:
+        listeners = video(drone, context)
+        assert film.all_of_trees(video.show_tree)(load_tree(tree), context) == []
+        ticks(drone, listeners, 1)
+    with av.open(str(tmp_path / "flight.mp4")) as container:
+        image = next(container.decode(video=0)).to_ndarray(format="rgb24")
+    difference = np.abs(image[700, 100].astype(int) - CLASS_COLOURS[1].astype(int))
+    return bool(difference.max() < 20)
+
+
+def test_the_film_makes_room_for_what_the_tree_perceives(tmp_path: Path) -> None:
+    first_level = SECOND_LEVEL.replace('<EstimateDepth model="footing"/>', "")
+    first_level = first_level.replace('<BuildCorridor side_m="0.4"/>', "")
+    assert class_maps_size(tmp_path, first_level)
+    assert not class_maps_size(tmp_path, SECOND_LEVEL)
+
+
+def test_the_film_marks_the_corridor_that_the_tree_asks_for(tmp_path: Path) -> None:
+    path = tmp_path / "mission.xml"
+    frame = Frame(
+        image=np.zeros((36, 64, 3), np.uint8),
+        index=0,
+        captured_s=0.0,
+        gimbal_pitch_rad=0.0,
+        height_above_carpet_m=1.5,
+    )
+    depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=0.0)
+    ids = ClassMap(ids=np.full((28, 56), class_id("box_1"), np.uint8), captured_s=0.0)
+    marked = {}
+    for side_m in ("0.4", "0.2"):
+        path.write_text(SECOND_LEVEL.replace("0.4", side_m), encoding="utf-8")
+        intruding = film.corridor_marker(load_tree(path), ScriptedDrone().camera)
+        assert intruding is not None
+        marked[side_m] = int(intruding(frame, ids, depth).sum())
+    assert 0 < marked["0.2"] < marked["0.4"]
+
+
+def test_a_tree_without_our_corridor_has_nothing_to_mark(tmp_path: Path) -> None:
+    path = tmp_path / "mission.xml"
+    path.write_text(SECOND_LEVEL.replace('<BuildCorridor side_m="0.4"/>', ""), encoding="utf-8")
+    assert film.corridor_marker(load_tree(path), ScriptedDrone().camera) is None

@@ -1,0 +1,444 @@
+"""Composition: trees, policies and drones by name, and whole flights with their reports."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from behaviours.policies.segmentation_rule import SegmentationRule
+from uav_bt import app, plugins
+from uav_bt.board.context import MissionContext
+from uav_bt.errors import (
+    DroneError,
+    FileError,
+    InputError,
+    NodeFailedError,
+    TreeError,
+    UnknownNameError,
+)
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.protocols import Drone, DroneOptions
+from uav_bt.testing import ScriptedDrone, blank_frame
+from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Truth
+
+TREES = Path(app.__file__).parents[2] / "trees"
+HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
+STAY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
+
+Listeners = Callable[[Drone, MissionContext], Sequence[TickListener]]
+
+
+def tree_file(folder: Path, body: str) -> Path:
+    path = folder / "mission.xml"
+    path.write_text(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    return path
+
+
+class Hangar:
+    """Hands out scripted drones under the name `scripted` and keeps them."""
+
+    def __init__(self) -> None:
+        self.drone = ScriptedDrone()
+        self.asked: list[DroneOptions] = []
+
+    def make(self, options: DroneOptions) -> ScriptedDrone:
+        """Return the drone, as an installed package would."""
+        self.asked.append(options)
+        return self.drone
+
+
+@pytest.fixture
+def hangar(monkeypatch: pytest.MonkeyPatch) -> Hangar:
+    hangar = Hangar()
+    load = plugins.load
+
+    def load_scripted(group: str, name: str) -> Any:
+        return hangar.make if (group, name) == (plugins.DRONES, "scripted") else load(group, name)
+
+    monkeypatch.setattr(plugins, "load", load_scripted)
+    return hangar
+
+
+SCRIPTED = app.FlightOptions(drone="scripted")
+
+
+def doing(action: Callable[[int], object]) -> Listeners:
+    """Return what makes a listener that does something with each tick's number."""
+
+    class Doing:
+        def on_tick(self, record: TickRecord) -> None:
+            action(record.index)
+
+    return lambda _drone, _context: [Doing()]
+
+
+# --- trees ----------------------------------------------------------------------------------------
+
+
+def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, HOP)
+    assert app.resolve_tree(path) == path
+    assert app.resolve_tree(str(path)) == path
+
+
+@pytest.mark.parametrize("name", ["land_only", "land_only.xml", "trees/land_only.xml"])
+def test_a_shipped_mission_is_found_by_its_name_from_anywhere(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert app.resolve_tree(name).samefile(TREES / "land_only.xml")
+
+
+def test_a_file_of_ones_own_comes_before_a_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("land_only.xml").write_text("mine", encoding="utf-8")
+    assert app.resolve_tree("land_only.xml").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize("name", ["fly_to_the_moon", "elsewhere/land_only.xml"])
+def test_a_tree_that_does_not_exist_is_refused_with_the_missions_there_are(name: str) -> None:
+    with pytest.raises(FileError, match=r"no such tree file.*hover_and_look.*land_only"):
+        app.resolve_tree(name)
+
+
+@pytest.mark.parametrize("path", sorted(TREES.glob("*.xml")), ids=lambda path: path.stem)
+def test_every_shipped_mission_is_sound(path: Path) -> None:
+    assert list(app.check(path.stem).leaves())
+
+
+def test_checking_a_bad_tree_tells_its_findings(tmp_path: Path) -> None:
+    with pytest.raises(TreeError) as caught:
+        app.check(tree_file(tmp_path, "<Sequence><Nonsense/><Lnad/></Sequence>"))
+    assert len(caught.value.findings) == 2
+
+
+# --- policies, drones, masks ----------------------------------------------------------------------
+
+
+def test_a_policy_is_made_by_its_name() -> None:
+    assert isinstance(app.make_policy("segmentation"), SegmentationRule)
+
+
+def test_an_unknown_policy_gets_a_suggestion() -> None:
+    with pytest.raises(UnknownNameError, match="unknown policy 'segmentatoin'; did you mean"):
+        app.make_policy("segmentatoin")
+
+
+def test_what_cannot_decide_is_no_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "load", lambda _group, _name: object)
+    with pytest.raises(InputError, match="policy 'dumb' has no `decide`"):
+        app.make_policy("dumb")
+
+
+def test_an_unknown_drone_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown drone 'kite' .*twin"):
+        app.make_drone(app.FlightOptions(drone="kite:192.168.42.1"))
+
+
+def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
+    """Everything after the first colon is the address."""
+    options = app.FlightOptions(
+        drone="scripted:10.0.0.1:44444",
+        scene="val-a",
+        seed=5,
+        profile="harsh",
+        image_size_px=(320, 180),
+        realtime=True,
+    )
+    assert app.make_drone(options) is hangar.drone
+    app.make_drone(SCRIPTED)
+    assert hangar.asked[0] == DroneOptions(
+        address="10.0.0.1:44444",
+        scene="val-a",
+        seed=5,
+        profile="harsh",
+        image_size_px=(320, 180),
+        realtime=True,
+    )
+    assert hangar.asked[1].address is None
+    assert not hangar.drone.connected
+
+
+def test_exact_masks_come_from_the_referee_at_the_networks_size() -> None:
+    class Knowing:
+        def truth(self) -> Truth:
+            return pytest.fail("asked for the truth")
+
+        def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
+            return np.full((width_px, height_px), frame.index, dtype=np.uint8).T
+
+        def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
+            return pytest.fail(f"asked for depth of {frame.index}, {width_px}x{height_px}")
+
+    drone = ScriptedDrone()
+    state = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)
+    frame = blank_frame(drone.camera, state, index=9, captured_s=1.25)
+    class_map = app.ExactSegmenter(Knowing(), (56, 28)).segment(frame)
+    assert class_map.ids.shape == (28, 56)
+    assert class_map.ids.flags.c_contiguous
+    assert class_map.captured_s == 1.25
+    assert (class_map.ids == 9).all()
+
+
+# --- what is refused before anything flies --------------------------------------------------------
+
+
+def test_a_report_without_a_folder_is_refused_before_there_is_a_drone(
+    hangar: Hangar, tmp_path: Path
+) -> None:
+    report = tmp_path / "nowhere" / "report.json"
+    with pytest.raises(FileError, match="nowhere does not exist; create it first"):
+        app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=report)
+    assert hangar.asked == []
+
+
+def test_an_unknown_policy_of_a_node_is_refused_before_there_is_a_drone(
+    hangar: Hangar,
+) -> None:
+    options = app.FlightOptions(drone="scripted", policies={"Explore": "psychic"})
+    with pytest.raises(TreeError, match="unknown policy 'psychic'"):
+        app.fly("explore_and_land_segmentation", options)
+    assert hangar.asked == []
+
+
+def test_exact_masks_are_refused_where_there_is_no_referee(hangar: Hangar, tmp_path: Path) -> None:
+    options = app.FlightOptions(drone="scripted", exact_masks=True)
+    with pytest.raises(InputError, match="exact masks need a simulated drone"):
+        app.fly(tree_file(tmp_path, HOP), options)
+    assert not hangar.drone.connected
+    assert hangar.drone.commands == []
+
+
+# --- flights without a world ----------------------------------------------------------------------
+
+
+def test_a_flight_is_told_in_its_report(hangar: Hangar, tmp_path: Path) -> None:
+    path = tmp_path / "report.json"
+    report = app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=path)
+    assert report.outcome == "success"
+    assert (report.tree, report.drone, report.seed) == ("mission.xml", "scripted", 0)
+    assert report.scene is None
+    assert report.profile is None  # a drone without a referee is as good as it is
+    assert json.loads(path.read_text(encoding="utf-8")) == asdict(report)
+    assert not hangar.drone.connected
+
+
+def test_listeners_get_the_connected_drone_and_the_mission(hangar: Hangar, tmp_path: Path) -> None:
+    ticks: list[int] = []
+    given: list[tuple[Drone, MissionContext]] = []
+
+    def listeners(drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        assert hangar.drone.connected
+        assert context.clock.now() == drone.clock.now()
+        given.append((drone, context))
+        return doing(ticks.append)(drone, context)
+
+    options = app.FlightOptions(drone="scripted", seed=11)
+    report = app.fly(tree_file(tmp_path, HOP), options, listeners=listeners)
+    ((drone, context),) = given
+    assert drone is hangar.drone
+    assert context.seed == 11
+    assert ticks == list(range(report.ticks))
+
+
+def test_the_rules_of_the_flight_are_the_options(hangar: Hangar, tmp_path: Path) -> None:
+    options = app.FlightOptions(drone="scripted", judge=JudgeConfig(time_limit_s=3.0))
+    report = app.fly(tree_file(tmp_path, STAY), options)
+    assert report.outcome == "timeout"
+    assert report.duration_s == pytest.approx(3.05, abs=0.06)  # the tick at the limit or the next
+
+
+def test_a_leaf_that_raises_leaves_a_report_of_the_error(
+    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def break_down(_: object) -> None:
+        raise LookupError("gimbal")
+
+    monkeypatch.setattr("behaviours.fly.land.Land.update", break_down)
+    path = tmp_path / "report.json"
+    with pytest.raises(NodeFailedError):
+        app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=path)
+    told = json.loads(path.read_text(encoding="utf-8"))
+    assert told["outcome"] == "error"
+    assert told["reason"] == "node 'Main/Sequence/Land' failed: LookupError: gimbal"
+    assert hangar.drone.state.flying is FlyingState.LANDED
+    assert not hangar.drone.connected
+
+
+def test_leaves_that_block_are_named_in_the_report(
+    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("behaviours.fly.land.Land.budget_s", -1.0)  # whatever it takes is too long
+    report = app.fly(tree_file(tmp_path, HOP), SCRIPTED)
+    assert list(report.slow_leaves) == ["Main/Sequence/Land"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [(DroneError("no answer"), "no answer"), (OSError("disk full"), "OSError: disk full")],
+)
+def test_a_lost_drone_or_a_broken_listener_leaves_a_report_too(
+    hangar: Hangar, tmp_path: Path, fault: Exception, reason: str
+) -> None:
+    def fail(index: int) -> None:
+        if index == 10:
+            raise fault
+
+    path = tmp_path / "report.json"
+    with pytest.raises(type(fault), match=str(fault)):
+        app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=doing(fail))
+    told = json.loads(path.read_text(encoding="utf-8"))
+    assert (told["outcome"], told["reason"], told["ticks"]) == ("error", reason, 11)
+    assert hangar.drone.state.flying is FlyingState.LANDED
+    assert not hangar.drone.connected
+
+
+# --- interrupts -----------------------------------------------------------------------------------
+
+
+def interrupt_at(*indices: int) -> Listeners:
+    """Return what makes a listener that is a person pressing Ctrl-C at these ticks."""
+
+    def press(index: int) -> None:
+        if index in indices:
+            # As the interpreter would: a real signal may hit the test runner instead.
+            handler = signal.getsignal(signal.SIGINT)
+            assert callable(handler)
+            handler(signal.SIGINT, None)
+
+    return doing(press)
+
+
+@pytest.fixture(autouse=True)
+def _interruptible() -> Iterator[None]:
+    """A run in the background ignores Ctrl-C from the start; these tests must not depend on it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def handlers() -> tuple[object, object]:
+    return signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+
+
+def test_an_interrupt_lands_the_drone_reports_and_gives_the_handlers_back(
+    hangar: Hangar, tmp_path: Path
+) -> None:
+    before = handlers()
+    path = tmp_path / "report.json"
+    report = app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=interrupt_at(20))
+    assert (report.outcome, report.reason) == ("aborted", "stopped by SIGINT")
+    assert json.loads(path.read_text(encoding="utf-8"))["outcome"] == "aborted"
+    assert 20 < report.ticks < 40
+    assert hangar.drone.state.flying is FlyingState.LANDED
+    assert Command(movement=Land()) in hangar.drone.commands
+    assert handlers() == before
+
+
+def test_a_second_interrupt_gets_through_and_the_drone_still_lands(
+    hangar: Hangar, tmp_path: Path
+) -> None:
+    before = handlers()
+    with pytest.raises(KeyboardInterrupt):
+        app.fly(tree_file(tmp_path, STAY), SCRIPTED, listeners=interrupt_at(20, 21))
+    assert hangar.drone.state.flying is FlyingState.LANDED
+    assert not hangar.drone.connected
+    assert handlers() == before
+
+
+def test_a_flight_leaves_the_handlers_as_they_were(hangar: Hangar, tmp_path: Path) -> None:
+    before, within = handlers(), []
+    app.fly(
+        tree_file(tmp_path, HOP),
+        SCRIPTED,
+        listeners=doing(lambda _index: within.append(handlers())),
+    )
+    assert all(now[0] is not before[0] and now[1] is not before[1] for now in within)
+    assert handlers() == before
+
+
+def test_a_flight_in_another_thread_takes_no_handlers(hangar: Hangar, tmp_path: Path) -> None:
+    """Python lets only the main thread set them."""
+    before, within, reports = handlers(), [], []
+    listeners = doing(lambda _index: within.append(handlers()))
+    tree = tree_file(tmp_path, HOP)
+    thread = threading.Thread(
+        target=lambda: reports.append(app.fly(tree, SCRIPTED, listeners=listeners))
+    )
+    thread.start()
+    thread.join(timeout=60.0)
+    assert [report.outcome for report in reports] == ["success"]
+    assert set(within) == {before}
+
+
+# --- flights of the twin --------------------------------------------------------------------------
+
+SMALL = app.FlightOptions(scene="test-a", seed=3, exact_masks=True, image_size_px=(320, 180))
+TIMINGS = {"tick_ms", "perception_ms", "slow_leaves"}
+
+
+def measured(report: FlightReport) -> dict[str, Any]:
+    """Return everything of a report but how long the computer took."""
+    return {name: value for name, value in report.to_json().items() if name not in TIMINGS}
+
+
+@pytest.fixture(scope="module")
+def looked(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Path]:
+    """Fly up, once around, and down again, on exact masks."""
+    path = tmp_path_factory.mktemp("flight") / "report.json"
+    return app.fly("hover_and_look", SMALL, report=path), path
+
+
+def test_the_twin_hovers_looks_around_and_lands_on_its_pad(
+    looked: tuple[FlightReport, Path],
+) -> None:
+    report, path = looked
+    assert (report.outcome, report.reason) == ("success", "landed")
+    assert (report.scene, report.profile, report.tree) == ("test-a", "lab", "hover_and_look.xml")
+    assert report.landing_error_m is not None
+    assert report.landing_error_m < 0.25  # half the pad's side
+    assert report.min_clearance_m is not None
+    assert report.min_clearance_m > 0.3
+    assert report.duration_s is not None
+    assert report.duration_s == pytest.approx(0.1 * report.ticks, abs=0.2)
+    assert report.search_distance_m is None  # this mission neither explores nor searches
+    assert json.loads(path.read_text(encoding="utf-8")) == asdict(report)
+
+
+def test_each_stage_of_perception_is_timed(looked: tuple[FlightReport, Path]) -> None:
+    report = looked[0]
+    assert set(report.perception_ms) == {"segmentation", "helipad"}
+    assert report.tick_ms is not None
+    for summary in (report.tick_ms, *report.perception_ms.values()):
+        assert summary is not None
+        assert 0.0 < summary.p50 <= summary.p99 <= summary.max
+
+
+def test_the_same_seed_gives_the_same_report_but_for_the_timings(
+    looked: tuple[FlightReport, Path],
+) -> None:
+    assert measured(app.fly("hover_and_look", SMALL)) == measured(looked[0])
+
+
+def test_another_seed_gives_another_flight(tmp_path: Path) -> None:
+    hop = tree_file(tmp_path, HOP)
+    reports = [
+        app.fly(hop, app.FlightOptions(seed=seed, image_size_px=(160, 90))) for seed in (1, 2)
+    ]
+    assert reports[0].landing_error_m != reports[1].landing_error_m

@@ -1,0 +1,279 @@
+"""Flights and their records: what is in them is what was flown, whatever happened on the way."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, fly_noisy, tree_file
+from uav_bt import app
+from uav_bt.app import flight_record
+from uav_bt.board.context import MissionContext
+from uav_bt.errors import FileError, MissingDependencyError, NodeFailedError
+from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.record import channels, record_file
+from uav_bt.record.channels import Channel
+from uav_bt.record.reader import RecordReader
+from uav_bt.testing import ScriptedDrone
+from uav_bt.types import Command, TakeOff
+
+
+class Notes:
+    """Keeps what the runner told."""
+
+    def __init__(self) -> None:
+        self.ticks: list[TickRecord] = []
+        self.statuses: list[tuple[str, ...]] = []
+
+    def listeners(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        del drone, context
+        return [self]
+
+    def on_tick(self, record: TickRecord) -> None:
+        self.ticks.append(record)
+
+
+@pytest.fixture
+def noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Notes]:
+    notes = Notes()
+    monkeypatch.setattr("uav_bt.app.flight.make_drone", lambda _: NoisyDrone())
+    record = tmp_path / "flight.mcap"
+    app.fly(
+        tree_file(tmp_path), app.FlightOptions(seed=5, record=record), listeners=notes.listeners
+    )
+    return record, notes
+
+
+def test_every_tick_is_in_the_record_as_the_runner_told_it(noted: tuple[Path, Notes]) -> None:
+    record, notes = noted
+    moments = list(RecordReader(record).moments())
+    assert len(moments) == len(notes.ticks) > 10
+    for moment, tick in zip(moments, notes.ticks, strict=True):
+        assert moment.tick.index == tick.index
+        assert moment.tick.time_s == tick.time_s
+        assert moment.tick.tree_status == tick.tree_status.name
+        assert moment.tick.active == tick.active
+        assert moment.state == tick.observation.state
+        assert moment.commands.sent == tick.command
+        assert moment.commands.decided == tick.decided
+        assert moment.commands.proposed_by == tick.proposed_by
+        seen, frame = moment.frame, tick.observation.frame
+        assert seen is not None
+        assert frame is not None
+        back = seen.frame()
+        assert np.array_equal(back.image, frame.image)
+        assert (back.index, back.captured_s, back.attitude) == (
+            frame.index,
+            frame.captured_s,
+            frame.attitude,
+        )
+
+
+def test_the_trees_nodes_and_their_statuses_are_told(noted: tuple[Path, Notes]) -> None:
+    reader = RecordReader(noted[0])
+    names = [node.name for node in reader.tree.nodes]
+    assert names == ["Sequence", "TakeOff", "away", "HoverFor", "back", "Land"]
+    assert [node.parent for node in reader.tree.nodes] == [None, 0, 0, 0, 0, 0]
+    moments = list(reader.moments())
+    assert moments[0].statuses == ("RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE", "IDLE")
+    assert moments[-1].statuses[0] == "SUCCESS"
+
+
+def test_a_record_tells_what_was_flown_and_how_it_ended(noted: tuple[Path, Notes]) -> None:
+    reader = RecordReader(noted[0])
+    assert reader.finished
+    assert (reader.metadata["seed"], reader.metadata["tree"]) == ("5", "mission.xml")
+    assert json.loads(reader.metadata["versions"])["numpy"] == np.__version__
+    assert len(json.loads(reader.metadata["weights"])["unet.onnx"]) == 64
+    assert FLIGHT.encode() in reader.attachments["tree/mission.xml"].data
+    assert reader.camera == NoisyDrone().camera
+    end = reader.end
+    assert end is not None
+    assert (end["outcome"], json.loads(end["dropped"]), end["lost_ticks"]) == ("success", {}, "0")
+    assert json.loads(end["report"])["seed"] == 5
+
+
+def test_all_times_lie_on_one_timeline_that_begins_with_the_flight(
+    noted: tuple[Path, Notes],
+) -> None:
+    reader = RecordReader(noted[0])
+    times = [message.time_ns for message in reader.messages()]
+    assert times == sorted(times)
+    assert times[0] == reader.timeline.start_ns
+    last_s = noted[1].ticks[-1].time_s
+    assert reader.timeline.since_start(times[-1]) == pytest.approx(last_s, abs=1e-9)
+
+
+def test_a_part_is_found_by_its_time(noted: tuple[Path, Notes]) -> None:
+    reader = RecordReader(noted[0])
+    part = [moment.tick.time_s for moment in reader.moments(from_s=0.45, to_s=1.05)]
+    assert part == pytest.approx([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+    ticks = list(reader.messages([channels.TICK.topic], from_s=0.45, to_s=1.05))
+    assert {message.topic for message in ticks} == {channels.TICK.topic}
+    assert len(ticks) == len(part)
+
+
+def test_the_tools_of_the_format_read_a_record(noted: tuple[Path, Notes]) -> None:
+    from mcap.reader import make_reader  # noqa: PLC0415
+
+    with noted[0].open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == sum(1 for _ in reader.iter_messages())
+        topics = {channel.topic: channel for channel in summary.channels.values()}
+    image = topics["/camera/image"]
+    assert image.message_encoding == "protobuf"
+    assert summary.schemas[image.schema_id].name == "foxglove.CompressedImage"
+    assert topics["/drone/state"].message_encoding == "json"
+
+
+def test_a_fault_in_flight_is_the_records_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Broken(NoisyDrone):
+        def send(self, command: Command) -> Command:
+            if len(self.commands) == 4:
+                raise ZeroDivisionError("a rotor")
+            return super().send(command)
+
+    monkeypatch.setattr("uav_bt.app.flight.make_drone", lambda _: Broken())
+    record = tmp_path / "flight.mcap"
+    with pytest.raises(ZeroDivisionError):
+        app.fly(tree_file(tmp_path), app.FlightOptions(record=record))
+    reader = RecordReader(record)
+    assert reader.finished
+    assert reader.end is not None
+    assert (reader.end["outcome"], reader.end["reason"]) == ("error", "ZeroDivisionError: a rotor")
+    assert len(list(reader.moments())) == 4
+
+
+def test_what_the_flight_logs_is_in_the_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Talking(NoisyDrone):
+        def send(self, command: Command) -> Command:
+            logging.getLogger("mine").warning("battery is at %d %%", 42)
+            return super().send(command)
+
+    record, _ = fly_noisy(tmp_path, monkeypatch, drone=Talking())
+    lines = [message.data for message in RecordReader(record).messages([channels.LOG.topic])]
+    assert any(b"battery is at 42 %" in line for line in lines)
+    assert any(b"sent: TakeOff" in line for line in lines)
+
+
+def test_a_disk_that_fills_up_lands_no_drone_and_the_loss_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    written = record_file.RecordFile.write
+
+    def write(file: record_file.RecordFile, channel: Channel, time_ns: int, data: bytes) -> None:
+        if channel is channels.TICK and json.loads(data)["index"] >= 8:
+            raise OSError(28, "No space left on device")
+        written(file, channel, time_ns, data)
+
+    monkeypatch.setattr(record_file.RecordFile, "write", write)
+    record, report = fly_noisy(tmp_path, monkeypatch)
+    assert report.outcome == "success"
+    assert "record is incomplete: not written to its end: No space left on device" in caplog.text
+    assert "ticks lost" in caplog.text
+    reader = RecordReader(record)
+    assert not reader.finished
+    assert reader.end is None
+    assert 0 < len(list(reader.moments())) <= 8
+
+
+def test_a_disk_that_is_full_from_the_start_is_told_before_anything_flies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flush(_self: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(record_file.RecordFile, "flush", flush)
+    drone = NoisyDrone()
+    with pytest.raises(FileError, match="cannot be written: No space left"):
+        fly_noisy(tmp_path, monkeypatch, drone=drone)
+    assert drone.commands == []
+
+
+def test_a_folder_that_is_not_there_is_told_before_anything_flies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drone = ScriptedDrone()
+    monkeypatch.setattr("uav_bt.app.flight.make_drone", lambda _: drone)
+    options = app.FlightOptions(record=tmp_path / "absent" / "flight.mcap")
+    with pytest.raises(FileError, match="does not exist; create it first"):
+        app.fly(tree_file(tmp_path), options)
+    assert not drone.connected
+    assert drone.commands == []
+
+
+def test_without_the_extra_recording_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "foxglove", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'uav-bt\[record\]'"):
+        fly_noisy(tmp_path, monkeypatch)
+
+
+def test_included_files_travel_with_the_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uav_bt.app.flight.make_drone", lambda _: NoisyDrone())
+    (tmp_path / "parts").mkdir()
+    tree_file(tmp_path / "parts", "<Land/>", "down.xml").write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="Down"><Land/></BehaviorTree></root>'
+    )
+    path = tmp_path / "mission.xml"
+    path.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="Main"><include path="parts/down.xml"/>'
+        '<BehaviorTree ID="Main"><Sequence><TakeOff height_m="1.5"/><SubTree ID="Down"/></Sequence>'
+        "</BehaviorTree></root>"
+    )
+    record = tmp_path / "flight.mcap"
+    app.fly(path, app.FlightOptions(record=record))
+    assert set(RecordReader(record).attachments) == {"tree/mission.xml", "tree/parts/down.xml"}
+
+
+def test_a_leaf_that_raises_is_the_records_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from behaviours.fly.land import Land  # noqa: PLC0415
+
+    def update(_self: Land) -> None:
+        raise RuntimeError("no ground")
+
+    monkeypatch.setattr(Land, "update", update)
+    with pytest.raises(NodeFailedError, match="no ground"):
+        fly_noisy(tmp_path, monkeypatch)
+    end = RecordReader(tmp_path / "flight.mcap").end
+    assert end is not None
+    assert "no ground" in end["reason"]
+
+
+def test_nobody_listens_to_the_log_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    handlers = list(logging.getLogger().handlers)
+    _, report = fly_noisy(tmp_path, monkeypatch)
+    assert report.outcome == "success"
+    assert logging.getLogger().handlers == handlers
+
+
+def test_git_is_not_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight_record._git_state.cache_clear()
+    monkeypatch.setattr(flight_record.shutil, "which", lambda _: None)
+    assert flight_record._git_state() == ()
+    flight_record._git_state.cache_clear()
+
+
+def test_the_take_off_is_where_it_was(noted: tuple[Path, Notes]) -> None:
+    first = next(RecordReader(noted[0]).moments())
+    assert isinstance(first.commands.sent.movement, TakeOff)

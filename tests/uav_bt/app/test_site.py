@@ -1,0 +1,92 @@
+"""Site files: all of it may be left out, nothing of it may be wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.app.site import Site, load_site
+from uav_bt.errors import FileError
+from uav_bt.mission.preflight import PreflightConfig
+from uav_bt.mission.safety import Limits
+
+FULL = """
+flight_height_m: 1.2
+take_off_surface_m: 0.4
+camera: camera.yaml
+network: {model: hall.onnx, classes: classes.yaml}
+ground: [carpet, background]
+limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2}
+battery: {take_off: 0.4, critical: 0.15}
+link: {take_off: 0.6}
+video: {latency_s: 0.2}
+ports: {http: 8080, rtsp: 8554}
+"""
+
+
+def site_file(folder: Path, text: str) -> Path:
+    path = folder / "site.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_an_empty_file_is_a_site_like_any(tmp_path: Path) -> None:
+    assert load_site(site_file(tmp_path, "# nothing to say\n")) == Site()
+
+
+def test_everything_that_can_be_said(tmp_path: Path) -> None:
+    for name in ("camera.yaml", "hall.onnx", "classes.yaml"):
+        (tmp_path / name).touch()
+    assert load_site(site_file(tmp_path, FULL)) == Site(
+        flight_height_m=1.2,
+        take_off_surface_m=0.4,
+        camera=tmp_path / "camera.yaml",
+        model=str(tmp_path / "hall.onnx"),
+        classes=tmp_path / "classes.yaml",
+        ground=("carpet", "background"),
+        limits=Limits(
+            speed_mps=0.6, climb_mps=0.5, yaw_rate_radps=1.2, ceiling_m=2.0, critical_battery=0.15
+        ),
+        preflight=PreflightConfig(battery=0.4, link=0.6),
+        video_latency_s=0.2,
+        http_port=8080,
+        rtsp_port=8554,
+    )
+
+
+def test_a_shipped_network_is_called_by_its_name(tmp_path: Path) -> None:
+    assert load_site(site_file(tmp_path, "network: {model: unet-fp32}")).model == "unet-fp32"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("hight: 1", r"unknown key 'hight' \(known:|did you mean 'flight_height_m'"),
+        ("limits: {sped_mps: 1}", r"unknown key 'limits.sped_mps'; did you mean 'speed_mps'"),
+        ("limits: 3", "limits is a mapping with speed_mps"),
+        ("limits: {speed_mps: fast}", r"limits.speed_mps must be a number .*, got 'fast'"),
+        ("limits: {speed_mps: 0}", "must be positive"),
+        ("limits: {ceiling_m: .nan}", "must be a number from 0 to 1000, got nan"),
+        ("flight_height_m: 0", "flight_height_m must be positive"),
+        ("flight_height_m: true", "must be a number"),
+        ("battery: {take_off: 40}", r"battery.take_off must be a number from 0 to 1, got 40"),
+        ("camera: nowhere.yaml", r"camera: there is no file .*nowhere\.yaml"),
+        ("camera: 3", "camera must name a file, got 3"),
+        ("network: {model: gone.onnx}", r"model: there is no file .*gone\.onnx"),
+        ("network: {model: 3}", "must name a network, got 3"),
+        ("ground: carpet", "ground must be a list of class names"),
+        ("ports: {http: 99999}", r"ports.http must be a port from 1 to 65535, got 99999"),
+        ("- 1", "a site file is a mapping with"),
+        ("a: [", "not valid YAML"),
+        ("!!python/object:os.system {}", "not valid YAML"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(FileError, match=message):
+        load_site(site_file(tmp_path, text))
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="there is no such site file"):
+        load_site(tmp_path / "site.yaml")

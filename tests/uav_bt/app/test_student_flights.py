@@ -1,0 +1,49 @@
+"""The shipped control student in the twin, and one that fails on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+
+from perception.control.runtime import SHIPPED_STUDENT
+from uav_bt import app
+from uav_bt.errors import NodeFailedError
+
+ROOT = Path(__file__).parents[3]
+SMALL = app.FlightOptions(scene="val-b", seed=3, image_size_px=(320, 180))
+EXPLORES = 'msec="90000"'
+
+
+def shortened(name: str, folder: Path) -> Path:
+    """Return a shipped mission that explores for 6 s only."""
+    text = (ROOT / "trees" / f"{name}.xml").read_text(encoding="utf-8")
+    assert EXPLORES in text
+    path = folder / f"{name}.xml"
+    path.write_text(text.replace(EXPLORES, 'msec="6000"', 1), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "mission", ["explore_and_land_student", "explore_and_land_student_guarded"]
+)
+def test_the_shipped_student_explores_and_comes_home(mission: str, tmp_path: Path) -> None:
+    report = app.fly(shortened(mission, tmp_path), SMALL)
+    assert (report.outcome, report.reason) == ("success", "landed")
+
+
+def test_a_network_that_fails_in_flight_ends_the_mission(tmp_path: Path) -> None:
+    """Never a silent zero: the drone lands as after any fault, and whoever flew it hears of it."""
+    model = onnx.load(SHIPPED_STUDENT)
+    (bias,) = [one for one in model.graph.initializer if one.name == "say.bias"]
+    bias.CopyFrom(onnx.numpy_helper.from_array(np.full(5, np.nan, np.float32), bias.name))
+    (tmp_path / "nan.onnx").write_bytes(model.SerializeToString())
+    tree = shortened("explore_and_land_student", tmp_path)
+    text = tree.read_text(encoding="utf-8")
+    tree.write_text(text.replace('"student"', f'"student:{tmp_path}/nan.onnx"'), encoding="utf-8")
+    with pytest.raises(
+        NodeFailedError, match=r"step_or_turn/Explore.*answer holds NaN or infinity"
+    ):
+        app.fly(tree, SMALL)

@@ -1,0 +1,68 @@
+"""One short flight of the twin with its record, and what a follower saw while it was flown."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from uav_bt import app
+from uav_bt.board.context import MissionContext
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.tree import MissionTree, Status
+
+MISSION = """
+<ReactiveSequence name="mission">
+  <Segment model="unet"/>
+  <FindHelipad/>
+  <RememberObstacles/>
+  <Sequence name="hop">
+    <TakeOff height_m="1.0" gimbal_deg="-30"/>
+    <Turn name="round" degrees="40"/>
+    <Land/>
+  </Sequence>
+</ReactiveSequence>
+"""
+
+
+@dataclass
+class Seen:
+    """What a live follower saw of each tick."""
+
+    ticks: list[TickRecord] = field(default_factory=list)
+    boards: list[dict[str, tuple[Any, float]]] = field(default_factory=list)
+    statuses: list[dict[str, Status]] = field(default_factory=list)
+
+    def follow(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
+        seen = self
+
+        class Follower:
+            def on_tick(self, record: TickRecord) -> None:
+                seen.ticks.append(record)
+                seen.boards.append(copy.copy(context.board.snapshot()))
+                seen.statuses.append({node.path: node.status for node in tree.nodes()})
+
+        return [Follower()]
+
+
+def fly(folder: Path, name: str = "flight.mcap", **changes: Any) -> tuple[Path, Seen, FlightReport]:
+    """Fly the mission and return its record, what was seen of it, and its report."""
+    tree = folder / "mission.xml"
+    tree.write_text(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{MISSION}</BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    told: dict[str, Any] = {
+        "scene": "val-a",
+        "seed": 4,
+        "profile": "ideal",
+        "image_size_px": (160, 90),
+        "exact_masks": True,
+        "record": folder / name,
+    }
+    seen = Seen()
+    report = app.fly(tree, app.FlightOptions(**{**told, **changes}), tree_listeners=seen.follow)
+    return folder / name, seen, report

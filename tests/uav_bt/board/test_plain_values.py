@@ -1,0 +1,90 @@
+"""Board values as plain data: everything can be told, nothing grows large."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uav_bt.board.plain_values import plain
+from uav_bt.types import DroneState, FlyingState, Frame
+
+
+class Colour(enum.Enum):
+    RED = 1
+
+
+@dataclass(frozen=True)
+class Pair:
+    left: Any
+    right: Any
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (None, None),
+        (True, True),
+        (3, 3),
+        (2.5, 2.5),
+        ("text", "text"),
+        (2**70, "71-bit integer"),
+        (Colour.RED, "RED"),
+        (np.float32(0.5), 0.5),
+        (np.longdouble(0.5), 0.5),
+        (np.int64(7), 7),
+        (np.bool_(True), True),
+        (np.zeros((4, 5, 3), np.uint8), "uint8 array 4x5x3"),
+        (b"abc", "3 bytes"),
+        ((1, [2]), [1, [2]]),
+        ({"a": Pair(1, Colour.RED)}, {"a": {"left": 1, "right": "RED"}}),
+        ({1: 2}, {"1": 2}),
+        ({3}, [3]),
+        (object(), "object"),
+        (Pair, "type"),
+        ("x" * 600, "x" * 500 + "..."),
+        (list(range(100)), [*range(64), "..."]),
+        ("\ud800", "?"),
+    ],
+)
+def test_a_value_is_told_plainly(value: object, told: object) -> None:
+    assert plain(value) == told
+    assert type(plain(value)) is type(told)
+
+
+def test_a_long_mapping_is_cut() -> None:
+    told = plain({str(key): key for key in range(100)})
+    assert len(told) == 65
+    assert told["..."] == "100 in all"
+
+
+def test_what_contains_itself_ends() -> None:
+    loop: list[Any] = []
+    loop.append(loop)
+    assert plain(loop) == [[[[[[["..."]]]]]]]
+
+
+def test_what_flies_on_the_board_is_told_without_its_pictures() -> None:
+    image = np.zeros((36, 64, 3), np.uint8)
+    frame = Frame(image=image, index=1, captured_s=0.5, gimbal_pitch_rad=0.0)
+    state = DroneState(captured_s=0.5, flying=FlyingState.HOVERING)
+    assert plain(frame)["image"] == "uint8 array 36x64x3"
+    assert plain(state)["flying"] == "HOVERING"
+    assert len(msgpack.packb(plain({"frame": frame, "state": state}))) < 1000
+
+
+@settings(max_examples=50)
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),
+        lambda inner: st.lists(inner) | st.dictionaries(st.text() | st.integers(), inner),
+    )
+)
+def test_everything_can_be_sent(value: object) -> None:
+    assert isinstance(msgpack.packb(plain(value)), bytes)

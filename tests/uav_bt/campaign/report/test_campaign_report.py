@@ -1,0 +1,260 @@
+"""Reports: what stands in them, what they are made from, and that they need nothing else."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from uav_bt.campaign.plan import CampaignPlan, PlannedFile
+from uav_bt.campaign.report.campaign_report import WrittenReport, write_campaign_report
+from uav_bt.campaign.report.sources import read_sources
+from uav_bt.campaign.store import CampaignStore
+from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.errors import FileError
+
+LAB = LabMap(
+    carpet_size_m=(5.0, 4.0),
+    boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9)),),
+    helipad=MapItem(x_m=-1.0, y_m=-1.0, size_m=(0.5, 0.5, 0.4)),
+)
+PATH = [[0.0, -1.0, -1.0, 0.4], [10.0, 1.0, -1.0, 1.5], [20.0, -1.0, -1.0, 0.4]]
+TIMES = {"p50": 1.0, "p99": 2.0, "max": 30.0}
+
+
+def flight(seed: int, tree: str = "one.xml", **fields: Any) -> dict[str, Any]:
+    return {
+        "tree": tree,
+        "scene": "lab",
+        "seed": seed,
+        "outcome": "success",
+        "reason": "landed",
+        "profile": "lab",
+        "duration_s": 100.0,
+        "explore_distance_m": 7.0 + seed / 7,
+        "search_distance_m": float(seed),
+        "time_to_find_helipad_s": 2.0 * seed,
+        "time_to_land_s": 15.0,
+        "path": PATH,
+        "tick_ms": TIMES,
+        "perception_ms": {"segmentation": TIMES, "never": None},
+        "wall_s": 20.0,
+        **fields,
+    }
+
+
+def jsonl(path: Path, *flights: dict[str, Any]) -> Path:
+    path.write_text("".join(json.dumps(one) + "\n" for one in flights))
+    return path
+
+
+def campaign(folder: Path, *flights: dict[str, Any], **how: Any) -> Path:
+    plan = CampaignPlan(
+        trees=(PlannedFile(name="one.xml", path="/missions/one.xml", sha256="0" * 64),),
+        scenes=(PlannedFile(name="lab", path="/labs/my lab.yaml", sha256="1" * 64),),
+        flights=how.pop("planned", len(flights)),
+        **how,
+    )
+    with CampaignStore.opened(folder, plan, {"code": "abc"}) as store:
+        for one in flights:
+            store.keep(one)
+    return folder
+
+
+def write(out: Path, *paths: Path) -> WrittenReport:
+    return write_campaign_report(
+        read_sources(paths), out, maps={"lab": LAB}, today=dt.date(2026, 1, 2)
+    )
+
+
+def rows(written: WrittenReport, name: str) -> list[dict[str, str]]:
+    (file,) = (path for path in written.tables if path.stem.endswith(f"-{name}"))
+    with file.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, and whether its elements are closed in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.references: list[str] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.texts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.references += [value or "" for name, value in attrs if name in {"src", "href"}]
+        if tag not in {"meta", "img", "br"}:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+
+def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
+    written = write(tmp_path / "r.html", folder)
+    assert [path.name for path in written.pictures] == [
+        *("r-outcomes.png", "r-densities.png", "r-scene-lab.png")
+    ]
+    for path in written.pictures:
+        picture = cv2.imread(str(path))
+        assert picture is not None
+        assert picture.std() > 5.0, "a picture shows something"
+    assert {path.name for path in written.tables} == {
+        f"r-{name}.csv"
+        for name in ("outcomes", "scenes", "metrics", "failures", "timings", "flights")
+    }
+    assert sorted(path.name for path in tmp_path.iterdir() if path.suffix == ".part") == []
+
+
+def test_the_page_stands_alone(tmp_path: Path) -> None:
+    page = Page(write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0))).page.read_text())
+    assert page.open == []
+    assert len(page.references) == 3
+    assert all(one.startswith("data:image/png;base64,") for one in page.references)
+    assert not {"script", "link", "iframe"} & set(page.tags)
+
+
+def test_the_same_flights_make_the_same_report(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
+    first = write(tmp_path / "r.html", folder).page.read_bytes()
+    assert write(tmp_path / "r.html", folder).page.read_bytes() == first
+
+
+def test_texts_of_others_cannot_become_part_of_the_page(tmp_path: Path) -> None:
+    evil = '<script>alert("x")</script>&$\\alpha'
+    one = flight(0, tree=f"{evil}.xml", scene=evil, outcome="collision", reason=evil, profile=evil)
+    page = Page(write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", one)).page.read_text())
+    assert "script" not in page.tags
+    assert evil in page.texts
+
+
+def test_outcomes_come_with_their_intervals(tmp_path: Path) -> None:
+    flights = [flight(seed, outcome="timeout" if seed == 0 else "success") for seed in range(20)]
+    (row,) = rows(write(tmp_path / "r.html", campaign(tmp_path / "c", *flights)), "outcomes")
+    assert row == {
+        "tree": "one",
+        "flights": "20",
+        "success, %": "95.0",
+        "95 % from": "76.4",
+        "to": "99.1",
+        "success": "19",
+        "collision": "0",
+        "left area": "0",
+        "timeout": "1",
+        "aborted": "0",
+        "error": "0",
+    }
+
+
+def test_every_failure_has_its_reason_its_record_and_a_way_to_see_it_again(tmp_path: Path) -> None:
+    folder = tmp_path / "c"
+    lost = flight(3, outcome="collision", reason="touched box-4", record="records/a b.mcap")
+    gone = flight(4, outcome="timeout", reason="too late", record="records/gone.mcap")
+    campaign(folder, flight(0), lost, gone, policies={"Explore": "mine"}, profile="harsh")
+    (folder / "records").mkdir()
+    (folder / "records" / "a b.mcap").touch()
+    written = write(tmp_path / "r.html", folder)
+    first, second = rows(written, "failures")
+    assert (first["outcome"], first["reason"]) == ("collision", "touched box-4")
+    assert first["record"] == "c/records/a b.mcap"
+    assert second["record"] == ""
+    assert first["the same again"] == (
+        "uav-bt fly /missions/one.xml --scene '/labs/my lab.yaml' --seed 3 --profile lab "
+        "--image-size 640x360 --policy Explore=mine"
+    )
+    assert 'href="c/records/a%20b.mcap"' in written.page.read_text()
+
+
+def test_flights_on_exact_masks_are_seen_again_with_exact_masks(tmp_path: Path) -> None:
+    one = flight(3, outcome="error", reason="crashed")
+    folder = campaign(tmp_path / "c", one, exact_masks=True, image_size_px=(160, 90))
+    (row,) = rows(write(tmp_path / "r.html", folder), "failures")
+    assert row["the same again"] == (
+        "uav-bt campaign /missions/one.xml --scenes '/labs/my lab.yaml' --exact-masks --flights 1 "
+        "--seed-from 3 --out runs/again-lab-3 --profile lab --image-size 160x90"
+    )
+
+
+def test_trees_stand_side_by_side_also_under_one_name(tmp_path: Path) -> None:
+    one = campaign(tmp_path / "one", *(flight(seed) for seed in range(3)))
+    two = jsonl(tmp_path / "two.jsonl", flight(0), flight(1, tree="other.xml"))
+    sources = read_sources([one, two, one])
+    assert [item.label for item in sources.sets] == [f"one ({one})", f"one ({two})", "other"]
+    written = write(tmp_path / "r.html", one, two)
+    assert [row["flights"] for row in rows(written, "outcomes")] == ["3", "1", "1"]
+
+
+def test_metrics_count_the_flights_that_came_so_far(tmp_path: Path) -> None:
+    flights = [flight(seed, time_to_land_s=None if seed else 20.0) for seed in range(3)]
+    written = write(tmp_path / "r.html", campaign(tmp_path / "c", *flights))
+    (row,) = (row for row in rows(written, "metrics") if row["metric"] == "time_to_land_s")
+    assert (row["flights"], row["mean"]) == ("1", "20.0")
+    assert row["paper"] == "depth: peak at about 20 s"
+
+
+def test_timings_are_told_by_stage(tmp_path: Path) -> None:
+    written = write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0), flight(1)))
+    told = {row["stage"]: row for row in rows(written, "timings")}
+    assert set(told) == {"whole tick", "segmentation", "flight"}
+    assert told["segmentation"]["longest, ms"] == "30.0"
+    assert told["flight"]["p50, ms"] == "5.0 times real time"
+
+
+def test_flights_that_ended_before_anything_make_a_report_too(tmp_path: Path) -> None:
+    bare = {"tree": "a.xml", "scene": None, "seed": 0, "outcome": "error", "reason": "crashed"}
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", bare))
+    assert [path.name for path in written.pictures] == ["r-outcomes.png", "r-densities.png"]
+
+
+def test_damaged_lines_and_missing_flights_are_told_first(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", flight(0), planned=5)
+    with (folder / "flights.jsonl").open("a") as kept:
+        kept.write("rubbish\n")
+    text = write(tmp_path / "r.html", folder).page.read_text()
+    note, failures = text.index("Please note"), text.index("Every failure")
+    assert note < text.index("flights.jsonl:2: no JSON") < failures
+    assert "1 of 5 planned flights were flown" in text
+
+
+@pytest.mark.parametrize("content", [None, "", "rubbish\n"])
+def test_a_folder_without_flights_is_refused(tmp_path: Path, content: str | None) -> None:
+    if content is not None:
+        (tmp_path / "flights.jsonl").write_text(content)
+    with pytest.raises(FileError, match="no flights"):
+        read_sources([tmp_path])
+
+
+def test_a_page_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    folder = campaign(tmp_path / "c", flight(0))
+    (tmp_path / "r.html").mkdir()
+    with pytest.raises(FileError, match=re.escape(f"{tmp_path / 'r.html'}: cannot be written")):
+        write(tmp_path / "r.html", folder)
+    assert not (tmp_path / "r.html.part").exists()
+
+
+def test_pictures_differ_with_what_they_show(tmp_path: Path) -> None:
+    near, far = ([[0.0, 0.0, 0.0, 1.0], [1.0, end, 0.0, 1.0]] for end in (0.1, 2.0))
+    pictures = [
+        cv2.imread(str(write(tmp_path / "r.html", source).pictures[2]))
+        for source in (
+            jsonl(tmp_path / "near.jsonl", flight(0, tree="a.xml", path=near)),
+            jsonl(tmp_path / "far.jsonl", flight(0, tree="a.xml", path=far)),
+        )
+    ]
+    assert np.any(pictures[0] != pictures[1])

@@ -1,0 +1,82 @@
+"""The numbers behind the report: summaries, densities, coverage."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from uav_bt.campaign.report.coverage import free_cells, visited_cells
+from uav_bt.campaign.report.density import bandwidth, density
+from uav_bt.campaign.report.statistics import summarise
+from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.errors import InputError
+
+CARPET_M = (5.0, 4.0)
+
+
+def test_a_summary_counts_outcomes_success_first() -> None:
+    outcomes = ["timeout", "collision", "collision", "success"]
+    summary = summarise([{"outcome": outcome, "duration_s": 1.0} for outcome in outcomes])
+    assert list(summary.outcomes.items()) == [("success", 1), ("collision", 2), ("timeout", 1)]
+    assert summary.success == 0.25
+    assert summary.metrics["time_to_land_s"] is None
+
+
+def test_distributions_tell_where_the_values_lie() -> None:
+    flights = [{"outcome": "success", "duration_s": float(value)} for value in range(101)]
+    found = summarise(flights).metrics["duration_s"]
+    assert found is not None
+    assert (found.count, found.mean, found.median) == (101, 50.0, 50.0)
+    assert (found.p5, found.p95, found.least, found.most) == (5.0, 95.0, 0.0, 100.0)
+
+
+def test_nothing_cannot_be_summarised() -> None:
+    with pytest.raises(InputError, match="no flights"):
+        summarise([])
+
+
+def test_a_density_integrates_to_one_above_nought() -> None:
+    at = np.linspace(0.0, 60.0, 6001)
+    values = [0.0, 0.0, 0.0, 1.0, 5.0, 20.0]
+    assert np.trapezoid(density(values, at), at) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_density_is_that_of_the_distribution_the_values_come_from() -> None:
+    values = np.abs(np.random.default_rng(0).normal(30.0, 4.0, 4000))
+    at = np.array([30.0, 34.0])
+    exact = np.exp(-0.5 * ((at - 30.0) / 4.0) ** 2) / (4.0 * math.sqrt(2.0 * math.pi))
+    assert density(values.tolist(), at) == pytest.approx(exact, rel=0.08)
+
+
+def test_the_bandwidth_survives_values_that_are_mostly_the_same() -> None:
+    assert bandwidth([0.0] * 20 + [5.0]) > 0.0
+    assert bandwidth([3.0, 3.0]) == 0.0
+
+
+def test_a_straight_way_covers_a_band_of_the_carpet() -> None:
+    seen = visited_cells([[0.0, -2.5, 0.1, 1.5], [9.0, 2.5, 0.1, 1.5]], CARPET_M)
+    assert seen.shape == (16, 20)
+    rows = np.flatnonzero(seen.all(axis=1))
+    # Of the rows, whose middles are at -0.125, 0.125 and 0.375, the last is out of reach.
+    assert rows.tolist() == [7, 8]
+    assert seen.sum() == 40
+
+
+def test_rows_go_up_and_columns_go_right() -> None:
+    seen = visited_cells([[0.0, 2.375, 1.875, 1.0]], CARPET_M)
+    assert bool(seen[-1, -1])
+    assert not seen[0].any()
+    assert not seen[:, 0].any()
+
+
+def test_no_way_covers_nothing() -> None:
+    assert not visited_cells([], CARPET_M).any()
+
+
+def test_cells_under_boxes_are_not_free() -> None:
+    box = MapItem(x_m=0.0, y_m=0.0, size_m=(1.0, 0.5, 1.9), yaw_rad=math.pi / 2)
+    free = free_cells(LabMap(carpet_size_m=CARPET_M, boxes=(box,)))
+    rows, columns = np.nonzero(~free)
+    assert (set(rows), set(columns)) == ({6, 7, 8, 9}, {9, 10}), "turned, it is high and narrow"

@@ -1,0 +1,96 @@
+"""`uav-bt calibrate`: from pictures to a camera file, and what is told on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from perception.camera.camera_file import load_camera
+from tests.uav_bt.cli.cli_world import run
+
+# A board seen by a camera of this focal length, drawn by warping: quick, and exact enough here.
+FOCAL_PX, SIZE = 600.0, (640, 360)
+
+
+def board_picture(turn: tuple[float, float, float]) -> np.ndarray:
+    """Draw a board of 9x6 squares, turned about the image's axes, half a metre away."""
+    columns, rows, square = 9, 6, 40
+    checks = np.add.outer(np.arange(rows), np.arange(columns)) % 2
+    flat = np.pad(30 + 190 * checks, 1, constant_values=220).astype(np.uint8)
+    flat = flat.repeat(square, axis=0).repeat(square, axis=1)
+    height, width = flat.shape
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=np.float32)
+    metres = (corners - (width / 2, height / 2)) * (0.02 / square)
+    solid = np.concatenate([metres, np.zeros((4, 1))], axis=1)
+    rotation, _ = cv2.Rodrigues(np.array(turn))
+    seen = solid @ rotation.T + (0.0, 0.0, 0.35)
+    pixels = FOCAL_PX * seen[:, :2] / seen[:, 2:] + (319.5, 179.5)
+    warp = cv2.getPerspectiveTransform(corners - 0.5, pixels.astype(np.float32))
+    picture = cv2.warpPerspective(flat, warp, SIZE, flags=cv2.INTER_AREA, borderValue=150)
+    return np.asarray(cv2.GaussianBlur(picture, (3, 3), 0.6))
+
+
+@pytest.fixture
+def pictures(tmp_path: Path) -> Path:
+    """Return a folder of five boards, and one picture of nothing."""
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    turns = [(0.5, 0, 0), (-0.5, 0.2, 0.1), (0.1, 0.6, 0), (0, -0.6, 0.2), (0.4, 0.4, -0.2)]
+    for index, turn in enumerate(turns):
+        cv2.imwrite(str(folder / f"board{index}.png"), board_picture(turn))
+    cv2.imwrite(str(folder / "nothing.png"), np.full((360, 640), 99, dtype=np.uint8))
+    return folder
+
+
+def test_a_folder_of_pictures_becomes_a_camera_file(pictures: Path, tmp_path: Path) -> None:
+    out = tmp_path / "camera.yaml"
+    result = run("calibrate", pictures, "--square-mm", 20, "--out", out)
+
+    assert result.exit_code == 0, result.output
+    camera = load_camera(out)
+    assert (camera.width_px, camera.height_px) == SIZE
+    assert camera.fx_px == pytest.approx(FOCAL_PX, rel=0.02)
+    assert "8x5" in result.stdout
+    assert "<- kept" in result.stdout
+    assert f"skipped {pictures / 'nothing.png'}: no board found" in result.stdout
+    assert str(out) in result.stdout
+
+
+def test_an_unreadable_picture_is_skipped_by_name(pictures: Path, tmp_path: Path) -> None:
+    broken = pictures / "broken.jpg"
+    broken.write_text("no picture", encoding="utf-8")
+    result = run("calibrate", pictures, "--out", tmp_path / "camera.yaml")
+
+    assert result.exit_code == 0, result.output
+    assert f"skipped {broken}" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["absent.png"], "absent.png: there is no such picture"),
+        (["."], "holds no pictures"),
+        ([], "IMAGES"),
+        (["grey.png", "--square-mm", "0"], "--square-mm"),
+        (["grey.png", "--out", "nowhere/camera.yaml"], "create it first"),
+        (["grey.png"], "at least 3 photographs"),
+        (["text.png"], "none of 1 photographs"),
+    ],
+)
+def test_a_mistake_is_told_and_nothing_is_written(
+    arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if arguments != ["."]:
+        cv2.imwrite(str(tmp_path / "grey.png"), np.full((90, 160), 99, dtype=np.uint8))
+        (tmp_path / "text.png").write_text("text", encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    monkeypatch.chdir(tmp_path)
+    result = run("calibrate", *arguments)
+
+    assert result.exit_code == 2, result.output
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
+    assert sorted(tmp_path.iterdir()) == before

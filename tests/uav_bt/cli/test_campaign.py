@@ -1,0 +1,193 @@
+"""`uav-bt campaign` and `uav-bt report`: a small campaign, and everything that is refused."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from rich.console import Console
+
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt import campaign as campaigns
+from uav_bt.cli.campaign_progress import campaign_progress
+
+SMALL = ("--profile", "ideal", "--exact-masks", "--image-size", "160x90", "--workers", 1)
+
+
+def flights_of(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / "flights.jsonl").read_text().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of two short flights, really flown."""
+    folder = tmp_path_factory.mktemp("campaign")
+    mission = tree_file(folder, HOP)
+    out = folder / "out"
+    done = run("campaign", mission, "--scenes", "val-*", "--flights", 1, *SMALL, "--out", out)
+    assert done.exit_code == 0, done.output
+    assert "mission.xml: 2 flights, success 2; success 100.0 % (95 % Wilson" in done.stdout
+    assert "1/2 mission.xml val-" in done.stderr
+    return out
+
+
+@pytest.fixture
+def folder(flown: Path, tmp_path: Path) -> Path:
+    """A copy of it, to do as one likes with."""
+    return Path(shutil.copytree(flown, tmp_path / "c"))
+
+
+def test_flights_are_kept_with_their_way(flown: Path) -> None:
+    one, two = sorted(flights_of(flown), key=lambda flight: flight["scene"])
+    assert (one["scene"], two["scene"], one["tree"]) == ("val-a", "val-b", "mission.xml")
+    assert one["outcome"] == two["outcome"] == "success"
+    assert one["duration_s"] > 3.0
+    times, heights = ([point[i] for point in one["path"]] for i in (0, 3))
+    assert times[:3] == [0.0, 0.5, 1.0]
+    assert max(heights) > 1.0
+
+
+def test_the_same_command_flies_nothing_again_and_resume_neither(folder: Path) -> None:
+    before = flights_of(folder)
+    done = run("campaign", "--resume", folder, "--workers", 1)
+    assert done.exit_code == 0, done.output
+    assert flights_of(folder) == before
+
+
+def test_a_changed_tree_is_refused(folder: Path, flown: Path) -> None:
+    mission = flown.parent / "mission.xml"
+    text = mission.read_text()
+    try:
+        mission.write_text(text.replace("1.0", "1.2"))
+        refused = run("campaign", "--resume", folder)
+    finally:
+        mission.write_text(text)
+    assert_refused(refused, "holds another campaign", "tree: 'mission.xml' has changed")
+
+
+def test_a_report_is_written_into_the_folder(folder: Path) -> None:
+    done = run("report", folder)
+    assert done.exit_code == 0, done.output
+    files = [Path(line) for line in done.stdout.splitlines()]
+    assert files[0] == folder / "report.html"
+    assert all(file.is_file() for file in files)
+    assert {file.suffix for file in files} == {".html", ".png", ".csv"}
+    assert (folder / "report-scene-val-a.png") in files
+
+
+def test_a_file_of_flights_is_reported_beside_it(folder: Path) -> None:
+    file = (folder / "flights.jsonl").rename(folder / "mine.jsonl")
+    done = run("report", file)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines()[0] == str(folder / "mine.html")
+
+
+def test_a_scene_that_is_gone_is_told_and_left_out(folder: Path) -> None:
+    lines = (folder / "flights.jsonl").read_text().replace("val-a", "gone")
+    (folder / "flights.jsonl").write_text(lines)
+    done = run("report", folder)
+    assert done.exit_code == 0, done.output
+    assert "no map of scene 'gone'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), ("which TREE is to be flown",)),
+        (("nonsense",), ("nonsense: no such tree file",)),
+        (("land_only", "--scenes", "val-z"), ("unknown scene 'val-z'; did you mean 'val-",)),
+        (("land_only", "--scenes", "zzz*"), ("unknown scene pattern 'zzz*'",)),
+        (("land_only", "land_only"), ("two trees are called 'land_only.xml'",)),
+        (("land_only", "--flights", 0), ("--flights",)),
+        (("land_only", "--workers", 0), ("--workers",)),
+        (("land_only", "--timeout-s", 0), ("--timeout-s",)),
+        (("land_only", "--image-size", "big"), ("640x360",)),
+        (("land_only", "--policy", "x"), ("NODE=NAME",)),
+        (("land_only", "--policy", "Nobody=corridor"), ("Nobody",)),
+        (("land_only", "--backend", "dask"), ("--backend dask and --address",)),
+        (("land_only", "--address", "x:1"), ("--backend dask and --address",)),
+        (
+            ("land_only", "--backend", "dask", "--address", "x:1", "--workers", 2),
+            ("--workers is for this machine",),
+        ),
+        (("--resume", "/nowhere"), ("/nowhere/campaign.json: no such file",)),
+        (("land_only", "--resume", "x", "--flights", 3), ("leave out TREE, --flights",)),
+    ],
+)
+def test_what_makes_no_campaign_is_refused(
+    arguments: tuple[object, ...], words: tuple[str, ...], tmp_path: Path
+) -> None:
+    out = () if "--resume" in arguments or not arguments else ("--out", tmp_path / "out")
+    assert_refused(run("campaign", *arguments, *out), *words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_profile_that_nobody_knows_ends_the_campaign(tmp_path: Path) -> None:
+    mission, out = tree_file(tmp_path, HOP), tmp_path / "out"
+    refused = run("campaign", mission, "--flights", 1, *SMALL, "--profile", "no", "--out", out)
+    assert refused.exit_code == 2, refused.output
+    assert "unknown profile 'no'" in refused.stderr
+    assert flights_of(out) == []
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "out"
+    assert_refused(run("campaign", "land_only", "--out", out), "cannot be written to")
+
+
+@pytest.mark.parametrize(("percent", "code"), [(100, 0), (50, 0)])
+def test_successes_above_the_limit_are_good(folder: Path, percent: int, code: int) -> None:
+    done = run("campaign", "--resume", folder, "--fail-under", percent)
+    assert done.exit_code == code
+
+
+def test_successes_under_the_limit_fail(folder: Path) -> None:
+    text = (folder / "flights.jsonl").read_text().replace("success", "collision", 1)
+    (folder / "flights.jsonl").write_text(text)
+    assert run("campaign", "--resume", folder, "--fail-under", 50).exit_code == 0
+    assert run("campaign", "--resume", folder, "--fail-under", 51).exit_code == 1
+
+
+def test_a_stopped_campaign_says_how_it_goes_on(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def stopped(*_: Any, on_flight: Any, **__: Any) -> None:
+        on_flight({"outcome": "success", "tree": "t", "scene": "s", "seed": 0}, True)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaigns, "run", stopped)
+    done = run("campaign", "land_only", "--flights", 2, "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "stopped; 1 of 4 flights are kept" in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [(), ("/nowhere",)])
+def test_a_report_of_nothing_is_refused(arguments: tuple[str, ...]) -> None:
+    assert_refused(run("report", *arguments))
+
+
+def test_a_report_of_a_folder_without_flights_is_refused(tmp_path: Path) -> None:
+    assert_refused(run("report", tmp_path), "no flights in this folder")
+    assert_refused(run("report", tmp_path, "--out", tmp_path / "no" / "x.html"), "does not exist")
+
+
+def test_on_a_terminal_a_bar_counts_outcomes_and_names_failures() -> None:
+    told = io.StringIO()
+    with campaign_progress(3, Console(file=told, force_terminal=True, width=100)) as progress:
+        progress.add({"outcome": "success", "tree": "t", "scene": "s", "seed": 0}, now=False)
+        progress.add({"outcome": "success", "tree": "t", "scene": "s", "seed": 1}, now=True)
+        progress.add(
+            {"outcome": "timeout", "tree": "t", "scene": "s", "seed": 2, "reason": "[red]"},
+            now=True,
+        )
+        assert progress.done == 3
+    text = click.unstyle(told.getvalue())
+    assert "success 2  timeout 1" in text
+    assert "3/3 t s seed 2: timeout, [red]" in text
+    assert "seed 1" not in text

@@ -1,0 +1,77 @@
+"""`uav-bt evaluate depth`: what it prints, what it writes, what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.cli.cli_world import assert_refused, run
+from uav_bt.cli.depth_tables import depth_report
+
+ONE_SCENE = ("--scene", "train-b", "--views", 3)
+
+
+def test_the_ways_without_a_network_are_measured_beside_the_paper(tmp_path: Path) -> None:
+    out = tmp_path / "depth.json"
+    result = run("evaluate", "depth", "--model", "footing", *ONE_SCENE, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "footing on 3 pictures of train-b, unet masks" in result.stdout
+    lines = [line.split() for line in result.stdout.splitlines()]
+    assert ["the", "paper", "0.0740", "0.0597", "0.0988", "0.0655", "0.8342"] in lines
+    assert ["the", "paper", "0.1440", "0.1628", "0.3714"] in lines
+    for title in ("9x9 median", "along the ray", "pitch -2 deg", "none without a network", "clear"):
+        assert title in result.stdout
+    assert "adaptive " not in result.stdout.partition("Adaptive scale")[0]
+    written = json.loads(out.read_text())
+    assert written["model"] == "footing"
+    assert written["tables"]["distance"][0]["error"]["asked"] == written["points"] > 50
+
+
+def test_only_the_tables_asked_for_are_made() -> None:
+    result = run(
+        *("evaluate", "depth", "--model", "footing", "--masks", "exact", *ONE_SCENE),
+        *("--tables", "distance"),
+    )
+    assert result.exit_code == 0, result.output
+    assert "along the ray" in result.stdout
+    assert "exact masks, telemetry of profile 'lab'" in result.stdout
+    assert "edges, no patch" not in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--model", "absent.onnx"], ["absent.onnx"]),
+        (["--model", "dept"], ["unknown depth network 'dept'"]),
+        (["--model", "footing", "--tables", "pair"], ["unknown table 'pair'", "'pairs'"]),
+        (["--model", "footing", "--tables", ","], ["no table"]),
+        (["--model", "footing", "--scene", "test-c"], ["unknown scene 'test-c'"]),
+        (["--masks", "teacher"], ["--masks"]),
+        (["--views", "0"], ["--views"]),
+        (["--out", "nowhere/depth.json"], ["nowhere", "create it first"]),
+    ],
+)
+def test_a_mistake_is_told(arguments: list[str], words: list[str]) -> None:
+    assert_refused(run("evaluate", "depth", *arguments), *words)
+
+
+def test_figures_that_nobody_knows_are_dashes() -> None:
+    error = dict.fromkeys(
+        ("mean_m", "median_m", "rmse_m", "std_m", "max_m", "p95_m", "bias_m", "correlation")
+    ) | {"asked": 0, "answered": 0}
+    result = {
+        "model": "m",
+        "pictures": 1,
+        "scenes": ["s"],
+        "masks": "unet",
+        "profile": "lab",
+        "edges": 0,
+        "pictures_with_edges": 0,
+        "median_edge_m": None,
+        "points": 0,
+        "tables": {"distance": [{"method": "footing", "what": "carpet", "error": error}]},
+    }
+    lines = list(depth_report(result))
+    assert lines[-1].split() == ["footing", *"------"]

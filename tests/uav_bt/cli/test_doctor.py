@@ -1,0 +1,77 @@
+"""`uav-bt doctor` and the options of `uav-bt fly` for real drones."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt.app.doctor import examine
+from uav_bt.errors import MissingDependencyError
+
+SMALL = ("--image-size", "160x90", "--profile", "ideal")
+
+
+def test_the_doctor_tells_what_is_installed_and_what_works() -> None:
+    result = run("doctor")
+    assert result.exit_code == 0, result.output
+    lines = dict(line.split(": ", maxsplit=1) for line in result.stdout.splitlines())
+    assert lines["Python"].startswith("ok, 3.")
+    assert "mujoco" in lines["needed packages"]
+    assert lines["drawing the lab"] == "ok, OpenGL works"
+    assert lines["drones"] == "ok, anafi, sphinx, twin"
+    assert "extra dev" not in lines
+
+
+def test_the_doctor_sends_nothing_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        pytest.fail("a packet was sent")
+
+    for name in ("connect", "sendto"):
+        monkeypatch.setattr(socket.socket, name, refuse)
+    assert run("doctor").exit_code == 0
+
+
+def test_what_cannot_draw_is_told_and_counts() -> None:
+    def draws() -> str:
+        raise MissingDependencyError("no OpenGL: install uav-bt[osmesa]")
+
+    faults = [str(check) for check in examine(draws) if not check.good]
+    assert faults == ["drawing the lab: NOT READY, no OpenGL: install uav-bt[osmesa]"]
+
+
+def test_the_doctor_looks_at_a_drone_when_asked() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    result = run("doctor", "--drone", f"anafi:127.0.0.1:{port}")
+    assert result.exit_code in (1, 2)  # where Parrot's SDK is missing that comes first
+    assert "Parrot's SDK" in result.stderr or "cannot reach anafi" in result.stderr
+
+
+def test_a_malformed_address_is_refused(tmp_path: Path) -> None:
+    tree = tree_file(tmp_path, HOP)
+    assert_refused(run("fly", tree, "--drone", "anafi:a:b"), "expected HOST or HOST:DISCOVERY_PORT")
+
+
+def test_a_bad_site_file_is_refused_before_anything_flies(tmp_path: Path) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text("hight: 1", encoding="utf-8")
+    result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--site", site)
+    assert_refused(result, "unknown key 'hight'")
+
+
+def test_a_site_changes_the_flight_height(tmp_path: Path) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text("flight_height_m: 50", encoding="utf-8")
+    result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--site", site)
+    assert result.exit_code == 1
+    assert "aborted" in result.stdout
+
+
+def test_a_rehearsal_succeeds_without_leaving_the_ground(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--rehearse", "--report", report)
+    assert result.exit_code == 0, result.output
+    assert "success" in result.stdout

@@ -1,0 +1,246 @@
+"""`uav-bt fly`: outcomes become exit codes, reports and videos; mistakes become one message."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt import app
+from uav_bt.errors import InputError
+
+SMALL = ("--image-size", "160x90", "--profile", "ideal")
+
+PAD = "helipad: {position_m: [0, 0]}\n"
+SCENE = PAD + "boxes:\n  - {pattern: 1, position_m: [1.0, 1.0], size_m: [0.4, 0.4, 1.5]}\n"
+
+
+def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None:
+    report, video = tmp_path / "report.json", tmp_path / "flight.mp4"
+    result = run(
+        *("fly", tree_file(tmp_path, HOP), "--scene", "val-a", "--seed", 3, *SMALL),
+        *("--report", report, "--video", video),
+    )
+    assert result.exit_code == 0, result.output
+    assert "success" in result.stdout
+    assert f"report: {report}" in result.stdout
+    assert f"video: {video}" in result.stdout
+    assert "take-off" in result.stderr  # the live status
+    told = json.loads(report.read_text())
+    assert (told["outcome"], told["scene"], told["seed"]) == ("success", "val-a", 3)
+    assert (told["drone"], told["profile"]) == ("twin", "ideal")
+    with av.open(str(video)) as container:
+        frames = sum(1 for _ in container.decode(video=0))
+    assert frames >= told["ticks"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "flight.mp4",
+        "mission.xml",
+        "report.json",
+    ]
+
+
+def test_a_mission_that_fails_exits_with_1_and_still_reports(tmp_path: Path) -> None:
+    body = f"<Sequence>{HOP}<AlwaysFailure/></Sequence>"
+    report = tmp_path / "report.json"
+    result = run("fly", tree_file(tmp_path, body), *SMALL, "--report", report)
+    assert result.exit_code == 1, result.output
+    assert "aborted" in result.stdout
+    told = json.loads(report.read_text())
+    assert told["outcome"] == "aborted"
+    assert told["scene"] == "train-a"  # the twin's own choice, since nobody made one
+
+
+def test_a_fault_in_a_leaf_is_told_in_a_line_and_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def break_down(_: object) -> None:
+        raise KeyError("gimbal")
+
+    monkeypatch.setattr("behaviours.fly.land.Land.update", break_down)
+    report = tmp_path / "report.json"
+    tree = tree_file(tmp_path, HOP)
+    result = run("fly", tree, *SMALL, "--report", report)
+    assert result.exit_code == 1
+    assert "Error: node 'Main/Sequence/Land' failed: KeyError: 'gimbal'" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert json.loads(report.read_text())["outcome"] == "error"
+    assert "Traceback" in run("--debug", "fly", tree, *SMALL).stderr
+
+
+def test_a_scene_file_of_ones_own_can_be_flown(tmp_path: Path) -> None:
+    scene = tmp_path / "mine.yaml"
+    scene.write_text(SCENE, encoding="utf-8")
+    result = run("fly", tree_file(tmp_path, HOP), "--scene", scene, *SMALL)
+    assert result.exit_code == 0, result.output
+
+
+def test_options_reach_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[app.FlightOptions] = []
+
+    def refuse(_tree: object, options: app.FlightOptions, **_: object) -> None:
+        asked.append(options)
+        raise InputError("enough")
+
+    monkeypatch.setattr(app, "fly", refuse)
+    result = run(
+        *("fly", "land_only", "--scene", "val-b", "--seed", 7, "--drone", "twin:here"),
+        *("--profile", "harsh", "--policy", "A/B=x", "--policy", "C=y", "--realtime"),
+        *("--image-size", "320x180", "--threads", 2),
+    )
+    assert_refused(result, "enough")
+    assert asked == [
+        app.FlightOptions(
+            scene="val-b",
+            seed=7,
+            drone="twin:here",
+            profile="harsh",
+            policies={"A/B": "x", "C": "y"},
+            image_size_px=(320, 180),
+            realtime=True,
+            inference_threads=2,
+        )
+    ]
+
+
+EXPLORE = "<Sequence><Segment/><Explore/></Sequence>"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ["Missing argument 'TREE'"]),
+        (["absent.xml"], ["absent.xml: no such tree file", "land_only"]),
+        (["land_only", "--scene", "test-aa"], ["unknown scene 'test-aa'; did you mean 'test-a'"]),
+        (["land_only", "--scene", "absent.yaml"], ["absent.yaml: no such scene file"]),
+        (["land_only", "--drone", "twim"], ["unknown drone 'twim'; did you mean 'twin'"]),
+        (["land_only", "--profile", "lap"], ["unknown profile 'lap'"]),
+        (["land_only", "--seed", "-1"], ["--seed"]),
+        (["land_only", "--seed", "x"], ["--seed"]),
+        (["land_only", "--threads", "0"], ["--threads"]),
+        (["land_only", "--image-size", "640"], ["--image-size", "such as 640x360", "'640'"]),
+        (["land_only", "--image-size", "640x480"], ["16:9", "640x480"]),
+        (["land_only", "--report", "nowhere/r.json"], ["--report", "nowhere", "create it first"]),
+        (["land_only", "--video", "nowhere/v.mp4"], ["--video", "nowhere", "create it first"]),
+        (["land_only", "--report", "."], ["--report"]),
+        (["land_only", "--report", "x", "--video", "x"], ["same file"]),
+        (["land_only", "--policy", "Explore"], ["--policy", "NODE=NAME", "'Explore'"]),
+        (["land_only", "--policy", "=x"], ["NODE=NAME"]),
+        (["land_only", "--policy", "A=x", "--policy", "A=y"], ["'A' is given two policies"]),
+        (
+            ["land_only", "--policy", "ReturnToBse=segmentation"],
+            ["'ReturnToBse'", "did you mean 'ReturnToBase'"],
+        ),
+        (["land_only", "--policy", "TakeOff=segmentation"], ["TakeOff", "policy"]),
+        (
+            ["land_only", "--policy", "ReturnToBase=segmentatio"],
+            ["unknown policy 'segmentatio'; did you mean 'segmentation'"],
+        ),
+        (["land_only", "--hover"], ["--hover"]),
+    ],
+)
+def test_a_mistake_is_told_and_nothing_is_flown(
+    arguments: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if arguments and "--report" not in arguments and "--video" not in arguments:
+        arguments = [*arguments, "--report", "r.json", "--video", "v.mp4"]
+    assert_refused(run("fly", *arguments), *words)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("boxes: [", ["not valid YAML"]),
+        ("", ["empty"]),
+        ("helipad: {position_m: [0, 0], colour: red}", [":1:", "unknown key 'colour'"]),
+        (PAD + "boxs: []", [":2:", "did you mean 'boxes'"]),
+        (
+            PAD + "boxes:\n  - {pattern: 1, position_m: [2.4, 0], size_m: [0.4, 0.4, 1]}",
+            [":3:", "outside the carpet"],
+        ),
+        (
+            PAD + "boxes:\n  - {pattern: 9, position_m: [1, 0], size_m: [0.4, 0.4, 1]}",
+            [":3:", "pattern must be 1 to 8"],
+        ),
+    ],
+)
+def test_a_bad_scene_file_is_told_with_its_line(
+    text: str, words: list[str], tmp_path: Path
+) -> None:
+    scene = tmp_path / "bad.yaml"
+    scene.write_text(text, encoding="utf-8")
+    report = tmp_path / "r.json"
+    result = run("fly", "land_only", "--scene", scene, "--report", report)
+    assert_refused(result, str(scene), *words)
+    assert not report.exists()
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no network at all"])
+def test_absent_or_damaged_weights_are_told_and_nothing_is_flown(
+    content: bytes | None, tmp_path: Path
+) -> None:
+    weights = tmp_path / "net.onnx"
+    if content is not None:
+        weights.write_bytes(content)
+    tree = tree_file(tmp_path, f'<Sequence><Segment model="{weights}"/>{HOP}</Sequence>')
+    report, video = tmp_path / "r.json", tmp_path / "v.mp4"
+    result = run("fly", tree, *SMALL, "--report", report, "--video", video)
+    assert_refused(result, str(weights))
+    assert not report.exists()
+    assert not video.exists()
+
+
+def test_an_old_report_survives_a_refusal(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    report.write_text("yesterday's", encoding="utf-8")
+    assert run("fly", "land_only", "--scene", "nope", "--report", report).exit_code == 2
+    assert report.read_text(encoding="utf-8") == "yesterday's"
+
+
+def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
+    """OpenGL is settled once in a process, so another one has to do without."""
+    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
+        [sys.executable, "-m", "uav_bt.cli", "fly", str(tree_file(tmp_path, HOP))],
+        env={**os.environ, "MUJOCO_GL": "off"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "MUJOCO_GL=off turns drawing off" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_lands_the_drone_and_writes_the_report(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    body = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
+    report = tmp_path / "report.json"
+    arguments = ["fly", str(tree_file(tmp_path, body)), *SMALL, "--report", str(report)]
+    with subprocess.Popen(  # noqa: S603  # our own interpreter and arguments
+        [sys.executable, "-m", "uav_bt.cli", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as flight:
+        for line in flight.stderr:
+            if "HoverFor" in line:
+                flight.send_signal(number)
+                break
+        stdout, stderr = flight.communicate(timeout=60)
+    assert flight.returncode == 1
+    assert "aborted" in stdout
+    assert "Traceback" not in stderr
+    told = json.loads(report.read_text())
+    assert told["outcome"] == "aborted"
+    assert number.name in told["reason"]
+    assert told["duration_s"] < 100.0

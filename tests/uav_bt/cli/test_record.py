@@ -1,0 +1,147 @@
+"""`uav-bt fly --record`, `uav-bt record` and `uav-bt replay`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt.record import record_file
+
+SMALL = ("--image-size", "160x90", "--profile", "ideal")
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the record of a short flight of the twin."""
+    folder = tmp_path_factory.mktemp("flown")
+    path = folder / "flight.mcap"
+    result = run(
+        *("fly", tree_file(folder, HOP), "--scene", "val-a", "--seed", 3, *SMALL),
+        *("--record", path),
+    )
+    assert result.exit_code == 0, result.output
+    assert f"record: {path}" in result.stdout
+    return path
+
+
+def test_info_tells_what_is_in_a_record(record: Path) -> None:
+    result = run("record", "info", record)
+    assert result.exit_code == 0, result.output
+    head = result.stdout.splitlines()[0]
+    assert head.startswith(f"{record}: whole, ")
+    for words in ("scene: val-a", "seed: 3", "outcome: success, landed", "/camera/image"):
+        assert words in result.stdout
+
+
+def test_info_is_for_machines_too(record: Path) -> None:
+    told = json.loads(run("record", "info", record, "--format", "json").stdout)
+    assert told["finished"] is True
+    assert told["damages"] == []
+    rates = {channel["topic"]: channel["rate_hz"] for channel in told["channels"]}
+    assert rates["/mission/tick"] == pytest.approx(10.0, abs=0.5)
+    assert {channel["dropped"] for channel in told["channels"]} == {0}
+
+
+def test_an_unfinished_record_says_so_and_is_repaired(record: Path, tmp_path: Path) -> None:
+    data = record.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: len(data) * 2 // 3])
+    result = run("record", "info", cut)
+    assert result.exit_code == 0, result.output
+    assert "NOT WHOLE" in result.stdout
+    assert "damage: byte " in result.stdout
+    assert "record repair" in result.stdout
+    repaired = run("record", "repair", cut)
+    assert repaired.exit_code == 0, repaired.output
+    assert "cut within a record" in repaired.stderr
+    whole = tmp_path / "cut.repaired.mcap"
+    assert f"written: {whole}" in repaired.stdout
+    assert ": whole, " in run("record", "info", whole).stdout
+    assert_refused(run("record", "repair", cut), "exists already", "--out")
+
+
+def test_a_part_is_cut_out(record: Path, tmp_path: Path) -> None:
+    out = tmp_path / "part.mcap"
+    result = run("record", "cut", record, "--from", 1, "--to", 2, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert json.loads(run("record", "info", out, "--format", "json").stdout)["ticks"] == 10
+
+
+@pytest.mark.parametrize("span", [(2, 1), (-1, 1), (5_000, 6_000)])
+def test_a_part_that_is_none_is_refused(
+    span: tuple[int, int], record: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "part.mcap"
+    result = run("record", "cut", record, "--from", span[0], "--to", span[1], "--out", out)
+    assert_refused(result)
+    assert not out.exists()
+
+
+def test_a_replay_of_the_same_is_the_same_and_exits_with_0(record: Path) -> None:
+    result = run("replay", record)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.splitlines()[-1].endswith(
+        "ticks: 0 differ in statuses, 0 in commands; the same"
+    )
+
+
+def test_a_replay_of_something_else_tells_where_it_differs_and_exits_with_1(
+    record: Path, tmp_path: Path
+) -> None:
+    other = HOP.replace('height_m="1.0"', 'height_m="1.4"').replace("<Land/>", "<EmergencyLand/>")
+    result = run("replay", record, "--tree", tree_file(tmp_path, other))
+    assert result.exit_code == 1, result.output
+    assert "only in the recording: Main/Sequence/Land" in result.stdout
+    assert "only in the replay: Main/Sequence/EmergencyLand" in result.stdout
+    assert "different" in result.stdout.splitlines()[-1]
+
+
+def test_all_differences_are_there_for_machines(record: Path, tmp_path: Path) -> None:
+    other = HOP.replace('height_m="1.0"', 'height_m="1.4"')
+    result = run("replay", record, "--tree", tree_file(tmp_path, other), "--format", "json")
+    assert result.exit_code == 1, result.output
+    told = json.loads(result.stdout)
+    assert told["same"] is False
+    assert told["differing_ticks"] == len(told["differences"]) > 0
+
+
+@pytest.mark.parametrize("command", [("record", "info"), ("record", "repair"), ("replay",)])
+def test_what_is_no_record_is_refused(command: tuple[str, ...], tmp_path: Path) -> None:
+    text = tmp_path / "text.mcap"
+    text.write_text("Once upon a time")
+    assert_refused(run(*command, text), "is no flight record", "MCAP")
+    assert_refused(run(*command, tmp_path / "absent.mcap"), "No such file")
+
+
+def test_a_bad_tree_for_a_replay_is_refused(record: Path, tmp_path: Path) -> None:
+    assert_refused(run("replay", record, "--tree", "moon"), "no such tree file")
+    bad = tree_file(tmp_path, "<Lnad/>")
+    assert_refused(run("replay", record, "--tree", bad), "Land")
+
+
+def test_two_outputs_in_one_file_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "flight.mcap"
+    result = run("fly", "land_only", "--record", file, "--video", file)
+    assert_refused(result, "--record and --video name the same file")
+
+
+def test_a_full_disk_costs_the_record_and_not_the_missions_exit_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    flush, calls = record_file.RecordFile.flush, []
+
+    def full(self: record_file.RecordFile) -> None:
+        calls.append(1)
+        if len(calls) > 3:
+            raise OSError(28, "No space left on device")
+        flush(self)
+
+    monkeypatch.setattr(record_file.RecordFile, "flush", full)
+    record = tmp_path / "flight.mcap"
+    result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--record", record)
+    assert result.exit_code == 0, result.output
+    assert "record is incomplete" in caplog.text
+    assert "NOT WHOLE" in run("record", "info", record).stdout

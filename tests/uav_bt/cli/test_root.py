@@ -1,0 +1,169 @@
+"""`uav-bt` itself: quick to answer, errors in a line, nobody else's folders."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+
+from tests.uav_bt.cli.cli_world import assert_refused, run
+from uav_bt import __version__
+from uav_bt.cli.rooms import check_rooms
+from uav_bt.cli.root import uav_bt
+from uav_bt.errors import DroneError, InputError
+from uav_bt.tree import shipped
+
+ROOT = Path(__file__).parents[3]
+HEAVY = "av control cv2 filterpy matplotlib mujoco onnx openvino rich scipy sklearn torch yaml"
+
+
+def python(code: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # noqa: S603  # our own interpreter and code
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=folder, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "heavy"),
+    [
+        (["--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
+        (["fly", "--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
+        (["train", "segmentation", "--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
+        (["check", "trees/land_only.xml"], HEAVY),
+        (["nodes"], HEAVY),
+    ],
+)
+def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], heavy: str) -> None:
+    done = python(
+        "import atexit, sys\n"
+        f"heavy = {heavy.split()!r}\n"
+        "atexit.register(lambda: print('>', *[m for m in heavy if m in sys.modules]))\n"
+        "from uav_bt.cli import main\n"
+        f"sys.argv[1:] = {arguments!r}\n"
+        "main()"
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == ">"
+
+
+def test_help_names_every_command() -> None:
+    result = run("--help")
+    assert result.exit_code == 0
+    tools = ("new", "check", "nodes", "render", "simulate", "schema")
+    for name in ("fly", *tools, "train", "evaluate", "scenes", "pick"):
+        assert f"\n  {name} " in result.stdout
+
+
+def test_every_command_has_help_for_itself_and_its_options() -> None:
+    def walk(command: click.Command, context: click.Context) -> None:
+        assert command.get_short_help_str(200), command.name
+        for option in command.params:
+            if isinstance(option, click.Option):
+                assert option.help, (command.name, option.name)
+        if isinstance(command, click.Group):
+            for name in command.list_commands(context):
+                walk(command.get_command(context, name), context)
+
+    walk(uav_bt, click.Context(uav_bt))
+
+
+def test_version() -> None:
+    assert run("--version").stdout == f"uav-bt, version {__version__}\n"
+
+
+def test_an_unknown_command_gets_a_suggestion() -> None:
+    assert_refused(run("fyl"), "there is no command 'fyl'; did you mean 'fly'?")
+
+
+def test_an_error_of_ours_is_one_message_with_its_own_exit_code(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def unreachable(_: str) -> None:
+        raise DroneError("the drone does not answer")
+
+    monkeypatch.setattr(shipped, "resolve_tree", unreachable)
+    result = run("check", "land_only")
+    assert (result.exit_code, result.stderr) == (1, "Error: the drone does not answer\n")
+
+
+def test_an_unexpected_exception_is_one_line_and_debug_shows_the_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken(_: str) -> None:
+        raise ZeroDivisionError("of the twin")
+
+    monkeypatch.setattr(shipped, "resolve_tree", broken)
+    result = run("check", "land_only")
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert "unexpected ZeroDivisionError: of the twin" in result.stderr
+    assert "uav-bt --debug" in result.stderr
+    debugged = run("--debug", "check", "land_only")
+    assert debugged.exit_code == 1
+    assert "Traceback" in debugged.stderr
+    assert "uav-bt --debug" not in debugged.stderr
+
+
+def test_a_break_before_flying_exits_with_1_quietly(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(shipped, "resolve_tree", interrupted)
+    result = run("check", "land_only")
+    assert result.exit_code == 1
+    assert result.stderr.strip() == "Aborted!"
+
+
+# --- rooms ----------------------------------------------------------------------------------------
+
+
+def test_our_own_rooms_are_found() -> None:
+    check_rooms()
+
+
+@pytest.mark.parametrize("as_package", [True, False], ids=["package", "plain folder"])
+def test_a_folder_that_shadows_a_room_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, as_package: bool
+) -> None:
+    theirs, ours = tmp_path / "theirs", tmp_path / "ours"
+    for home in (theirs, ours):
+        (home / "hangar").mkdir(parents=True)
+    if as_package:
+        (theirs / "hangar" / "__init__.py").touch()
+    monkeypatch.syspath_prepend(theirs)
+    check_rooms(theirs, ["hangar"])
+    with pytest.raises(InputError, match="start uav-bt from another folder") as caught:
+        check_rooms(ours, ["hangar"])
+    assert str(theirs / "hangar") in str(caught.value)
+    assert str(ours / "hangar") in str(caught.value)
+
+
+def test_a_module_that_shadows_a_room_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "hangar.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match=r"hangar\.py' where uav-bt needs its own"):
+        check_rooms(tmp_path / "ours", ["hangar"])
+
+
+def test_a_missing_room_is_told() -> None:
+    with pytest.raises(InputError, match=r"'no_such_room' .* not installed; reinstall"):
+        check_rooms(rooms=["no_such_room"])
+
+
+def test_the_command_refuses_to_start_among_someone_elses_folders(tmp_path: Path) -> None:
+    (tmp_path / "behaviours").mkdir()
+    (tmp_path / "behaviours" / "__init__.py").touch()
+    done = subprocess.run(
+        [sys.executable, "-m", "uav_bt.cli", "nodes"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "start uav-bt from another folder" in done.stderr

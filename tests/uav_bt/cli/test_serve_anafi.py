@@ -1,0 +1,28 @@
+"""`uav-bt serve-anafi`."""
+
+from __future__ import annotations
+
+import socket
+
+from tests.uav_bt.cli.cli_world import assert_refused, run
+
+
+def test_its_help_names_what_olympe_users_need() -> None:
+    result = run("serve-anafi", "--help")
+    assert result.exit_code == 0
+    for word in ("--address", "--http-port", "--rtsp-port", "--discovery-port", "--scene"):
+        assert word in result.output
+
+
+def test_a_taken_port_exits_with_2_and_says_what_to_do() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        free = [f"--{name}-port=0" for name in ("discovery", "commands", "http", "rtsp")]
+        result = run("serve-anafi", "--no-video", *free, "--control-port", port)
+    assert_refused(result, f"the control port {port} of 127.0.0.1 is taken", "choose another port")
+
+
+def test_an_unknown_scene_exits_with_2() -> None:
+    assert_refused(run("serve-anafi", "--scene", "nowhere"), "unknown scene 'nowhere'")

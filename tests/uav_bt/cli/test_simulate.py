@@ -1,0 +1,97 @@
+"""`uav-bt simulate`: the table, the JSON, the exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+
+
+@pytest.fixture
+def hop(tmp_path: Path) -> Path:
+    return tree_file(tmp_path, HOP)
+
+
+def script_file(folder: Path, text: str) -> Path:
+    path = folder / "script.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_table_has_a_line_for_each_tick_and_one_for_repeats(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "leaves: {TakeOff: RRRS, Land: RS}")
+    result = run("simulate", hop, "--script", script)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines() == [
+        " tick     time  root     leaves",
+        "    1     0.00  RUNNING  TakeOff R",
+        "  ...     0.20  the same until tick 3",
+        "    4     0.30  RUNNING  TakeOff S, Land R",
+        "    5     0.40  SUCCESS  Land S",
+        "SUCCESS after 5 ticks, 0.40 s",
+    ]
+
+
+def test_halts_and_changes_stand_in_the_line_of_their_tick(tmp_path: Path) -> None:
+    body = '<Timeout msec="200" _onFailure="late := true"><Land/></Timeout>'
+    result = run(
+        "simulate", tree_file(tmp_path, body), "--script", script_file(tmp_path, "default: R")
+    )
+    assert result.exit_code == 1
+    assert result.stdout.splitlines()[-2:] == [
+        "    3     0.20  FAILURE  halted Land; late=1.0",
+        "FAILURE after 3 ticks, 0.20 s",
+    ]
+
+
+def test_a_tree_that_does_not_end_fails(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "default: R")
+    result = run("simulate", hop, "--script", script, "--ticks", 7, "--tick-s", 2)
+    assert result.exit_code == 1
+    assert result.stdout.splitlines()[-1] == "not ended after 7 ticks, 12.00 s"
+
+
+def test_json_has_all_ticks(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "leaves: {TakeOff: RS, Land: F}")
+    result = run("simulate", hop, "--script", script, "--format", "json")
+    assert result.exit_code == 1
+    report = json.loads(result.stdout)
+    assert (report["tree"], report["status"]) == (str(hop), "FAILURE")
+    first, second = report["ticks"]
+    assert first == {
+        "tick": 1,
+        "time_s": 0.0,
+        "status": "RUNNING",
+        "leaves": [{"leaf": "TakeOff", "status": "RUNNING"}],
+        "halted": [],
+        "changed": {},
+    }
+    assert [one["status"] for one in second["leaves"]] == ["SUCCESS", "FAILURE"]
+
+
+def test_a_shipped_mission_is_simulated_by_name(tmp_path: Path) -> None:
+    script = script_file(tmp_path, "default: S")
+    result = run("simulate", "land_only", "--script", script)
+    assert (result.exit_code, "SUCCESS after 1 tick," in result.stdout) == (0, True)
+
+
+def test_bad_input_is_refused_with_file_and_line(hop: Path, tmp_path: Path) -> None:
+    script = script_file(tmp_path, "default: S\nleaves:\n  Take: S")
+    assert_refused(run("simulate", hop, "--script", script), f"{script}:3: the tree has no leaf")
+    script = script_file(tmp_path, "leaves: {TakeOff: S}")
+    assert_refused(run("simulate", hop, "--script", script), f"{hop}:3:", "Land 'Land': has no")
+    assert_refused(run("simulate", hop, "--script", tmp_path / "absent.yaml"), "absent.yaml")
+    assert_refused(run("simulate", hop), "--script")
+    assert_refused(run("simulate", hop, "--script", script, "--ticks", 0), "--ticks")
+
+
+def test_a_node_that_raises_ends_it_with_a_message(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, '<Sequence><Land/><Script code="a := b"/></Sequence>')
+    result = run("simulate", path, "--script", script_file(tmp_path, "leaves: {Land: RS}"))
+    assert result.exit_code == 1
+    assert "    1     0.00  RUNNING  Land R" in result.stdout
+    assert "Error: node 'Main/Sequence/Script' failed" in result.stderr
+    assert "Traceback" not in result.stderr

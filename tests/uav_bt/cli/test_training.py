@@ -1,0 +1,194 @@
+"""`uav-bt pick`, `train` and `evaluate`: what they take, where they write, what they refuse."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Iterator
+from http.server import HTTPServer
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import load_file
+
+from perception.segmentation.teacher import load_teacher
+from perception.segmentation.training.picks import read_picks
+from tests.uav_bt.cli.cli_world import assert_refused, run
+from uav_bt.classes import CLASS_NAMES, GROUP_NAMES
+from uav_bt.learning import segmentation as training
+from uav_bt.learning.views import ViewPlan
+
+ONE_SCENE = ("--scene", "train-a", "--views", 2)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    """Two runs of tests side by side must not fight over the processor."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture
+def masks(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """Stand in for the masks, which take minutes to make; return what they were asked for."""
+    asked: list[tuple[Any, ...]] = []
+
+    def label_pictures(teacher: Path, plan: Any, folder: Path, **_: Any) -> Any:
+        asked.append((teacher, plan, folder))
+        rng = np.random.default_rng(0)
+        rgb = rng.integers(0, 255, (4, 32, 64, 3), dtype=np.uint8)
+        return rgb, rng.integers(0, 17, (4, 32, 64), dtype=np.uint8)
+
+    monkeypatch.setattr(training, "label_pictures", label_pictures)
+    return asked
+
+
+# --- picks and the teacher ------------------------------------------------------------------------
+
+
+def test_picks_drawn_from_the_twin_train_a_teacher(tmp_path: Path) -> None:
+    picks, teacher = tmp_path / "picks.csv", tmp_path / "teacher.safetensors"
+    drawn = run("pick", "twin", *ONE_SCENE, "--total", 200, "--picks", picks)
+    assert drawn.exit_code == 0, drawn.output
+    found = read_picks(picks)
+    assert {pick.origin for pick in found} == {"simulated"}
+    assert f"{len(found)} simulated picks: {picks}" in drawn.stdout
+
+    trained = run("train", "teacher", *ONE_SCENE, "--picks", picks, "--out", teacher)
+    assert trained.exit_code == 0, trained.output
+    known = load_teacher(teacher).known
+    assert set(known) == {pick.class_id for pick in found}
+    assert f"teacher of {len(known)} classes: {teacher}" in trained.stdout
+
+    score = run(
+        *("evaluate", "segmentation", "--model", teacher),
+        *("--scene", "train-a", "--views", 1, "--out", tmp_path / "score.json"),
+    )
+    assert score.exit_code == 0, score.output
+    told = json.loads((tmp_path / "score.json").read_text())
+    assert told["pictures"] == 1
+    assert tuple(told["class_iou"]) == CLASS_NAMES
+    assert tuple(told["group_iou"]) == GROUP_NAMES
+
+
+def test_a_teacher_learns_from_photographs(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    photograph = np.zeros((360, 640, 3), dtype=np.uint8)
+    photograph[:, :320] = (200, 30, 30)
+    photograph += rng.integers(0, 20, photograph.shape, dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), photograph)
+    picks = tmp_path / "picks.csv"
+    rows = [f"a.png,{x},{y},carpet,hand" for x in (60, 120, 200) for y in (80, 200)]
+    rows += [f"a.png,{x},{y},background,hand" for x in (400, 500, 600) for y in (80, 200)]
+    picks.write_text("image,x,y,class,origin\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    out = tmp_path / "teacher.safetensors"
+    result = run("train", "teacher", "--picks", picks, "--photographs", tmp_path, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert len(load_teacher(out).known) == 2
+
+
+def test_picking_serves_a_page_until_it_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((9, 16, 3), dtype=np.uint8))
+
+    def stopped(_: HTTPServer) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(HTTPServer, "serve_forever", stopped)
+    picks = tmp_path / "picks.csv"
+    result = run("pick", "photographs", tmp_path, "--picks", picks)
+    assert result.exit_code == 0, result.output
+    assert "open http://127.0.0.1:" in result.stdout
+    assert f"0 picks: {picks}" in result.stdout
+
+
+# --- the segmentation U-Net -----------------------------------------------------------------------
+
+
+def test_training_writes_both_files_and_goes_on_where_it_stopped(
+    tmp_path: Path, masks: list[tuple[Any, ...]]
+) -> None:
+    out, folder = tmp_path / "net.safetensors", tmp_path / "run"
+    command = (
+        *("train", "segmentation", *ONE_SCENE, "--seed", 5, "--steps", 2),
+        *("--loss", "bce_dice", "--run", folder, "--out", out),
+    )
+    first = run(*command)
+    assert first.exit_code == 0, first.output
+    assert "training, loss" in first.stderr
+    assert out.is_file()
+    assert out.with_suffix(".onnx").is_file()
+    (asked,) = masks
+    assert asked[0] == training.SHIPPED_TEACHER
+    assert asked[1].views == ViewPlan(scenes=("train-a",), views=2, seed=5)
+    assert asked[2].parent == folder
+
+    weights = load_file(out)
+    out.unlink()
+    again = run(*command)
+    assert again.exit_code == 0, again.output
+    for name, tensor in load_file(out).items():
+        np.testing.assert_array_equal(tensor, weights[name], err_msg=name)
+    assert masks[1][2] == asked[2]
+
+    longer = run(*command, "--steps", 3)
+    assert_refused(longer, "checkpoint.safetensors", "other settings", "delete the file")
+
+
+def test_masks_of_another_plan_are_not_taken_for_these(
+    tmp_path: Path, masks: list[tuple[Any, ...]]
+) -> None:
+    for number, views in enumerate((2, 3)):
+        result = run(
+            *("train", "segmentation", "--scene", "train-a", "--views", views, "--steps", 1),
+            *("--run", tmp_path / "run", "--out", tmp_path / f"net{number}.safetensors"),
+        )
+        assert result.exit_code == 0, result.output
+    assert masks[0][2] != masks[1][2]
+
+
+def test_without_torch_training_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name: None if name == "torch" else find_spec(name)
+    )
+    assert_refused(run("train", "segmentation"), "needs torch", "uav-bt[train]")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["train", "teacher", "--picks", "absent.csv"], ["absent.csv: there is no such picks"]),
+        (["train", "teacher", "--photographs", "."], ["--picks"]),
+        (["train", "teacher", "--scene", "train-aa"], ["unknown scene 'train-aa'"]),
+        (["train", "teacher", "--out", "nowhere/t.safetensors"], ["nowhere", "create it first"]),
+        (["train", "segmentation", "--teacher", "absent.safetensors"], ["absent.safetensors"]),
+        (["train", "segmentation", "--out", "net.onnx"], [".safetensors"]),
+        (["train", "segmentation", "--loss", "l2"], ["--loss"]),
+        (["train", "segmentation", "--steps", "0"], ["--steps"]),
+        (["train", "control"], ["control"]),
+        (["evaluate", "segmentation", "--model", "absent.onnx"], ["absent.onnx"]),
+        (["evaluate", "segmentation", "--model", "absent.safetensors"], ["absent.safetensors"]),
+        (["evaluate", "segmentation", "--classes", "x.yaml"], ["--classes"]),
+        (["evaluate", "segmentation", "--views", "0"], ["--views"]),
+        (["pick", "photographs", "absent"], ["absent: is no folder"]),
+        (["pick", "photographs", "."], ["holds no photographs"]),
+    ],
+)
+def test_a_mistake_is_told_and_nothing_is_written(
+    arguments: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(*arguments)
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,117 @@
+"""`uav-bt view` and `uav-bt dataset info`: what they make of records, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from uav_bt.display.rerun import sinks
+
+QUICK = ("--image-size", "160x90", "--profile", "ideal", "--scene", "val-a")
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the record of a hop."""
+    folder = tmp_path_factory.mktemp("record")
+    result = run("fly", tree_file(folder, HOP), *QUICK, "--record", folder / "flight.mcap")
+    assert result.exit_code == 0, result.output
+    return folder / "flight.mcap"
+
+
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sinks.sys, "platform", "linux")
+
+
+def test_view_and_film_are_kept(record: Path, tmp_path: Path) -> None:
+    view, film = tmp_path / "flight.rrd", tmp_path / "flight.mp4"
+    result = run("view", record, "--save", view, "--video", film, "--to", 2)
+    assert result.exit_code == 0, result.output
+    assert f"view: {view}" in result.stdout
+    assert f"video: {film}" in result.stdout
+    assert sorted(tmp_path.iterdir()) == [film, view]
+
+
+def test_a_record_that_was_cut_short_is_kept_and_told_about(record: Path, tmp_path: Path) -> None:
+    content = record.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(content[: len(content) // 2])
+    result = run("view", cut, "--save", tmp_path / "cut.rrd")
+    assert result.exit_code == 0, result.output
+    assert "never finished" in result.stderr
+
+
+def test_without_a_display_other_ways_are_told(record: Path) -> None:
+    assert_refused(run("view", record), "no display", "--web", "--save")
+
+
+def test_a_flight_cannot_be_shown_without_a_display(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    flown = run("fly", tree_file(tmp_path, HOP), *QUICK, "--report", report, "--view")
+    assert_refused(flown, "no display", "--view web")
+    assert not report.exists()
+
+
+@pytest.mark.parametrize("command", [("view", "--web"), ("dataset", "info")])
+def test_what_is_no_record_is_refused(command: tuple[str, str], tmp_path: Path) -> None:
+    text = tmp_path / "flight.mcap"
+    text.write_text("no record at all")
+    name, then = command
+    order = (name, text, then) if name == "view" else (name, then, text)
+    assert_refused(run(*order), str(text))
+    absent = tmp_path / "absent.mcap"
+    order = (name, absent, then) if name == "view" else (name, then, absent)
+    assert_refused(run(*order), str(absent))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--from", 3, "--to", 2, "--save", "x.rrd"], ["--from", "--to"]),
+        (["--save", "absent/x.rrd"], ["--save"]),
+        (["--speed", 0, "--video", "x.mp4"], ["--speed"]),
+        (["--save", "x.txt"], [".rrd"]),
+        (["--from", 500, "--video", "x.mp4"], ["no tick"]),
+    ],
+)
+def test_a_view_that_cannot_be_is_refused(
+    arguments: list[object],
+    words: list[str],
+    record: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run("view", record, *arguments)
+    assert result.exit_code == 2, result.output
+    for word in words:
+        assert word in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_newer_record_is_refused(
+    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uav_bt.record.reader.SCHEMA_VERSION", 0)
+    assert_refused(run("view", record, "--save", tmp_path / "x.rrd"), "update uav-bt")
+    assert_refused(run("dataset", "info", record, "--index", tmp_path), "update uav-bt")
+
+
+def test_what_records_hold_is_counted(record: Path, tmp_path: Path) -> None:
+    told = run("dataset", "info", record, record, "--index", tmp_path / "indices")
+    assert told.exit_code == 0, told.output
+    assert "flights   2" in told.stdout
+    assert "scenes    val-a 2" in told.stdout
+    assert "outcomes  success 2" in told.stdout
+    plain = run("dataset", "info", record, "--index", tmp_path / "indices", "--format", "json")
+    found = json.loads(plain.stdout)
+    assert (found["flights"], found["cameras"]) == (1, 1)
+    assert sum(found["commands"].values()) == found["ticks"]
+    assert set(found["commands"]) >= {"take_off", "land"}
+    assert [file.suffix for file in (tmp_path / "indices").iterdir()] == [".npz"]

@@ -1,0 +1,154 @@
+"""Ticks, boards and reports for the tests of what people watch."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, MISSION_KEYS
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.clock import ManualClock
+from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.mission.arbiter import Override
+from uav_bt.mission.flight_report import FlightReport, Percentiles
+from uav_bt.mission.runner import TickRecord
+from uav_bt.testing import blank_frame, pinhole
+from uav_bt.tree import Status
+from uav_bt.types import (
+    HOVER,
+    Attitude,
+    BodyVelocity,
+    ClassMap,
+    Corridor,
+    DepthMap,
+    DroneState,
+    FlyingState,
+    HelipadFix,
+    Observation,
+    Pose,
+    Truth,
+)
+
+CAMERA = pinhole(64, 36)
+COLOURS = np.arange(17 * 3, dtype=np.uint8).reshape(17, 3)
+LAB = LabMap(
+    carpet_size_m=(5.0, 4.0),
+    boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),
+    helipad=MapItem(x_m=-1.5, y_m=-1.0, size_m=(0.5, 0.5, 0.4), colour=(255, 196, 0)),
+)
+
+
+class World:
+    """A board with its clock, and ticks that go with it."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.board = Blackboard(self.clock, MISSION_KEYS)
+        self.index = 0
+
+    def see(self, *, helipad: bool = True) -> None:
+        """Put a class map and a helipad fix on the board."""
+        now_s = self.clock.now()
+        ids = np.zeros((28, 56), dtype=np.uint8)
+        ids[14:] = 1
+        self.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=now_s), captured_s=now_s)
+        if helipad:
+            fix = HelipadFix(captured_s=now_s, forward_m=1.2, right_m=0.3, detected=True)
+            self.board.write(HELIPAD, fix, captured_s=now_s)
+
+    def see_depth(self) -> None:
+        """Put metric depth and a corridor on the board."""
+        now_s = self.clock.now()
+        depth = DepthMap(depth=np.full((28, 56), 1.5, np.float32), metric=True, captured_s=now_s)
+        corridor = Corridor(
+            captured_s=now_s,
+            free_distance_m=1.5,
+            nearest_m=0.6,
+            nearest_side="left",
+            time_to_impact_s=math.inf,
+        )
+        self.board.write(METRIC_DEPTH, depth, captured_s=now_s)
+        self.board.write(CORRIDOR, corridor, captured_s=now_s)
+
+    def tick(
+        self,
+        *,
+        pose: Pose | None = None,
+        phase: str = "explore",
+        active: tuple[str, ...] = ("mission", "Explore"),
+        word: str = "clear",
+        override: Override | None = None,
+        yaw_rad: float = 0.0,
+        forward_mps: float = 0.0,
+        frame: bool = True,
+        after_s: float = 0.1,
+    ) -> TickRecord:
+        """Return the next tick; with a pose there is a referee."""
+        time_s = self.clock.now()
+        state = DroneState(
+            captured_s=time_s,
+            flying=FlyingState.FLYING,
+            attitude=Attitude(yaw_rad=yaw_rad),
+            velocity=BodyVelocity(forward_mps=forward_mps),
+            height_above_carpet_m=1.5,
+            gimbal_pitch_rad=-0.5,
+        )
+        self.board.write(ELAPSED, time_s)
+        record = TickRecord(
+            index=self.index,
+            time_s=time_s,
+            observation=Observation(
+                frame=blank_frame(CAMERA, state) if frame else None, state=state
+            ),
+            tree_status=Status.RUNNING,
+            phase=phase,
+            active=active,
+            command=HOVER,
+            proposed_by=None,
+            override=override,
+            compute_s=0.001,
+            truth=None if pose is None else _truth(time_s, pose),
+            word=word,
+        )
+        self.index += 1
+        self.clock.advance(after_s)
+        return record
+
+
+def _truth(time_s: float, pose: Pose) -> Truth:
+    return Truth(
+        time_s=time_s,
+        pose=pose,
+        contacts=(),
+        clearance_m=0.8,
+        inside_carpet=True,
+        on_helipad=False,
+        landing_error_m=2.0,
+        motors_on=True,
+    )
+
+
+def flight_report(outcome: str = "success", reason: str = "landed") -> FlightReport:
+    """Return the report of a good flight, or of another."""
+    return FlightReport(
+        scene="train-a",
+        seed=3,
+        tree="explore_and_land.xml",
+        policies={},
+        drone="twin",
+        profile="lab",
+        outcome=outcome,
+        reason=reason,
+        duration_s=114.5,
+        explore_distance_m=9.59,
+        total_distance_m=12.96,
+        search_distance_m=0.4,
+        time_to_find_helipad_s=5.6,
+        time_to_land_s=None,
+        landing_error_m=0.0235,
+        min_clearance_m=0.734,
+        ticks=1146,
+        tick_ms=Percentiles(p50=1.5, p99=10.6, max=20.0),
+        perception_ms={"segmentation": Percentiles(p50=0.8, p99=6.7, max=9.0)},
+    )

@@ -1,0 +1,90 @@
+"""Where views go: files that are whole or absent, viewers on loopback only."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uav_bt.display.rerun import sinks
+from uav_bt.errors import FileError, InputError, MissingDependencyError
+
+
+def draw(stream: object) -> None:
+    import rerun as rr  # noqa: PLC0415 - only this draws for real
+
+    stream.log("mask/ids", rr.SegmentationImage(np.zeros((4, 4), np.uint8)))  # type: ignore[attr-defined]
+
+
+def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "flight.rrd"
+    with sinks.saved(path) as stream:
+        draw(stream)
+        assert not path.exists()
+    assert path.read_bytes()[:4] == b"RRF2"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_fails_while_drawing_leaves_no_file(tmp_path: Path) -> None:
+    with pytest.raises(AttributeError), sinks.saved(tmp_path / "flight.rrd"):
+        draw(None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_was_cut_short_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sinks, "_FOOTER", b"what a whole file would end with")
+    with (
+        pytest.raises(FileError, match="is the disk full"),
+        sinks.saved(tmp_path / "flight.rrd") as stream,
+    ):
+        draw(stream)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("name", "words"), [("flight.mcap", ".rrd"), ("no/flight.rrd", "written")])
+def test_a_file_that_cannot_be_is_refused(tmp_path: Path, name: str, words: str) -> None:
+    with pytest.raises(FileError, match=words), sinks.saved(tmp_path / name):
+        pass
+
+
+@pytest.mark.parametrize("web_port", [None, 9090])
+def test_viewers_listen_on_loopback_only(web_port: int | None) -> None:
+    command = sinks.viewer_command(9876, web_port)
+    assert command[command.index("--bind") + 1] == "127.0.0.1"
+    assert command[command.index("--port") + 1] == "9876"
+    assert ("--serve-web" in command) == (web_port is not None)
+    assert Path(command[0]).is_file()
+
+
+def test_a_port_that_is_taken_is_refused() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(InputError, match="name another"):
+            sinks.Viewer(web=False, port=taken.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    ("environment", "displays"),
+    [({}, False), ({"DISPLAY": ":0"}, True), ({"WAYLAND_DISPLAY": "wayland-0"}, True)],
+)
+def test_a_display_is_what_the_environment_says(
+    environment: dict[str, str], displays: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sinks.sys, "platform", "linux")
+    assert sinks.has_display(environment) is displays
+    if not displays:
+        with pytest.raises(InputError, match="do that instead"):
+            sinks.need_display("do that instead", environment)
+
+
+def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sinks.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(MissingDependencyError, match=r"uav-bt\[view\]"):
+        sinks.need_rerun()
+    with pytest.raises(MissingDependencyError, match="rerun-sdk"):
+        sinks.viewer_command(9876, None)

@@ -1,0 +1,179 @@
+"""The lab in 3D: frames of reference, the corridor's planes, poses of the past, what is drawn."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.rerun.setting import CorridorSize
+from uav_bt.display.rerun.world import PoseHistory, WorldView, camera_axes, corridor_planes
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Corridor, HelipadFix, ObstaclePoints, Pose
+
+
+def pose(x_m: float = 0.0, y_m: float = 0.0, z_m: float = 1.5, yaw_rad: float = 0.0) -> Pose:
+    return Pose(x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad)
+
+
+def test_a_level_camera_looks_along_the_body_with_down_below() -> None:
+    right, down, forward = camera_axes(0.0, 0.0).T
+    np.testing.assert_allclose(right, [0, -1, 0], atol=1e-12)
+    np.testing.assert_allclose(down, [0, 0, -1], atol=1e-12)
+    np.testing.assert_allclose(forward, [1, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize("pitch_rad", [0.0, -0.5, -math.pi / 2])
+def test_camera_axes_are_a_rotation(yaw_rad: float, pitch_rad: float) -> None:
+    axes = camera_axes(yaw_rad, pitch_rad)
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+def test_a_gimbal_turned_down_looks_down() -> None:
+    forward = camera_axes(0.7, -math.pi / 2)[:, 2]
+    np.testing.assert_allclose(forward, [0, 0, -1], atol=1e-12)
+
+
+def test_corridor_planes_lie_where_the_mission_has_them() -> None:
+    planes = corridor_planes(CorridorSize(side_m=0.5, front_m=2.0, up_down_m=0.8))
+    assert planes["left"][0] == (1.0, 0.5, 0.0)
+    assert planes["right"][0] == (1.0, -0.5, 0.0)
+    assert planes["front"][0] == (2.0, 0.0, 0.0)
+    assert planes["up"][0] == (1.0, 0.0, 0.8)
+    assert planes["down"][0] == (1.0, 0.0, -0.8)
+
+
+def test_a_corridor_without_room_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="more than 0 m"):
+        CorridorSize(side_m=0.0, front_m=2.0, up_down_m=0.8)
+
+
+def test_a_pose_of_the_past_lies_between_its_neighbours_and_turns_the_short_way() -> None:
+    history = PoseHistory()
+    history.add(1.0, pose(x_m=0.0, yaw_rad=math.pi - 0.1))
+    history.add(2.0, pose(x_m=2.0, yaw_rad=-math.pi + 0.1))
+    between = history.at(1.5)
+    assert between is not None
+    assert between.x_m == pytest.approx(1.0)
+    assert abs(math.remainder(between.yaw_rad - math.pi, 2 * math.pi)) < 1e-9
+
+
+def test_poses_before_and_after_all_notes_are_the_outermost() -> None:
+    history = PoseHistory()
+    assert history.at(1.0) is None
+    history.add(1.0, pose(x_m=1.0))
+    history.add(2.0, pose(x_m=2.0))
+    assert (history.at(0.0), history.at(9.0)) == (pose(x_m=1.0), pose(x_m=2.0))
+
+
+def test_old_poses_are_forgotten() -> None:
+    history = PoseHistory()
+    for tick in range(1000):
+        history.add(0.1 * tick, pose(x_m=float(tick)))
+    oldest = history.at(0.0)
+    assert oldest is not None
+    assert oldest.x_m > 950
+
+
+def test_the_lab_is_drawn_once_with_boxes_and_helipad() -> None:
+    stream = NotedStream()
+    WorldView(stream, setting())
+    (things,) = stream.of("world/lab/things")
+    assert things.static
+    centres = values(things.thing.centers)
+    np.testing.assert_allclose(centres, [[1.0, 1.0, 0.95], [-1.5, -1.0, 0.2]], atol=1e-6)
+    assert stream.of("world/lab/h")
+
+
+def test_an_unknown_lab_is_left_empty() -> None:
+    stream = NotedStream()
+    WorldView(stream, setting(lab_map=None))
+    assert not [note for note in stream.notes if note.entity.startswith("world/lab")]
+
+
+class Flight:
+    """A world view that is shown ticks."""
+
+    def __init__(self) -> None:
+        self.stream, self.world, self.flown = NotedStream(), World(), FlownPath()
+        self.view = WorldView(self.stream, setting())
+
+    def fly(self, at: Pose, phase: str = "explore") -> None:
+        record = self.world.tick(pose=at, phase=phase)
+        self.flown.add(record)
+        self.view.show_drone(record.time_s, self.flown)
+        self.view.show_lens(record.observation.frame)
+
+
+def test_the_path_grows_by_a_piece_a_tick() -> None:
+    flight = Flight()
+    for x_m in (0.0, 0.5, 1.0):
+        flight.fly(pose(x_m=x_m))
+    pieces = [values(note.thing.strips)[0] for note in flight.stream.of("world/path")]
+    assert pieces == [[[0.0, 0.0, 1.5], [0.5, 0.0, 1.5]], [[0.5, 0.0, 1.5], [1.0, 0.0, 1.5]]]
+
+
+def test_the_lens_sits_ahead_of_the_bodys_centre() -> None:
+    flight = Flight()
+    flight.fly(pose(yaw_rad=math.pi / 2))
+    ahead_m = setting().camera.forward_offset_m
+    placed = flight.stream.last("world/camera")
+    np.testing.assert_allclose(values(placed.translation)[0], [0.0, ahead_m, 1.5], atol=1e-6)
+
+
+def corridor(side: str | None, captured_s: float = 0.0) -> Corridor:
+    return Corridor(
+        captured_s=captured_s,
+        free_distance_m=1.0,
+        nearest_m=0.6,
+        nearest_side=side,
+        time_to_impact_s=math.inf,
+    )
+
+
+def test_the_intruded_plane_stands_out() -> None:
+    flight = Flight()
+    flight.fly(pose())
+    flight.view.show_corridor(corridor("left"))
+    boxes = flight.stream.of("world/corridor")[-1].things[1]
+    colours = values(boxes.colors)
+    assert len(colours) == 5
+    assert len(set(colours[1:])) == 1
+    assert colours[0] != colours[1]  # the left one
+
+
+def test_a_corridor_that_is_gone_is_taken_away() -> None:
+    flight = Flight()
+    flight.fly(pose())
+    flight.view.show_corridor(corridor(None))
+    flight.view.show_corridor(None)
+    flight.view.show_corridor(None)
+    assert [type(n.thing).__name__ for n in flight.stream.of("world/corridor")] == [
+        "Transform3D",
+        "Clear",
+    ]
+
+
+def test_remembered_points_lie_where_the_drone_believes_them() -> None:
+    flight = Flight()
+    flight.fly(pose(x_m=1.0, yaw_rad=math.pi / 2))  # looks along +y; right of it is +x
+    points = ObstaclePoints(
+        points_m=np.array([[2.0, 0.5]]), edges_m=np.array([[1.0, 0.0]]), captured_s=0.0
+    )
+    fix = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.0, detected=True)
+    flight.view.show_memory(points, fix)
+    shown = flight.stream.last("world/obstacles")
+    seen = values(shown.positions)
+    np.testing.assert_allclose(seen, [[1.5, 2.0, 0.0], [1.0, 1.0, 0.0]], atol=1e-6)
+    of_an_obstacle, of_an_edge = values(shown.colors)
+    assert of_an_obstacle != of_an_edge
+    helipad = values(flight.stream.last("world/helipad_fix").positions)
+    np.testing.assert_allclose(helipad, [[1.0, 1.0, 0.0]], atol=1e-6)
+    flight.view.show_memory(None, None)
+    for entity in ("world/obstacles", "world/helipad_fix"):
+        assert type(flight.stream.last(entity)).__name__ == "Clear"

@@ -1,0 +1,80 @@
+"""The map: world metres to pixels, and what is drawn where."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.uav_bt.display.display_world import LAB
+from uav_bt.display.flown_path import PathPoint
+from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, draw_lab, draw_path_map, phase_colours
+from uav_bt.errors import ValueRangeError
+
+
+def test_the_origin_lies_in_the_middle_x_goes_right_and_y_goes_up() -> None:
+    frame = MapFrame(size_px=(640, 440), scale_px_per_m=100.0)
+    assert frame.to_px(0.0, 0.0) == (320.0, 220.0)
+    assert frame.to_px(1.0, 0.0) == (420.0, 220.0)
+    assert frame.to_px(0.0, 1.5) == (320.0, 70.0)
+
+
+@pytest.mark.parametrize(("size_px", "scale"), [((600, 1000), 100.0), ((1000, 500), 100.0)])
+def test_the_carpet_and_its_margin_fill_the_narrower_side(
+    size_px: tuple[int, int], scale: float
+) -> None:
+    frame = MapFrame.around((5.0, 4.0), size_px, margin_m=0.5)
+    assert frame.scale_px_per_m == pytest.approx(scale)
+
+
+def test_a_frame_without_pixels_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="cannot show"):
+        MapFrame.around((5.0, 4.0), (0, 100))
+
+
+def test_a_carpet_without_a_size_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="must have a size"):
+        LabMap(carpet_size_m=(5.0, 0.0))
+
+
+def test_a_turned_box_has_its_corners_turned_counter_clockwise() -> None:
+    box = MapItem(x_m=1.0, y_m=2.0, size_m=(2.0, 4.0, 1.0), yaw_rad=math.pi / 2)
+    expected = [(-1.0, 3.0), (-1.0, 1.0), (3.0, 1.0), (3.0, 3.0)]
+    assert np.allclose(box.corners(), expected)
+
+
+def test_boxes_and_the_helipad_stand_where_the_world_has_them() -> None:
+    frame = MapFrame.around(LAB.carpet_size_m, (640, 440))
+    image = draw_lab(LAB, frame)
+    box = LAB.boxes[0]
+    x, y = (round(v) for v in frame.to_px(box.x_m - 0.15, box.y_m + 0.15))
+    assert tuple(image[y, x]) == box.colour
+    x, y = (round(v) for v in frame.to_px(box.x_m - 0.15, -box.y_m + 0.15))
+    assert tuple(image[y, x]) != box.colour, "mirrored"
+    pad = LAB.helipad
+    x, y = (round(v) for v in frame.to_px(pad.x_m, pad.y_m))
+    assert tuple(image[y, x]) == (255, 255, 255), "the bar of the H"
+
+
+def test_an_unknown_lab_is_a_grid() -> None:
+    frame = MapFrame.around((6.0, 6.0), (300, 300))
+    assert len(np.unique(draw_lab(None, frame).reshape(-1, 3), axis=0)) > 1
+
+
+def test_phases_get_colours_of_their_own_in_the_order_they_appear() -> None:
+    colours = phase_colours(["", "explore", "explore", "search", "land"])
+    assert list(colours) == ["", "explore", "search", "land"]
+    assert len(set(colours.values())) == 4
+    assert phase_colours(["explore"])["explore"] == colours["explore"]
+
+
+def test_a_path_is_drawn_along_its_points_in_the_colour_of_its_phase() -> None:
+    path = [PathPoint(x_m=x, y_m=0.5, phase="explore") for x in (-1.0, 0.0, 1.0)]
+    image = draw_path_map(LAB, path, size_px=(500, 400))
+    frame = MapFrame.around(LAB.carpet_size_m, (500, 400), margin_m=0.45)
+    x, y = (round(v) for v in frame.to_px(0.3, 0.5))
+    assert tuple(image[y, x]) == phase_colours(["explore"])["explore"]
+    assert image.shape == (400, 500, 3)
+
+
+def test_the_map_of_a_path_without_points_is_the_empty_lab() -> None:
+    assert draw_path_map(LAB, [], size_px=(200, 160)).shape == (160, 200, 3)

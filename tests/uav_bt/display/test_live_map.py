@@ -1,0 +1,66 @@
+"""The map that follows a flight."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.uav_bt.display.display_world import CAMERA, LAB, World
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import MapFrame, phase_colours
+from uav_bt.display.live_map import LiveMap, ground_view
+from uav_bt.types import HelipadFix, Pose
+
+SIZE_PX = (638, 439)
+
+
+def test_a_camera_that_looks_straight_down_sees_a_rectangle_below_the_lens() -> None:
+    corners = ground_view(CAMERA, -math.pi / 2, 1.5, reach_m=9.0)
+    forward = [point[0] - CAMERA.forward_offset_m for point in corners]
+    right = [point[1] for point in corners]
+    half_high, half_wide = (1.5 * n / 2 / CAMERA.fx_px for n in (CAMERA.height_px, CAMERA.width_px))
+    assert forward == pytest.approx([half_high, half_high, -half_high, -half_high])
+    assert right == pytest.approx([-half_wide, half_wide, half_wide, -half_wide])
+
+
+def test_rays_that_never_come_down_end_at_the_reach() -> None:
+    for forward, right in ground_view(CAMERA, 0.9, 1.5, reach_m=2.0):
+        assert math.hypot(forward - CAMERA.forward_offset_m, right) == pytest.approx(2.0)
+
+
+def test_the_path_stays_on_the_map_while_the_drone_moves_on() -> None:
+    world, flown, live = World(), FlownPath(), LiveMap(LAB, CAMERA, SIZE_PX)
+    for x in np.linspace(-1.0, 1.0, 9):
+        flown.add(world.tick(pose=Pose(x_m=float(x), y_m=0.0, z_m=1.5, yaw_rad=0.0)))
+        image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
+    column, row = (round(v) for v in MapFrame.around(LAB.carpet_size_m, SIZE_PX).to_px(-0.6, 0.0))
+    assert tuple(image[row, column]) == phase_colours(["explore"])["explore"]
+
+
+def test_the_camera_view_lies_where_the_drone_looks() -> None:
+    """Counter-clockwise is left: a drone that looks along +y lights up what is above it."""
+    world, flown, live = World(), FlownPath(), LiveMap(LAB, CAMERA, SIZE_PX)
+    empty = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
+    flown.add(world.tick(pose=Pose(x_m=0.0, y_m=-0.5, z_m=1.5, yaw_rad=math.pi / 2)))
+    image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
+    frame = MapFrame.around(LAB.carpet_size_m, SIZE_PX)
+    changed = {}
+    for name, point in (("ahead", (0.0, 0.6)), ("behind", (0.0, -1.4)), ("right", (1.2, -0.5))):
+        column, row = (round(v) for v in frame.to_px(*point))
+        changed[name] = tuple(image[row, column]) != tuple(empty[row, column])
+    assert changed == {"ahead": True, "behind": False, "right": False}
+
+
+def test_a_fix_is_marked_where_the_drone_believes_the_helipad() -> None:
+    world, flown, live = World(), FlownPath(), LiveMap(LAB, CAMERA, SIZE_PX)
+    flown.add(world.tick(pose=Pose(x_m=0.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)))
+    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=0.5, detected=True)
+    image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=fix)
+    column, row = (round(v) for v in MapFrame.around(LAB.carpet_size_m, SIZE_PX).to_px(0.5, -1.0))
+    assert tuple(image[row, column]) == (255, 196, 0)
+
+
+def test_a_flight_in_an_unknown_lab_is_drawn_too() -> None:
+    world, flown, live = World(), FlownPath(), LiveMap(None, CAMERA, SIZE_PX)
+    flown.add(world.tick())
+    assert live.draw(flown, pitch_rad=0.0, height_m=0.0, fix=None).shape == (439, 638, 3)

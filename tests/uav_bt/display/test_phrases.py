@@ -1,0 +1,69 @@
+"""Commands and fixes in words."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from uav_bt.display.phrases import describe_corridor, describe_fix, describe_free, describe_movement
+from uav_bt.types import (
+    Corridor,
+    CutMotors,
+    HelipadFix,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    Release,
+    TakeOff,
+    Velocity,
+)
+
+
+@pytest.mark.parametrize(
+    ("movement", "words"),
+    [
+        (TakeOff(), "take off"),
+        (Land(), "land"),
+        (Hover(), "hover"),
+        (CutMotors(), "cut the motors"),
+        (Release(), "released to the pilot"),
+        (MoveBy(id=1, forward_m=0.3, down_m=-0.1), "move 0.30 m forward, 0.10 m up"),
+        (MoveBy(id=2, yaw_rad=math.radians(-30)), "turn 30 deg left"),
+        (MoveBy(id=3), "hold"),
+        (
+            Velocity(forward_mps=-0.4, right_mps=0.001, yaw_rate_radps=math.radians(20)),
+            "fly 0.40 m/s back, turn 20 deg/s right",
+        ),
+    ],
+)
+def test_a_movement_is_said_as_a_person_would(movement: Movement, words: str) -> None:
+    assert describe_movement(movement) == words
+
+
+def test_a_fix_says_where_and_whether_it_is_seen() -> None:
+    seen = HelipadFix(captured_s=0.0, forward_m=1.0, right_m=-1.0, detected=True)
+    carried = HelipadFix(captured_s=0.0, forward_m=2.0, right_m=0.0, detected=False)
+    assert describe_fix(seen, 0.1) == "1.41 m, 45 deg left, seen"
+    assert describe_fix(carried, 1.26) == "2.00 m, 0 deg right, carried 1.3 s"
+
+
+def test_no_fix_says_for_how_long() -> None:
+    assert describe_fix(None, math.inf) == "none"
+    assert describe_fix(None, 18.2) == "none for 18 s"
+
+
+def test_a_corridor_says_what_intrudes_and_how_far_the_way_is_free() -> None:
+    clear = Corridor(
+        captured_s=0.0,
+        free_distance_m=math.inf,
+        nearest_m=math.inf,
+        nearest_side=None,
+        time_to_impact_s=math.inf,
+    )
+    assert (describe_corridor(clear), describe_free(clear)) == ("corridor clear", "nothing ahead")
+    blocked = replace(
+        clear, free_distance_m=1.5, nearest_m=0.62, nearest_side="left", time_to_impact_s=2.04
+    )
+    assert describe_corridor(blocked) == "intrusion left, 0.62 m"
+    assert describe_free(blocked) == "free 1.50 m ahead, impact in 2.0 s"

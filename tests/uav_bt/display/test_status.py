@@ -1,0 +1,108 @@
+"""The status line and the summary."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from tests.uav_bt.display.display_world import World, flight_report
+from uav_bt.display.status import LiveStatus, summary
+from uav_bt.mission.arbiter import Override
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.types import Pose
+
+
+class Wall:
+    """Real seconds, moved by hand."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def watch(world: World, *, terminal: bool) -> tuple[LiveStatus, io.StringIO, Wall]:
+    out, wall = io.StringIO(), Wall()
+    console = Console(file=out, force_terminal=terminal, width=120, color_system=None)
+    return LiveStatus(world.board, console=console, wall_clock_s=wall), out, wall
+
+
+def test_without_a_terminal_a_line_comes_every_ten_seconds_of_mission_time() -> None:
+    world = World()
+    status, out, wall = watch(world, terminal=False)
+    for _ in range(251):
+        status.on_tick(world.tick())
+        wall.now_s += 0.01
+    status.close()
+    lines = out.getvalue().splitlines()
+    assert [line.split()[:3] for line in lines] == [
+        ["explore", "0.0", "s"],
+        ["explore", "10.0", "s"],
+        ["explore", "20.0", "s"],
+    ]
+
+
+def test_a_line_holds_phase_pace_height_way_helipad_and_the_running_leaf() -> None:
+    world = World()
+    world.see()
+    status, _, wall = watch(world, terminal=False)
+    status.on_tick(world.tick(pose=Pose(x_m=0.0, y_m=0.0, z_m=1.5, yaw_rad=0.0)))
+    record = world.tick(pose=Pose(x_m=2.0, y_m=0.0, z_m=1.5, yaw_rad=0.0))
+    status.on_tick(record)
+    assert status.line(record, wall.now_s + 0.02).plain == (
+        "explore       0.1 s  5.0x  height 1.50 m  flown 2.0 m  helipad 1.2 m  Explore: clear"
+    )
+
+
+def test_an_override_takes_the_place_of_the_leaf() -> None:
+    world = World()
+    status, _, wall = watch(world, terminal=False)
+    record = world.tick(override=Override.MANUAL)
+    status.on_tick(record)
+    line = status.line(record, wall.now_s).plain
+    assert line.endswith("helipad -  manual take-over")
+
+
+def test_on_a_terminal_the_line_is_redrawn_no_faster_than_it_is_read() -> None:
+    world = World()
+    status, out, wall = watch(world, terminal=True)
+    with status:
+        for _ in range(100):
+            status.on_tick(world.tick())
+            wall.now_s += 0.01
+    redrawn = out.getvalue().count("height 1.50 m")
+    assert 4 <= redrawn <= 7, "five times in this second, and once for taking it away"
+
+
+def test_the_cursor_comes_back_when_the_flight_fails() -> None:
+    world = World()
+    status, out, _ = watch(world, terminal=True)
+    with pytest.raises(RuntimeError), status:
+        _fail_after(status, world)
+    assert out.getvalue().rindex("\x1b[?25h") > out.getvalue().rindex("\x1b[?25l")
+
+
+def _fail_after(status: LiveStatus, world: World) -> None:
+    status.on_tick(world.tick())
+    raise RuntimeError
+
+
+def shown(report: FlightReport) -> str:
+    out = io.StringIO()
+    Console(file=out, width=100, color_system=None).print(summary(report))
+    return out.getvalue()
+
+
+def test_the_summary_tells_how_it_went() -> None:
+    text = shown(flight_report())
+    rows = {line[:17].strip(): line[17:].strip() for line in text.splitlines()}
+    assert rows["outcome"] == "success  landed"
+    assert rows["mission"] == "explore_and_land.xml in train-a, seed 3"
+    assert rows["landing error"] == "0.024 m from the helipad's centre"
+    assert rows["landing"] == "-", "what was not reached"
+    assert rows["segmentation"].startswith("0.8 ms median")
+
+
+def test_the_summary_takes_reasons_literally() -> None:
+    assert "touched [red] box" in shown(flight_report("collision", "touched [red] box"))

@@ -1,0 +1,137 @@
+"""The panes of depth and corridor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uav_bt.display.canvas import ALARM, INK, PANEL
+from uav_bt.display.video.depth_panes import corridor_rows, draw_corridor, draw_depth, empty_pane
+from uav_bt.types import Corridor, DepthMap
+
+PANE_PX = (638, 359)
+GREY = np.full((36, 64, 3), 100, np.uint8)
+
+
+def depth_map(value: float, unknown: slice | None = None) -> DepthMap:
+    depth = np.full((28, 56), value, np.float32)
+    if unknown is not None:
+        depth[:, unknown] = np.nan
+    return DepthMap(depth=depth, metric=True, captured_s=0.0, confidence=0.8)
+
+
+def corridor(**changes: object) -> Corridor:
+    values = {
+        "captured_s": 0.0,
+        "free_distance_m": 1.2,
+        "nearest_m": 0.7,
+        "nearest_side": "left",
+        "time_to_impact_s": math.inf,
+        "nearest_left_m": 0.7,
+    } | changes
+    return Corridor(**values)
+
+
+def has(image: NDArray[np.uint8], colour: tuple[int, int, int]) -> bool:
+    return bool((image == np.array(colour, dtype=np.uint8)).all(axis=2).any())
+
+
+def test_near_is_red_far_is_blue_and_unknown_is_neither() -> None:
+    near = draw_depth(depth_map(0.6), PANE_PX)[200, 100].astype(int)
+    far = draw_depth(depth_map(4.4), PANE_PX)[200, 100].astype(int)
+    unknown = draw_depth(depth_map(0.6, slice(0, 28)), PANE_PX)[200, 100].astype(int)
+    assert near[0] > near[2] + 80
+    assert far[2] > far[0] + 80
+    assert np.ptp(unknown) < 20, "grey"
+
+
+def test_a_pixel_has_the_colour_that_the_bar_shows_at_its_metres() -> None:
+    image = draw_depth(depth_map(2.0), PANE_PX)
+    bottom, top = PANE_PX[1] - 14, 34
+    bar = image[top:bottom, PANE_PX[0] - 40].astype(int)
+    same = np.flatnonzero(np.abs(bar - image[200, 100]).sum(axis=1) < 12)
+    assert same.size
+    assert 5.0 * (1.0 - same.mean() / (bottom - top)) == pytest.approx(2.0, abs=0.1)
+
+
+def test_farther_than_the_scale_has_its_last_colour() -> None:
+    at_end, beyond = (draw_depth(depth_map(metres), PANE_PX) for metres in (5.0, 19.0))
+    assert tuple(at_end[200, 100]) == tuple(beyond[200, 100])
+
+
+def test_without_depth_the_pane_says_why() -> None:
+    plain = draw_depth(None, PANE_PX)
+    told = draw_depth(None, PANE_PX, why_none="the frame is black")
+    assert tuple(plain[5, 5]) == PANEL
+    assert np.count_nonzero((told == INK).all(axis=2)) > np.count_nonzero(
+        (plain == INK).all(axis=2)
+    )
+
+
+def test_depth_that_is_not_all_that_was_asked_for_says_why() -> None:
+    assert not has(draw_depth(depth_map(2.0), PANE_PX), ALARM)
+    assert has(draw_depth(depth_map(2.0), PANE_PX, why_none="no scale: too little carpet"), ALARM)
+
+
+def test_a_map_of_nothing_known_is_drawn() -> None:
+    assert draw_depth(depth_map(2.0, slice(None)), PANE_PX).shape == (359, 638, 3)
+
+
+def test_a_long_reason_stays_within_a_small_pane() -> None:
+    image = empty_pane("no depth: the class map is of another frame", (318, 178))
+    assert (image[:, :4] == PANEL).all()
+    assert (image[:, -4:] == PANEL).all()
+
+
+def test_what_intrudes_is_marked_and_nothing_else() -> None:
+    marked = np.zeros((28, 56), dtype=bool)
+    marked[10:20, 30:40] = True
+    image = draw_corridor(GREY, corridor(), marked, PANE_PX).astype(int)
+    inside, outside = image[200, 400], image[250, 100]
+    assert inside[0] > inside[2] + 40
+    assert tuple(outside) == (50, 50, 50), "darkened"
+
+
+def test_the_words_of_the_corridor_are_in_the_colour_of_alarm_when_it_is_intruded() -> None:
+    clear = corridor(nearest_side=None, nearest_m=math.inf, nearest_left_m=math.inf)
+    assert not has(draw_corridor(GREY, clear, None, PANE_PX), ALARM)
+    assert has(draw_corridor(GREY, corridor(), None, PANE_PX), ALARM)
+
+
+@pytest.mark.parametrize(("picture", "found"), [(None, corridor()), (GREY, None)])
+def test_without_a_corridor_the_pane_says_so(
+    picture: NDArray[np.uint8] | None, found: Corridor | None
+) -> None:
+    image = draw_corridor(picture, found, None, PANE_PX)
+    assert tuple(image[5, 5]) == PANEL
+    assert has(image, INK)
+
+
+def test_depth_and_what_is_inside_the_corridor_as_rows() -> None:
+    rows = {name: value for name, value, _ in corridor_rows(depth_map(1.0), corridor(), 0.2)}
+    assert rows == {
+        "depth": "0.2 s old, confidence 0.80",
+        "inside": "left, 0.70 m",
+        "ahead": "1.20 m",
+        "left": "0.70 m",
+        "right": "free",
+        "unknown": "0 pixels of things",
+    }
+
+
+@pytest.mark.parametrize(
+    ("depth", "age_s", "words"),
+    [(None, math.inf, "none yet"), (None, 2.5, "none for 2.5 s")],
+)
+def test_without_depth_the_rows_raise_alarm(
+    depth: DepthMap | None, age_s: float, words: str
+) -> None:
+    rows = corridor_rows(depth, None, age_s)
+    assert [(value, colour) for _, value, colour in rows] == [(words, ALARM), ("unknown", ALARM)]
+
+
+def test_depth_without_a_corridor_is_a_row_of_its_own() -> None:
+    assert [value for _, value, _ in corridor_rows(depth_map(1.0), None, 0.1)][1:] == ["unknown"]

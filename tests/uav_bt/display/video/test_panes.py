@@ -1,0 +1,122 @@
+"""The panes beside the map."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.uav_bt.display.display_world import CAMERA, COLOURS, World
+from uav_bt.board import CLASS_MAP, HELIPAD
+from uav_bt.display.canvas import ACCENT, ALARM
+from uav_bt.display.video.panes import (
+    Readings,
+    draw_camera,
+    draw_class_map,
+    draw_readings,
+    project_fix,
+)
+from uav_bt.mission.arbiter import Override
+from uav_bt.mission.runner import TickRecord
+from uav_bt.testing import blank_frame
+from uav_bt.types import ClassMap, Frame, HelipadFix
+
+PANE_PX = (638, 359)
+
+
+def readings(world: World, record: TickRecord) -> Readings:
+    return Readings(
+        record=record,
+        fix=world.board.read(HELIPAD),
+        class_map=world.board.read(CLASS_MAP),
+        elapsed_s=12.3,
+        distance_m=4.5,
+    )
+
+
+def frame_of(world: World, **changes: float) -> Frame:
+    state = replace(world.tick().observation.state, **changes)
+    return blank_frame(CAMERA, state)
+
+
+def has(image: NDArray[np.uint8], colour: int | tuple[int, int, int]) -> bool:
+    return bool((image == np.array(colour, dtype=np.uint8)).all(axis=2).any())
+
+
+def test_a_pad_straight_below_lies_on_the_axis_of_a_lens_that_looks_down() -> None:
+    fix = HelipadFix(captured_s=0.0, forward_m=0.15, right_m=0.0, detected=True)
+    frame = frame_of(World(), gimbal_pitch_rad=-math.pi / 2, height_above_carpet_m=1.5)
+    assert project_fix(fix, frame, CAMERA) == pytest.approx((0.0, 0.0, 1.1))
+
+
+def test_a_level_lens_has_a_pad_ahead_below_its_axis() -> None:
+    fix = HelipadFix(captured_s=0.0, forward_m=2.15, right_m=0.7, detected=True)
+    frame = frame_of(World(), gimbal_pitch_rad=0.0, height_above_carpet_m=1.5)
+    assert project_fix(fix, frame, CAMERA) == pytest.approx((0.7, 1.1, 2.0))
+
+
+def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
+    world = World()
+    fix = HelipadFix(captured_s=0.0, forward_m=2.4, right_m=0.4, detected=True)
+    world.board.write(HELIPAD, fix)
+    image = draw_camera(readings(world, world.tick(word="")), CAMERA, PANE_PX)
+    rows, columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))
+    right_m, down_m, depth_m = project_fix(fix, frame_of(world), CAMERA)
+    shown = CAMERA.resized(*PANE_PX)
+    assert (columns.min() + columns.max()) / 2 == pytest.approx(
+        shown.cx_px + shown.fx_px * right_m / depth_m, abs=4
+    )
+    assert rows.max() == pytest.approx(shown.cy_px + shown.fy_px * (down_m + 0.3) / depth_m, abs=12)
+
+
+@pytest.mark.parametrize(("right_m", "side"), [(3.0, "right"), (-3.0, "left")])
+def test_a_pad_out_of_view_is_pointed_at_from_the_edge(right_m: float, side: str) -> None:
+    world = World()
+    fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=right_m, detected=True)
+    world.board.write(HELIPAD, fix)
+    image = draw_camera(readings(world, world.tick(word="")), CAMERA, PANE_PX)
+    columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))[1]
+    assert columns.size
+    assert (columns > PANE_PX[0] / 2).all() == (side == "right")
+
+
+def test_the_word_of_the_running_leaf_is_written_on_the_picture() -> None:
+    world = World()
+    silent = draw_camera(readings(world, world.tick(word="")), CAMERA, PANE_PX)
+    spoken = draw_camera(readings(world, world.tick(word="obstacle")), CAMERA, PANE_PX)
+    assert not has(silent, ACCENT)
+    assert has(spoken, ACCENT)
+
+
+def test_before_the_first_frame_the_panes_say_so() -> None:
+    world = World()
+    now = readings(world, world.tick(frame=False))
+    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(now, COLOURS, PANE_PX)):
+        assert image.shape == (359, 638, 3)
+        assert len(np.unique(image.reshape(-1, 3), axis=0)) > 1, "a text"
+
+
+def test_classes_are_drawn_in_their_colours_and_unknown_ones_stand_out() -> None:
+    world = World()
+    ids = np.full((28, 56), 5, dtype=np.uint8)
+    ids[:, 28:] = 99
+    world.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=0.0))
+    image = draw_class_map(readings(world, world.tick()), COLOURS, PANE_PX)
+    assert tuple(image[200, 100]) == tuple(COLOURS[5])
+    assert tuple(image[200, 600]) == ALARM
+
+
+def test_an_override_is_written_in_the_colour_of_alarm() -> None:
+    world = World()
+    calm = draw_readings(readings(world, world.tick()), (638, 279))
+    alarmed = draw_readings(readings(world, world.tick(override=Override.BATTERY)), (638, 279))
+    assert not has(calm, ALARM)
+    assert has(alarmed, ALARM)
+
+
+def test_a_branch_deeper_than_the_pane_shows_its_lower_end() -> None:
+    world = World()
+    deep = tuple(f"node_{depth}" for depth in range(40))
+    image = draw_readings(readings(world, world.tick(active=deep)), (638, 279))
+    assert has(image[70:], ACCENT), "the leaf"

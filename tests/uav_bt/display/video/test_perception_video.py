@@ -1,0 +1,80 @@
+"""The pictures of `uav-bt perceive`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.uav_bt.display.display_world import CAMERA, COLOURS
+from uav_bt.display.canvas import ACCENT, PANEL
+from uav_bt.display.video.perception_video import PerceptionPanes, Seen
+from uav_bt.errors import ShapeError
+from uav_bt.types import ClassMap, DepthMap, Frame, HelipadFix
+
+IDS = np.full((28, 56), 5, np.uint8)
+
+
+def seen(**changes: object) -> Seen:
+    frame = Frame(
+        image=np.full((36, 64, 3), 90, np.uint8),
+        index=0,
+        captured_s=1.5,
+        gimbal_pitch_rad=-0.5,
+        height_above_carpet_m=1.5,
+    )
+    nothing = Seen(
+        frame=frame,
+        class_map=ClassMap(ids=IDS, captured_s=1.5),
+        depth=None,
+        refusal="the frame is black",
+        corridor=None,
+        intruding=None,
+        helipad=None,
+    )
+    return replace(nothing, **changes)
+
+
+def test_four_panes_make_a_picture_of_1280x720() -> None:
+    panes = PerceptionPanes(CAMERA, class_colours=COLOURS)
+    image = panes.draw(seen())
+    assert panes.size_px == (1280, 720)
+    assert image.shape == (720, 1280, 3)
+    assert tuple(image[100, 300]) == (90, 90, 90), "the picture"
+    assert tuple(image[600, 300]) == tuple(COLOURS[5]), "the class map"
+    assert tuple(image[30, 1000]) == PANEL, "no depth"
+    assert tuple(image[700, 1000]) == PANEL, "no corridor"
+
+
+def test_depth_takes_its_pane() -> None:
+    depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=1.5)
+    image = PerceptionPanes(CAMERA, class_colours=COLOURS).draw(seen(depth=depth, refusal=""))
+    assert tuple(image[100, 900]) != PANEL
+
+
+def test_a_helipad_is_ringed() -> None:
+    panes = PerceptionPanes(CAMERA, class_colours=COLOURS)
+    fix = HelipadFix(captured_s=1.5, forward_m=2.0, right_m=0.0, detected=True)
+
+    def accents(one: Seen) -> int:
+        upper_left = panes.draw(one)[:360, :640]
+        return int(np.count_nonzero((upper_left == np.array(ACCENT)).all(axis=2)))
+
+    assert accents(seen()) == 0
+    assert accents(seen(helipad=fix)) > 100
+
+
+def test_a_picture_that_was_resized_to_another_aspect_is_shown_as_it_was_filmed() -> None:
+    squeezed = CAMERA.resized(40, 32)
+    assert PerceptionPanes(squeezed, class_colours=COLOURS).size_px == (1280, 720)
+
+
+def test_another_aspect_has_panes_of_its_own() -> None:
+    square = replace(CAMERA, width_px=64, height_px=64)
+    assert PerceptionPanes(square, class_colours=COLOURS).size_px == (1280, 1280)
+
+
+def test_colours_of_another_shape_are_refused() -> None:
+    with pytest.raises(ShapeError, match="class colours must be Nx3, got 17x4"):
+        PerceptionPanes(CAMERA, class_colours=np.zeros((17, 4), np.uint8))

@@ -1,0 +1,209 @@
+"""The video of a flight."""
+
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.uav_bt.display.display_world import CAMERA, COLOURS, LAB, World
+from uav_bt.display.canvas import PANEL
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.types import ClassMap, DepthMap, Frame, Pose
+
+
+def panes_of(world: World) -> Panes:
+    return Panes(world.board, CAMERA, class_colours=COLOURS, lab_map=LAB, title="a flight")
+
+
+def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> None:
+    for index in range(ticks):
+        world.see()
+        pose = Pose(x_m=0.05 * index, y_m=0.0, z_m=1.5, yaw_rad=0.0)
+        video.on_tick(world.tick(pose=pose, after_s=after_s))
+
+
+def fly_and_fail(video: FlightVideo, world: World, ticks: int) -> None:
+    fly(video, world, ticks)
+    raise RuntimeError("a leaf raised")
+
+
+def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        size_px = (stream.codec_context.width, stream.codec_context.height)
+        times = [float(picture.time) for picture in container.decode(video=0)]
+    return size_px, times
+
+
+def test_every_tick_is_a_picture_and_the_speed_shortens_the_video(tmp_path: Path) -> None:
+    world = World()
+    with FlightVideo(
+        tmp_path / "flight.mp4", panes_of(world), FlightVideoConfig(speed=2.0)
+    ) as video:
+        fly(video, world, 6)
+    size_px, times = facts(video.path)
+    assert size_px == (1280, 720)
+    assert times == pytest.approx([0.0, 0.05, 0.1, 0.15, 0.2, 0.25])
+
+
+def test_ticks_faster_than_the_video_are_thinned_out(tmp_path: Path) -> None:
+    world = World()
+    with FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video:
+        fly(video, world, 9, after_s=1 / 30)
+    assert len(facts(video.path)[1]) == 3
+
+
+def test_a_pause_in_the_flight_is_a_pause_in_the_video(tmp_path: Path) -> None:
+    world = World()
+    with FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video:
+        fly(video, world, 2)
+        world.clock.advance(1.0)
+        fly(video, world, 1)
+    assert facts(video.path)[1] == pytest.approx([0.0, 0.1, 1.2])
+
+
+def test_the_four_panes_show_what_is_on_the_board() -> None:
+    world = World()
+    world.see()
+    panes = panes_of(world)
+    with_map = panes.draw(world.tick(), FlownPath()).copy()
+    assert with_map.shape == (720, 1280, 3)
+    assert tuple(with_map[700, 300]) == tuple(COLOURS[1]), "the class map's lower half"
+    assert len(np.unique(with_map[:438, 642:].reshape(-1, 3), axis=0)) > 10, "the map"
+    world.clock.advance(5.0)
+    assert tuple(panes.draw(world.tick(), FlownPath())[700, 300]) != tuple(COLOURS[1]), "stale"
+
+
+def test_a_mission_without_depth_is_filmed_without_its_panes() -> None:
+    world = World()
+    world.see()
+    image = panes_of(world).draw(world.tick(), FlownPath())
+    assert (image[560:720, :638] == COLOURS[1]).all(), "one class map"
+
+
+@pytest.mark.parametrize("asked", [True, False], ids=["asked for", "seen"])
+def test_depth_and_corridor_share_the_quarter_of_the_class_map(*, asked: bool) -> None:
+    world = World()
+    panes = panes_of(world)
+    if asked:
+        panes.show_depth()
+    else:
+        world.see_depth()
+        panes.draw(world.tick(), FlownPath())
+        world.clock.advance(5.0)  # the panes stay when the depth is stale
+    world.see()
+    before = panes.draw(world.tick(), FlownPath()).copy()
+    assert tuple(before[530, 100]) == tuple(COLOURS[1]), "class map"
+    assert tuple(before[370, 330]) == PANEL, "no depth"
+    assert tuple(before[550, 10]) == PANEL, "no corridor"
+    world.see_depth()
+    after = panes.draw(world.tick(), FlownPath())
+    assert tuple(after[500, 330]) != PANEL
+    assert tuple(after[650, 10]) != PANEL
+
+
+def test_what_intrudes_is_marked_only_in_the_picture_it_was_found_in() -> None:
+    world = World()
+    panes = panes_of(world)
+    asked: list[DepthMap] = []
+
+    def everything(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
+        asked.append(depth)
+        return np.ones(class_map.ids.shape, dtype=bool)
+
+    panes.show_depth(everything)
+    world.see()
+    world.see_depth()
+    world.clock.advance(0.1)
+    late = panes.draw(world.tick(), FlownPath()).copy()
+    assert asked == []
+    world.see()
+    world.see_depth()
+    marked = panes.draw(world.tick(), FlownPath())
+    assert len(asked) == 1
+    red = marked[600, 100].astype(int) - late[600, 100]
+    assert red[0] > red[2] + 20
+
+
+def test_the_outcome_stays_at_the_end(tmp_path: Path) -> None:
+    world = World()
+    config = FlightVideoConfig(hold_s=0.5)
+    with FlightVideo(tmp_path / "flight.mp4", panes_of(world), config) as video:
+        fly(video, world, 2)
+        video.conclude("success", ["landed"])
+    times = facts(video.path)[1]
+    assert len(times) == 2 + 5
+    assert times[-1] == pytest.approx(0.6)
+
+
+def test_an_outcome_without_a_flight_writes_nothing(tmp_path: Path) -> None:
+    with FlightVideo(tmp_path / "flight.mp4", panes_of(World())) as video:
+        video.conclude("aborted")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_flight_that_fails_leaves_a_whole_video(tmp_path: Path) -> None:
+    world = World()
+    with (
+        pytest.raises(RuntimeError, match="a leaf raised"),
+        FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video,
+    ):
+        fly_and_fail(video, world, 3)
+    assert len(facts(video.path)[1]) == 3
+    assert list(tmp_path.iterdir()) == [video.path]
+
+
+def test_a_folder_that_is_not_there_is_refused_before_anything_flies(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="cannot be written"):
+        FlightVideo(tmp_path / "nowhere" / "flight.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+class FullDisk:
+    """Stands for the encoder's stream."""
+
+    def encode(self, picture: object) -> None:
+        del picture
+        raise OSError(28, "No space left on device")
+
+
+def filled_disk(video: FlightVideo) -> FlightVideo:
+    video._file._stream = FullDisk()
+    return video
+
+
+def test_a_full_disk_does_not_stop_the_flight_but_is_told_at_the_end(tmp_path: Path) -> None:
+    world = World()
+    video = FlightVideo(tmp_path / "flight.mp4", panes_of(world))
+    fly(video, world, 1)
+    fly(filled_disk(video), world, 3)
+    with pytest.raises(FileError, match="No space left"):
+        video.close()
+    video.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_ended_the_flight_matters_more_than_the_video(tmp_path: Path) -> None:
+    world = World()
+    with (
+        pytest.raises(RuntimeError, match="a leaf raised") as caught,
+        FlightVideo(tmp_path / "flight.mp4", panes_of(world)) as video,
+    ):
+        fly_and_fail(filled_disk(video), world, 2)
+    assert "No space left" in caught.value.__notes__[0]
+
+
+def test_colours_of_another_shape_are_refused() -> None:
+    with pytest.raises(ShapeError, match="class colours must be Nx3, got 17x4"):
+        Panes(World().board, CAMERA, class_colours=np.zeros((17, 4), dtype=np.uint8), lab_map=None)
+
+
+@pytest.mark.parametrize("changes", [{"speed": 0.0}, {"pictures_per_s": 0}])
+def test_a_config_that_makes_no_video_is_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValueRangeError):
+        FlightVideoConfig(**changes)

@@ -1,0 +1,147 @@
+"""The mp4 writer: what it writes can be read, and a file is there whole or not at all."""
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from uav_bt.display.video.video_file import VideoFile, choose_codec
+from uav_bt.errors import FileError, MissingDependencyError, ShapeError, ValueRangeError
+
+SIZE_PX = (64, 48)
+
+
+def open_file(path: Path, **changes: Any) -> VideoFile:
+    return VideoFile(path, **{"size_px": SIZE_PX, "frames_per_s": Fraction(20), **changes})
+
+
+def plain(colour: int | tuple[int, int, int]) -> NDArray[np.uint8]:
+    return np.full((48, 64, 3), colour, dtype=np.uint8)
+
+
+def decoded(path: Path) -> list[tuple[float, NDArray[np.uint8]]]:
+    with av.open(str(path)) as container:
+        return [
+            (float(picture.time), picture.to_ndarray(format="rgb24"))
+            for picture in container.decode(video=0)
+        ]
+
+
+def test_pictures_come_back_in_order_with_their_times_and_colours(tmp_path: Path) -> None:
+    file = open_file(tmp_path / "flight.mp4")
+    colours = [(200, 30, 30), (30, 200, 30), (30, 30, 200)]
+    for colour in colours:
+        file.write(plain(colour))
+    file.close()
+    pictures = decoded(file.path)
+    assert [time for time, _ in pictures] == pytest.approx([0.0, 0.05, 0.1])
+    for (_, picture), colour in zip(pictures, colours, strict=True):
+        assert np.abs(picture.reshape(-1, 3).mean(axis=0) - colour).max() < 8
+
+
+def test_a_gap_holds_the_picture_before_it(tmp_path: Path) -> None:
+    file = open_file(tmp_path / "flight.mp4")
+    file.write(plain(10), 0)
+    file.write(plain(200), 10)
+    file.close()
+    assert [time for time, _ in decoded(file.path)] == pytest.approx([0.0, 0.5])
+
+
+def test_the_name_appears_only_when_the_file_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "flight.mp4"
+    path.write_bytes(b"the one before")
+    file = open_file(path)
+    file.write(plain(10))
+    assert path.read_bytes() == b"the one before"
+    file.close()
+    file.close()
+    assert len(decoded(path)) == 1
+    assert list(tmp_path.iterdir()) == [path], "nothing else is left"
+
+
+def test_without_a_picture_no_file_is_kept(tmp_path: Path) -> None:
+    open_file(tmp_path / "flight.mp4").close()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nowhere/flight.mp4", "No such file or directory"),
+        ("taken/flight.mp4", "Not a directory"),
+        ("flight.avi", "must end in .mp4"),
+        ("folder.mp4", "is a folder"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_refused_and_nothing_is_left(
+    tmp_path: Path, name: str, message: str
+) -> None:
+    (tmp_path / "taken").write_text("a file")
+    (tmp_path / "folder.mp4").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(FileError, match=message):
+        open_file(tmp_path / name)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_disk_that_fills_up_leaves_no_half_file(tmp_path: Path) -> None:
+    class FullDisk:
+        def encode(self, picture: object) -> None:
+            del picture
+            raise OSError(28, "No space left on device")
+
+    file = open_file(tmp_path / "flight.mp4")
+    file.write(plain(10))
+    file._stream = FullDisk()
+    with pytest.raises(FileError, match="No space left"):
+        file.write(plain(20))
+    file.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_of_another_size_is_refused(tmp_path: Path) -> None:
+    file = open_file(tmp_path / "flight.mp4")
+    with pytest.raises(ShapeError, match="picture must be 48x64x3, got 48x60x3"):
+        file.write(np.zeros((48, 60, 3), dtype=np.uint8))
+    file.close()
+
+
+def test_pictures_out_of_order_are_refused(tmp_path: Path) -> None:
+    file = open_file(tmp_path / "flight.mp4")
+    file.write(plain(10), 3)
+    with pytest.raises(ValueRangeError, match="slot 3 after 3"):
+        file.write(plain(10), 3)
+    file.close()
+
+
+@pytest.mark.parametrize("changes", [{"size_px": (63, 48)}, {"frames_per_s": Fraction(0)}])
+def test_a_size_or_rate_that_no_encoder_takes_is_refused(
+    tmp_path: Path, changes: dict[str, Any]
+) -> None:
+    with pytest.raises(ValueRangeError):
+        open_file(tmp_path / "flight.mp4", **changes)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_encoder_that_is_missing_is_passed_over() -> None:
+    assert choose_codec(("no_such_encoder", "mpeg4")) == "mpeg4"
+
+
+def test_without_any_encoder_the_message_says_what_to_install() -> None:
+    with pytest.raises(MissingDependencyError, match="pip install"):
+        choose_codec(("no_such_encoder",))
+
+
+def test_the_fallback_encoder_writes_a_readable_file_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("uav_bt.display.video.video_file.choose_codec", lambda: "mpeg4")
+    file = open_file(tmp_path / "flight.mp4")
+    for shade in (20, 120, 220):
+        file.write(plain(shade))
+    file.close()
+    assert [round(float(picture.mean()), -1) for _, picture in decoded(file.path)] == [20, 120, 220]

@@ -1,0 +1,187 @@
+"""The recorder: the engine's transitions in the engine's order, and no trace left behind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.uav_bt.groot.groot_world import REGISTRY, leaf, make_context, make_tree
+from uav_bt.clock import ManualClock
+from uav_bt.errors import MissionError, NodeFailedError
+from uav_bt.groot import NodeStatus, TransitionRecorder, TreeNumbering
+from uav_bt.tree import Leaf, MissionTree, Status, parse_tree
+from uav_bt.tree.status import FAILURE, IDLE, SUCCESS
+
+SAMPLE = Path(__file__).parents[2] / "data" / "bt_traces_sample.jsonl"
+LETTERS = {
+    NodeStatus.IDLE: "I",
+    NodeStatus.RUNNING: "R",
+    NodeStatus.SUCCESS: "S",
+    NodeStatus.FAILURE: "F",
+}
+
+
+def watched(body: str, *more: str) -> tuple[MissionTree, TransitionRecorder, ManualClock]:
+    tree = make_tree(body, *more)
+    clock = ManualClock()
+    tree.setup(make_context(clock))
+    recorder = TransitionRecorder(TreeNumbering(tree), clock)
+    recorder.attach()
+    return tree, recorder, clock
+
+
+def taken(recorder: TransitionRecorder) -> str:
+    """Return what was noted as `1R 2S`: uid and status."""
+    return " ".join(f"{uid}{LETTERS[status]}" for _, uid, status in recorder.take())
+
+
+def test_a_leaf_that_ends_in_its_first_tick_leaves_its_result_and_idle() -> None:
+    """The engine resets finished children at the end of the tick; the result is noted before."""
+    tree, recorder, _ = watched(f"<Sequence>{leaf('a', 'S')}{leaf('b', 'RS')}</Sequence>")
+    tree.tick()
+    assert taken(recorder) == "1R 2S 3R"
+    tree.tick()
+    assert taken(recorder) == "3S 2I 3I 1S 1I"
+
+
+def test_a_finished_root_is_idle_at_the_end_of_its_tick_once() -> None:
+    """Our trees reset a finished root with the next tick; the engine does it at once."""
+    tree, recorder, _ = watched(leaf("a", "S"))
+    for _ in range(3):
+        tree.tick()
+        assert taken(recorder) == "1S 1I"
+    tree.halt()
+    assert taken(recorder) == ""
+
+
+def test_a_skipped_node_leaves_nothing() -> None:
+    """SKIPPED is an answer; the node stands idle, and its parent had only begun."""
+    skipped = leaf("a", "S", '_skipIf="true"')
+    tree, recorder, _ = watched(f"<Fallback>{skipped}{leaf('b', 'F')}</Fallback>")
+    tree.tick()
+    assert taken(recorder) == "1R 3F 3I 1F 1I"
+
+
+def test_a_halt_is_noted_as_idle() -> None:
+    tree, recorder, _ = watched(f"<Sequence>{leaf('a', 'R')}</Sequence>")
+    tree.tick()
+    recorder.take()
+    tree.halt()
+    assert taken(recorder) == "2I 1I"
+
+
+def test_a_branch_that_takes_over_halts_the_other_within_the_tick() -> None:
+    tree, recorder, _ = watched(
+        f"<ReactiveFallback>{leaf('a', 'FR')}{leaf('b', 'R')}</ReactiveFallback>"
+    )
+    tree.tick()
+    assert taken(recorder) == "1R 2F 3R 2I"
+    tree.tick()
+    assert taken(recorder) == "2R 3I"
+
+
+def test_a_node_that_raises_leaves_everything_idle() -> None:
+    tree, recorder, _ = watched(f"<Sequence>{leaf('a', 'S')}{leaf('b', '')}</Sequence>")
+    with pytest.raises(NodeFailedError, match="IndexError"):
+        tree.tick()
+    assert taken(recorder) == "1R 2S 3R 2I 3I 1I"
+
+
+def test_transitions_are_dated_by_the_mission_clock() -> None:
+    tree, recorder, clock = watched(leaf("a", "RS"))
+    clock.advance(0.1)
+    tree.tick()
+    clock.advance(0.2)
+    tree.tick()
+    assert [item.time_us for item in recorder.take()] == [100_000, 300_000, 300_000]
+
+
+def test_a_tree_is_left_as_it_was() -> None:
+    """Watched nodes are of subclasses of their classes; afterwards of their own, without a rest."""
+    tree = make_tree(f"<Inverter>{leaf('a', 'S')}</Inverter>")
+    tree.setup(make_context())
+    tree.tick()
+    before = [(type(node), set(vars(node))) for node in tree.nodes()]
+    recorder = TransitionRecorder(TreeNumbering(tree), ManualClock())
+    with recorder:
+        for node, (plain, _) in zip(tree.nodes(), before, strict=True):
+            assert type(node) is not plain
+            assert isinstance(node, plain)
+            assert (type(node).__qualname__, node.node_id, node.kind) == (
+                plain.__qualname__,
+                plain.node_id,
+                plain.kind,
+            )
+        tree.tick()
+    recorder.detach()  # once more does no harm
+    assert [(type(node), set(vars(node))) for node in tree.nodes()] == before
+    tree.tick()
+    assert taken(recorder) == "1I 1R 2S 1F 2I 1I"  # of the one tick in between
+
+
+def test_a_kind_that_a_class_sets_itself_stays() -> None:
+    class Odd(Leaf):
+        def update(self) -> Status:
+            return SUCCESS
+
+    Odd.kind = MissionTree(Odd()).root.kind.CONDITION
+    tree = MissionTree(Odd())
+    with TransitionRecorder(TreeNumbering(tree), ManualClock()):
+        assert tree.root.kind is Odd.kind
+
+
+def test_two_cannot_watch_one_tree() -> None:
+    tree, recorder, clock = watched(leaf("a", "S"))
+    with pytest.raises(MissionError, match="'Main/a' is being watched already"):
+        TransitionRecorder(TreeNumbering(tree), clock).attach()
+    recorder.detach()
+    with TransitionRecorder(TreeNumbering(tree), clock):
+        tree.tick()
+
+
+def test_watching_changes_nothing_and_misses_nothing() -> None:
+    """Over the recorded traces, answers are those of an unwatched tree.
+
+    And replaying the transitions gives what every node stands at after every tick, without a
+    transition from a status to itself.
+    """
+    for line in SAMPLE.read_text(encoding="utf-8").splitlines():
+        trace = json.loads(line)
+        trees = [_set_up(trace) for _ in range(2)]
+        clock = ManualClock()
+        numbering = TreeNumbering(trees[0])
+        replayed = [NodeStatus.IDLE] * len(numbering.nodes)
+        with TransitionRecorder(numbering, clock) as recorder:
+            for index in range(len(trace["ticks"])):
+                answers = [_advance(tree, trace, index) for tree in trees]
+                assert answers[0] == answers[1], trace["id"]
+                for _, uid, status in recorder.take():
+                    assert replayed[uid - 1] is not status, trace["id"]
+                    replayed[uid - 1] = status
+                assert replayed == _standing(trees[0]), trace["id"]
+
+
+def _set_up(trace: dict[str, Any]) -> MissionTree:
+    tree = parse_tree(trace["xml"], REGISTRY)
+    tree.setup(make_context())
+    for key, value in trace["blackboard"].items():
+        tree.variables[key] = value
+    return tree
+
+
+def _advance(tree: MissionTree, trace: dict[str, Any], index: int) -> str:
+    for key, value in trace["set"].get(str(index), {}).items():
+        tree.variables[key] = value
+    if index in trace["halt"]:
+        tree.halt()
+    return tree.tick().name
+
+
+def _standing(tree: MissionTree) -> list[NodeStatus]:
+    statuses = [node.status for node in tree.nodes()]
+    if statuses[0] in {SUCCESS, FAILURE}:
+        statuses[0] = IDLE
+    return [NodeStatus[status.name if status is not IDLE else "IDLE"] for status in statuses]

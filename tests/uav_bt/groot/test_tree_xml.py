@@ -1,0 +1,167 @@
+"""Numbers, paths and the XML of a tree."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from tests.uav_bt.groot.groot_world import leaf, make_tree
+from uav_bt import app
+from uav_bt.errors import FileError, InputError
+from uav_bt.groot import TreeNumbering
+from uav_bt.groot.logged_tree import LoggedNode, read_logged_tree
+from uav_bt.groot.numbering import MAX_UID
+from uav_bt.groot.tree_xml import tree_xml
+from uav_bt.tree import MissionTree
+from uav_bt.tree.nodes import AlwaysSuccess, Sequence
+
+LOG = Path("flight.btlog")
+INNER = f'<BehaviorTree ID="Inner">{leaf("in", "S")}</BehaviorTree>'
+OUTER = (
+    '<BehaviorTree ID="Outer"><Sequence>'
+    '<SubTree ID="Inner"/><SubTree ID="Inner" name="named"/>'
+    "</Sequence></BehaviorTree>"
+)
+
+
+def numbered(body: str, *more: str) -> tuple[TreeNumbering, ET.Element]:
+    numbering = TreeNumbering(make_tree(body, *more))
+    return numbering, ET.fromstring(tree_xml(numbering))  # noqa: S314  # our own
+
+
+def test_nodes_are_numbered_from_one_parents_first() -> None:
+    numbering, _ = numbered(
+        f"<Sequence>{leaf('a', 'S')}<Inverter>{leaf('b', 'S')}</Inverter></Sequence>"
+    )
+    assert [(numbering.uid(node), node.name) for node in numbering.nodes] == [
+        (1, "Sequence"),
+        (2, "a"),
+        (3, "Inverter"),
+        (4, "b"),
+    ]
+
+
+def test_instances_are_named_by_the_instances_around_them() -> None:
+    """As the engine does: by name, or by id and number where nobody gave a name."""
+    body = '<Sequence><SubTree ID="Outer" name="x"/><SubTree ID="Outer"/></Sequence>'
+    numbering, root = numbered(body, OUTER, INNER)
+    paths = [instance.full_path for instance in numbering.instances]
+    assert paths == [
+        "",
+        "x",
+        "x/Inner::4",
+        "x/named",
+        "Outer::8",
+        "Outer::8/Inner::10",
+        "Outer::8/named",
+    ]
+    assert [tree.get("_fullpath") for tree in root.iter("BehaviorTree")] == paths
+    assert [tree.get("ID") for tree in root.iter("BehaviorTree")] == [
+        *("Main", "Outer", "Inner", "Inner", "Outer", "Inner", "Inner")
+    ]
+    inside = {node.get("_fullpath") for node in root.iter("SubTree")}
+    assert inside == set(paths[1:])
+
+
+def test_a_name_used_twice_is_made_unique() -> None:
+    body = '<Sequence><SubTree ID="Inner" name="n"/><SubTree ID="Inner" name="n"/></Sequence>'
+    numbering, _ = numbered(body, INNER)
+    assert [instance.full_path for instance in numbering.instances] == ["", "n", "n::4"]
+
+
+def test_attributes_are_told_as_a_tree_file_has_them() -> None:
+    """Defaults are filled in; references, conditions and a subtree's entries are kept."""
+    body = (
+        '<Repeat num_cycles="{n}" _skipIf="a &lt; 1" _onSuccess="b:=&apos;x&apos;">'
+        '<Sequence><Sleep msec="20"/>'
+        '<SubTree ID="Inner" name="s" in_="{out}" fixed="7" _autoremap="true"/></Sequence></Repeat>'
+    )
+    _, root = numbered(body, INNER)
+    repeat, sub = root.find(".//Repeat"), root.find(".//SubTree")
+    sleep = root.find(".//Sleep")
+    assert repeat is not None
+    assert sub is not None
+    assert sleep is not None
+    assert dict(repeat.attrib) == {
+        "name": "Repeat",
+        "_uid": "1",
+        "num_cycles": "{n}",
+        "_skipIf": "a < 1",
+        "_onSuccess": "b:='x'",
+    }
+    assert sleep.get("msec") == "20"
+    assert dict(sub.attrib) == {
+        "ID": "Inner",
+        "name": "s",
+        "_fullpath": "s",
+        "_uid": "4",
+        "in_": "{out}",
+        "fixed": "7",
+        "_autoremap": "true",
+    }
+
+
+def test_names_that_xml_cannot_hold_are_replaced() -> None:
+    tree = MissionTree(Sequence('a\x00<&"b', [AlwaysSuccess("\ud800")]), name="T")
+    root = ET.fromstring(tree_xml(TreeNumbering(tree)))  # noqa: S314  # our own
+    assert [node.get("name") for node in root.iter() if node.get("_uid")] == [
+        'a\ufffd<&"b',
+        "\ufffd",
+    ]
+
+
+def test_a_tree_with_too_many_nodes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert MAX_UID == 65_535  # two bytes
+    monkeypatch.setattr("uav_bt.groot.numbering.MAX_UID", 3)
+    tree = MissionTree(Sequence("all", [AlwaysSuccess() for _ in range(3)]))
+    with pytest.raises(InputError, match="has 4 nodes; at most 3"):
+        TreeNumbering(tree)
+
+
+@pytest.mark.parametrize(
+    "name", sorted(file.stem for file in (Path(app.__file__).parents[2] / "trees").glob("*.xml"))
+)
+def test_every_shipped_mission_can_be_told_and_read_back(name: str) -> None:
+    tree = app.check(name)
+    nodes = read_logged_tree(tree_xml(TreeNumbering(tree)), LOG)
+    assert [nodes[uid].name for uid in sorted(nodes)] == [node.name for node in tree.nodes()]
+
+
+# --- reading it back ------------------------------------------------------------------------------
+
+
+def test_a_logs_nodes_have_paths_from_their_tree_down() -> None:
+    xml = tree_xml(
+        TreeNumbering(make_tree('<Sequence><SubTree ID="Inner" name="n"/></Sequence>', INNER))
+    )
+    assert read_logged_tree(xml, LOG) == {
+        1: LoggedNode(uid=1, node_id="Sequence", name="Sequence", path="Main/Sequence"),
+        2: LoggedNode(uid=2, node_id="SubTree", name="n", path="Main/Sequence/n"),
+        3: LoggedNode(uid=3, node_id="Scripted", name="in", path="n/in"),
+    }
+
+
+def test_a_foreign_logs_explicit_elements_are_understood() -> None:
+    xml = '<root><BehaviorTree ID="M"><Action ID="Fly" name="go" _uid="9"/></BehaviorTree></root>'
+    assert read_logged_tree(xml, LOG)[9] == LoggedNode(uid=9, node_id="Fly", name="go", path="M/go")
+
+
+@pytest.mark.parametrize(
+    ("xml", "words"),
+    [
+        ("<root", "flight.btlog: its XML, line 1: "),
+        ("", "no element found"),
+        ("<root/>", "numbers no node"),
+        ('<root><A _uid="x"/></root>', "_uid of 'A' must be a number up to 65535, got 'x'"),
+        ('<root><A _uid="65536"/></root>', "got '65536'"),
+        ('<root><A _uid="1"/><B _uid="1"/></root>', "'B' and 'A' both have _uid 1"),
+        ("<a>" * 1001, "deeper than 1000"),
+        ('<!DOCTYPE r [<!ENTITY e "x">]><r>&e;</r>', "document type declarations are refused"),
+    ],
+)
+def test_a_logs_xml_that_cannot_be_is_refused(xml: str, words: str) -> None:
+    with pytest.raises(FileError, match=r"flight\.btlog") as error:
+        read_logged_tree(xml, LOG)
+    assert words in str(error.value)

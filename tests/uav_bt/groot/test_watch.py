@@ -1,0 +1,150 @@
+"""A whole flight watched: its log and what Groot2 sees agree with the flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.groot.groot_world import GrootClient, leaf, make_context, make_tree
+from uav_bt import app, plugins
+from uav_bt.clock import ManualClock
+from uav_bt.errors import FileError, InputError
+from uav_bt.groot import BtlogReader, BtlogWriter, GrootConfig, NodeStatus, TreeWatch, watched_live
+from uav_bt.groot.durations import NodeDurations, node_durations
+from uav_bt.groot.logged_tree import read_logged_tree
+from uav_bt.groot.transitions import Transition
+from uav_bt.mission.runner import TickRecord
+from uav_bt.testing import ScriptedDrone
+
+HOP = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="0.5"/><Land/></Sequence>'
+
+
+@pytest.fixture
+def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A short mission's file; the drone `scripted` flies it."""
+    found = plugins.load
+
+    def load(group: str, name: str) -> object:
+        if (group, name) == (plugins.DRONES, "scripted"):
+            return lambda _options: ScriptedDrone()
+        return found(group, name)
+
+    monkeypatch.setattr(plugins, "load", load)
+    path = tmp_path / "mission.xml"
+    path.write_text(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{HOP}</BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    return path
+
+
+SCRIPTED = app.FlightOptions(drone="scripted")
+
+
+def test_a_flight_is_logged_from_its_first_tick_to_its_end(mission: Path, tmp_path: Path) -> None:
+    path = tmp_path / "flight.btlog"
+    with watched_live(btlog=path) as listeners:
+        report = app.fly(mission, SCRIPTED, tree_listeners=listeners)
+    with BtlogReader(path) as log:
+        nodes = read_logged_tree(log.xml, path)
+        durations = node_durations(list(log))
+    assert log.partial_bytes == 0
+    by_name = {nodes[uid].name: item for uid, item in durations.items()}
+    assert list(by_name) == ["Sequence", "TakeOff", "HoverFor", "Land"]
+    assert all((item.activations, item.successes) == (1, 1) for item in by_name.values())
+    assert not any(item.still_running for item in by_name.values())
+    assert report.duration_s is not None
+    assert by_name["Sequence"].running_us / 1e6 == pytest.approx(report.duration_s, abs=0.2)
+
+
+def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
+    """A client that asks between ticks finds one running branch, and the board in the air."""
+    seen: list[dict[int, int]] = []
+    heights: list[float] = []
+
+    with watched_live(groot=GrootConfig(port=0)) as listeners:
+        assert listeners.publisher is not None
+        with GrootClient(listeners.publisher.port) as client:
+
+            class Asking:
+                def on_tick(self, _: TickRecord) -> None:
+                    seen.append(client.statuses())
+                    heights.append(client.boards("Main")["Main"]["@height_above_carpet_m"])
+
+            report = app.fly(
+                mission,
+                SCRIPTED,
+                tree_listeners=lambda tree, context: [*listeners(tree, context), Asking()],
+            )
+    assert len(seen) == report.ticks
+    assert seen[0] == {1: 1, 2: 1, 3: 0, 4: 0}
+    assert any(statuses == {1: 1, 2: 2, 3: 1, 4: 0} for statuses in seen)
+    assert seen[-1] == {1: 12, 2: 12, 3: 12, 4: 12}
+    assert max(heights) == pytest.approx(1.0, abs=0.2)
+
+
+def test_an_aborted_mission_is_logged_up_to_its_halt(tmp_path: Path) -> None:
+    """What is halted after the last tick is still noted."""
+    path = tmp_path / "flight.btlog"
+    tree, clock = make_tree(f"<Sequence>{leaf('a', 'R')}</Sequence>"), ManualClock(5.0)
+    context = make_context(clock)
+    tree.setup(context)
+    with BtlogWriter(path) as log:
+        watch = TreeWatch(tree, context, log=log)
+        tree.tick()
+        watch.after_tick()
+        clock.advance(1.0)
+        tree.halt()
+        watch.finish()
+        watch.finish()
+    with BtlogReader(path) as reader:
+        assert reader.first_time_us == 5_000_000
+        assert list(reader) == [
+            Transition(0, 1, NodeStatus.RUNNING),
+            Transition(0, 2, NodeStatus.RUNNING),
+            Transition(1_000_000, 2, NodeStatus.IDLE),
+            Transition(1_000_000, 1, NodeStatus.IDLE),
+        ]
+
+
+def test_nothing_is_watched_unless_asked(mission: Path) -> None:
+    with watched_live() as listeners:
+        tree = make_tree(leaf("a", "S"))
+        assert listeners(tree, make_context()) == []
+        assert app.fly(mission, SCRIPTED, tree_listeners=listeners).outcome == "success"
+
+
+def test_ports_and_names_are_refused_before_anything_flies(tmp_path: Path) -> None:
+    with watched_live(groot=GrootConfig(port=0)) as listeners:
+        assert listeners.publisher is not None
+        taken = GrootConfig(port=listeners.publisher.port)
+        with pytest.raises(InputError, match="Groot2 needs ports"), watched_live(groot=taken):
+            pytest.fail("flown without its port")
+    with pytest.raises(FileError, match="only files named"), watched_live(btlog=tmp_path / "a.txt"):
+        pytest.fail("flown without its log")
+
+
+def test_a_node_is_told_by_its_activations() -> None:
+    R, S, F, I = (NodeStatus[name] for name in ("RUNNING", "SUCCESS", "FAILURE", "IDLE"))  # noqa: E741, N806
+    items = [
+        *((0, 1, R), (10, 1, S), (10, 1, I)),  # ran ten
+        (20, 1, F),  # at once
+        *((20, 1, I), (30, 1, R), (37, 1, I)),  # halted after seven
+        *((40, 1, NodeStatus.SKIPPED), (50, 2, R), (55, 1, R), (60, 3, S), (61, 3, F)),
+    ]
+    durations = node_durations(Transition(*item) for item in items)
+    assert durations == {
+        1: NodeDurations(
+            uid=1,
+            activations=4,
+            running_us=10 + 7 + 6,
+            longest_us=10,
+            successes=1,
+            failures=1,
+            halts=1,
+            still_running=True,
+        ),
+        2: NodeDurations(uid=2, activations=1, running_us=11, longest_us=11, still_running=True),
+        3: NodeDurations(uid=3, activations=2, successes=1, failures=1),
+    }

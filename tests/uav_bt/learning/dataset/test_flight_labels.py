@@ -1,0 +1,50 @@
+"""Recorded flights labelled by the teacher."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.learning import flight_labels
+from uav_bt.learning.dataset.index_file import flight_data
+from uav_bt.learning.dataset.windows import thinned
+from uav_bt.learning.flight_labels import label_flights
+from uav_bt.learning.segmentation import SHIPPED_TEACHER, StudentPlan
+
+PLAN = StudentPlan()
+EVERY_S = 3.0
+
+
+def test_pictures_and_masks_are_of_the_networks_size(record: Path, tmp_path: Path) -> None:
+    """And as far apart as was asked for."""
+    rgb, ids = label_flights(SHIPPED_TEACHER, [record], PLAN, tmp_path / "labels", every_s=EVERY_S)
+
+    assert len(rgb) == len(thinned(flight_data(record).captured_s, EVERY_S)) > 1
+    assert rgb.shape[1:] == (112, 224, 3)
+    assert ids.shape == rgb.shape[:3]
+    assert ids.max() <= 16
+
+
+def test_what_was_labelled_is_kept(
+    record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = label_flights(SHIPPED_TEACHER, [record], PLAN, tmp_path / "labels", every_s=EVERY_S)
+    monkeypatch.setattr(flight_labels, "refined_ids", None)
+
+    again = label_flights(SHIPPED_TEACHER, [record], PLAN, tmp_path / "labels", every_s=EVERY_S)
+
+    np.testing.assert_array_equal(again[0], first[0])
+    np.testing.assert_array_equal(again[1], first[1])
+
+
+def test_no_flights_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no picture"):
+        label_flights(SHIPPED_TEACHER, [], PLAN, tmp_path)
+
+
+def test_a_time_of_nought_is_refused(record: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueRangeError, match="positive"):
+        label_flights(SHIPPED_TEACHER, [record], PLAN, tmp_path, every_s=0.0)

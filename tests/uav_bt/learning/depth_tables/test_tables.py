@@ -1,0 +1,331 @@
+"""Evaluation of metric depth on pictures of the twin, in small, with depth that is known."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from perception.camera.ground_plane import ground_depth, view_of
+from uav_bt.classes import CARPET
+from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.learning.depth import DepthViewPlan
+from uav_bt.learning.depth_tables.corridors import FOCAL_FACTORS, FRONTS_M, corridor_table
+from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Picture, PicturePlan, take_pictures
+from uav_bt.learning.depth_tables.methods import METHODS, Error, methods_for, metric_maps
+from uav_bt.learning.depth_tables.report import TABLES, evaluate_depth
+from uav_bt.learning.depth_tables.tables import (
+    DepthQuestions,
+    distance_table,
+    pair_table,
+    sample_table,
+    sensitivity_table,
+)
+from uav_bt.types import ClassMap, DepthMap, Frame
+
+PLAN = PicturePlan(views=DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3))
+SECRET = 0.37  # metres for one unit of the relative depth below
+
+
+class Grey:
+    """Stands in for a segmentation network: all carpet."""
+
+    def segment(self, frame: Frame) -> ClassMap:
+        return ClassMap(
+            ids=np.full(MAP_SIZE_PX[::-1], CARPET, dtype=np.uint8), captured_s=frame.captured_s
+        )
+
+
+class Flat:
+    """Stands in for a depth network: a depth of one everywhere, at a size of its own."""
+
+    def estimate(self, frame: Frame) -> DepthMap:
+        ones = np.ones((32, 40), dtype=np.float32)
+        return DepthMap(depth=ones, metric=False, captured_s=frame.captured_s)
+
+
+@pytest.fixture(scope="module")
+def raw() -> list[Picture]:
+    return list(take_pictures(PLAN, Grey(), Flat()))
+
+
+def _known(picture: Picture, *, shift_m: float = 0.0) -> Picture:
+    """Give a picture exact telemetry, exact masks, and exact depth in a secret unit."""
+    relative = DepthMap(
+        depth=((picture.depth_m - shift_m) / np.float32(SECRET)).astype(np.float32),
+        metric=False,
+        captured_s=picture.frame.captured_s,
+    )
+    frame = picture.frame
+    view = view_of(frame, picture.camera, MAP_SIZE_PX)
+    lever_m = view.height_m - frame.height_above_carpet_m
+    frame = replace(frame, height_above_carpet_m=picture.truth.height_m - lever_m)
+    exact = picture.masks["exact"]
+    return replace(picture, frame=frame, relative=relative, masks={"unet": exact, "exact": exact})
+
+
+@pytest.fixture(scope="module")
+def known(raw: list[Picture]) -> list[Picture]:
+    return [_known(picture) for picture in raw]
+
+
+@pytest.fixture(scope="module")
+def asked(known: list[Picture]) -> DepthQuestions:
+    return DepthQuestions.of(known)
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+def test_the_same_plan_takes_the_same_pictures_whichever_scenes_stand_beside(
+    raw: list[Picture],
+) -> None:
+    alone = replace(PLAN, views=replace(PLAN.views, scenes=("train-b",)))
+    for first, second in zip(raw[5:], take_pictures(alone, Grey(), None), strict=True):
+        np.testing.assert_array_equal(first.ids, second.ids)
+        np.testing.assert_array_equal(first.frame.image, second.frame.image)
+        assert first.frame.height_above_carpet_m == second.frame.height_above_carpet_m
+
+
+def test_telemetry_errs_like_a_flight_s_and_no_more(raw: list[Picture]) -> None:
+    errors_m = [
+        view_of(picture.frame, picture.camera, MAP_SIZE_PX).height_m - picture.truth.height_m
+        for picture in raw
+    ]
+    assert 0.003 < np.std(errors_m) < 0.06
+    assert np.abs(errors_m).max() < 0.12
+    assert all(picture.frame.attitude.pitch_rad != 0.0 for picture in raw)
+    assert all(picture.frame.gimbal_pitch_rad == picture.truth.pitch_rad for picture in raw)
+
+
+def test_an_ideal_profile_has_no_telemetry_error() -> None:
+    plan = replace(PLAN, views=replace(PLAN.views, scenes=("train-a",), profile="ideal"))
+    errors_m = []
+    for picture in take_pictures(plan, Grey(), None):
+        view = view_of(picture.frame, picture.camera, MAP_SIZE_PX)
+        assert view.height_m == pytest.approx(picture.truth.height_m, abs=1e-6)
+        carpet = picture.ids == CARPET
+        errors_m.append(np.abs(ground_depth(view) - picture.depth_m)[carpet])
+    # The carpet's exact depth is then the ground plane's.
+    assert np.percentile(np.concatenate(errors_m), 99) < 0.005
+
+
+def test_landings_are_left_out(raw: list[Picture]) -> None:
+    assert len(raw) == 10
+    assert min(picture.frame.gimbal_pitch_rad for picture in raw) > math.radians(-46)
+
+
+def test_masks_of_another_size_are_refused() -> None:
+    class Small(Grey):
+        def segment(self, frame: Frame) -> ClassMap:
+            return ClassMap(ids=np.zeros((9, 16), dtype=np.uint8), captured_s=frame.captured_s)
+
+    with pytest.raises(ValueRangeError, match="224x112 pixels; the masks are 16x9"):
+        next(take_pictures(PLAN, Small(), None))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        lambda: PicturePlan(views=DepthViewPlan(scenes=())),
+        lambda: PicturePlan(views=DepthViewPlan(views=0)),
+    ],
+)
+def test_plans_without_pictures_are_refused(bad: Any) -> None:
+    with pytest.raises(ValueRangeError, match="a scene and a positive count"):
+        bad()
+
+
+def test_unknown_masks_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'unet'"):
+        PicturePlan(masks="unets")  # type: ignore[arg-type]
+
+
+# --- methods --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["constant", "least_squares", "adaptive", "fused"])
+def test_every_scale_finds_the_secret_unit(
+    name: str, known: list[Picture], asked: DepthQuestions
+) -> None:
+    method = next(method for method in METHODS if method.name == name)
+    maps = metric_maps(method, known, "exact")
+    assert asked.distance_errors(maps).answered > 0
+    assert asked.distance_errors(maps).median_m < 0.01
+    assert asked.pair_errors(maps).mean_m < 0.02
+
+
+def test_only_least_squares_undoes_a_shift(raw: list[Picture]) -> None:
+    shifted = [_known(picture, shift_m=0.4) for picture in raw]
+    asked = DepthQuestions.of(shifted)
+    errors = {
+        row.method: row.error.mean_m for row in distance_table(asked, "exact") if row.what == "both"
+    }
+    assert errors["least_squares"] < 0.03
+    assert min(errors["constant"], errors["adaptive"]) > 2.0 * errors["least_squares"]
+
+
+def test_collected_scales_know_all_pictures_before_the_first(known: list[Picture]) -> None:
+    """The first picture's unit differs: a constant scale must not follow it."""
+    odd = replace(known[0].relative, depth=2.0 * known[0].relative.depth)
+    pictures = [replace(known[0], relative=odd), *known[1:]]
+    constant = next(method for method in METHODS if method.name == "constant")
+    first = metric_maps(constant, pictures, "exact")[0].depth
+    assert np.nanmedian(first / known[0].depth_m) == pytest.approx(2.0, rel=0.05)
+
+
+def test_the_flat_world_ignores_the_network(known: list[Picture], asked: DepthQuestions) -> None:
+    flat = next(method for method in METHODS if method.name == "flat")
+    maps = metric_maps(flat, known, "exact")
+    made = [map_.depth for map_ in maps if np.isfinite(map_.depth).any()]
+    assert len(made) > 5
+    assert all(np.ptp(depth) == 0.0 for depth in made)
+    assert asked.distance_errors(maps).mean_m > 0.2
+
+
+def test_without_a_network_only_the_ways_that_need_none_remain(known: list[Picture]) -> None:
+    blind = [replace(picture, relative=None) for picture in known]
+    assert [method.name for method in methods_for(blind)] == ["footing", "lowest_pixel", "flat"]
+    assert len(methods_for(known)) == len(METHODS)
+    assert sample_table(DepthQuestions.of(blind), "exact") == []
+    with pytest.raises(ValueRangeError, match="without a depth network"):
+        blind[0].relative_at_map_size()
+
+
+def test_errors_of_telemetry_add_to_what_the_sensors_say(known: list[Picture]) -> None:
+    frame = known[0].frame
+    wrong = Error(height_m=0.1, pitch_rad=-0.02).on(frame)
+    assert wrong.height_above_carpet_m == pytest.approx(frame.height_above_carpet_m + 0.1)
+    assert wrong.gimbal_pitch_rad == pytest.approx(frame.gimbal_pitch_rad - 0.02)
+    assert Error(pitch_rad=-9.0).on(frame).gimbal_pitch_rad == -math.pi / 2
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def test_pairs_are_asked_with_every_patch_and_across_faces_without(asked: DepthQuestions) -> None:
+    rows = pair_table(asked, "exact")
+    edges = [row for row in rows if not row.across]
+    assert {(row.method, row.patch_px) for row in edges} == {
+        (method.name, patch) for method in METHODS for patch in (1, 3, 5, 7, 9)
+    }
+    assert {row.patch_px for row in rows if row.across} == {1}
+    assert len({row.error.asked for row in edges}) == 1
+    assert edges[0].error.asked > 10
+
+
+def test_points_are_split_into_obstacles_and_carpet(asked: DepthQuestions) -> None:
+    rows = {(row.method, row.what): row.error for row in distance_table(asked, "exact")}
+    both, obstacles, carpet = (rows["footing", what] for what in ("both", "obstacles", "carpet"))
+    assert both.asked == obstacles.asked + carpet.asked == sum(map(len, asked.points))
+    assert carpet.max_m < 0.05
+    assert rows["lowest_pixel", "obstacles"].mean_m > rows["footing", "obstacles"].mean_m
+
+
+def test_wrong_height_costs_in_proportion_and_masks_make_rows(asked: DepthQuestions) -> None:
+    rows = {(row.change, row.method): row.distance for row in sensitivity_table(asked, "exact")}
+    assert len({change for change, _ in rows}) == 10
+    right = rows["exact masks", "adaptive"].mean_m
+    five, ten = (rows[f"height +0.{cm} m", "adaptive"].mean_m for cm in ("05", "10"))
+    assert right < five < ten
+    # Ten centimetres of 1.5 m are a fifteenth of every distance.
+    assert rows["height +0.10 m", "adaptive"].bias_m == pytest.approx(2.0 * five, rel=0.25)
+    assert rows["pitch +2 deg", "footing"].mean_m > rows["pitch +1 deg", "footing"].mean_m
+
+
+def test_more_sample_points_make_a_steadier_scale(raw: list[Picture]) -> None:
+    def noisy(picture: Picture) -> Picture:
+        exact = _known(picture)
+        noise = np.random.default_rng(0).normal(1.0, 0.2, exact.relative.depth.shape)
+        depth = (exact.relative.depth * np.clip(noise, 0.3, 2.0)).astype(np.float32)
+        return replace(exact, relative=replace(exact.relative, depth=depth))
+
+    rows = sample_table(DepthQuestions.of([noisy(picture) for picture in raw]), "exact")
+    assert [row.points for row in rows] == [10, 20, 30, 40, 50, 60, 80, 100]
+    assert rows[-1].spread < 0.6 * rows[0].spread
+    assert rows[0].spread == pytest.approx(1.2533 * 0.2 / math.sqrt(10), rel=0.5)
+
+
+# --- corridor -------------------------------------------------------------------------------------
+
+
+def test_exact_depth_sees_the_true_corridor(known: list[Picture]) -> None:
+    rows = corridor_table(known, "exact")
+    assert {row.front_m for row in rows} == set(FRONTS_M)
+    assert {row.focal_factor for row in rows} == set(FOCAL_FACTORS)
+    seen = [row for row in rows if row.method == "adaptive"]
+    assert sum(row.intruded for row in seen) > 5
+    assert sum(row.clear_misses + row.clear_false_alarms for row in seen) == 0
+
+
+def test_a_blind_method_misses_every_intrusion(known: list[Picture]) -> None:
+    far = [
+        replace(
+            picture,
+            relative=replace(
+                picture.relative,
+                depth=np.where(
+                    picture.ids > CARPET, np.float32(100.0), picture.relative.depth
+                ).astype(np.float32),
+            ),
+        )
+        for picture in known
+    ]
+    for row in corridor_table(far, "exact"):
+        if row.method == "adaptive":
+            assert row.misses == row.intruded
+            assert row.false_alarms == 0
+            assert math.isnan(row.nearest_error_m)
+
+
+def test_pictures_without_depth_are_no_misses(known: list[Picture]) -> None:
+    nothing = np.zeros_like(known[0].ids)
+    nowhere = [
+        replace(picture, masks={"unet": replace(picture.masks["unet"], ids=nothing)})
+        for picture in known
+    ]
+    for row in corridor_table(nowhere, "unet"):
+        assert row.without_depth == row.pictures == len(known)
+        assert row.misses == row.intruded == 0
+
+
+# --- all together ---------------------------------------------------------------------------------
+
+
+def test_a_report_is_plain_values() -> None:
+    plan = replace(PLAN, views=replace(PLAN.views, scenes=("train-a",), views=2))
+    told: list[tuple[str, int, int]] = []
+    result = evaluate_depth(
+        plan, Grey(), None, advance=lambda stage, done, total: told.append((stage, done, total))
+    )
+    assert tuple(result["tables"]) == TABLES
+    assert result["pictures"] == 2
+    assert ("pictures", 2, 2) in told
+    assert result["tables"]["points"] == []
+
+    def leaves(value: Any) -> Iterator[Any]:
+        if isinstance(value, dict | list):
+            for part in value.values() if isinstance(value, dict) else value:
+                yield from leaves(part)
+        else:
+            yield value
+
+    assert {type(leaf) for leaf in leaves(result)} <= {str, int, float, bool, type(None)}
+    assert all(math.isfinite(leaf) for leaf in leaves(result) if isinstance(leaf, float))
+
+
+@pytest.mark.parametrize(
+    ("tables", "error", "words"),
+    [(["pair"], UnknownNameError, "did you mean 'pairs'"), ([], ValueRangeError, "no table")],
+)
+def test_tables_are_checked_before_any_picture_is_taken(
+    tables: list[str], error: type[Exception], words: str
+) -> None:
+    class Never:
+        def segment(self, frame: Frame) -> ClassMap:
+            raise AssertionError(frame)
+
+    with pytest.raises(error, match=words):
+        evaluate_depth(PLAN, Never(), None, tables=tables)

@@ -1,0 +1,339 @@
+"""The flight report: what is measured from where to where, and null for what was not reached."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from uav_bt.mission.flight_report import FlightLog, FlightReport, Percentiles, write_report
+from uav_bt.mission.judge import Outcome, Verdict
+from uav_bt.mission.runner import TickRecord
+from uav_bt.tree import Status
+from uav_bt.types import (
+    BodyVelocity,
+    Command,
+    DroneState,
+    FlyingState,
+    Hover,
+    Movement,
+    Observation,
+    Pose,
+    TakeOff,
+    Truth,
+)
+
+LANDED = Verdict(outcome=Outcome.SUCCESS, reason="landed")
+
+
+class Tale:
+    """Tells a log a flight tick by tick; half a second a tick."""
+
+    tick_s = 0.5
+
+    def __init__(self, start_s: float = 2.0, *, referee: bool = True) -> None:
+        self.log = FlightLog()
+        self.referee = referee
+        self.now_s = start_s
+        self.x_m = 0.0
+        self.y_m = 0.0
+        self._index = 0
+
+    def tick(
+        self,
+        phase: str = "",
+        *,
+        movement: Movement | None = None,
+        dx_m: float = 0.0,
+        dy_m: float = 0.0,
+        motors_on: bool = True,
+        clearance_m: float = math.inf,
+        error_m: float = 3.0,
+        compute_s: float = 0.001,
+    ) -> None:
+        """Tell of a tick, a step further than the last one."""
+        self.x_m += dx_m
+        self.y_m += dy_m
+        state = DroneState(
+            captured_s=self.now_s,
+            flying=FlyingState.FLYING if motors_on else FlyingState.LANDED,
+            velocity=BodyVelocity(
+                forward_mps=dx_m / self.tick_s, right_mps=dy_m / self.tick_s, down_mps=9.0
+            ),
+        )
+        truth = Truth(
+            time_s=self.now_s,
+            pose=Pose(x_m=self.x_m, y_m=self.y_m, z_m=float(self._index), yaw_rad=0.0),
+            contacts=(),
+            clearance_m=clearance_m,
+            inside_carpet=True,
+            on_helipad=False,
+            landing_error_m=error_m,
+            motors_on=motors_on,
+        )
+        self.log.on_tick(
+            TickRecord(
+                index=self._index,
+                time_s=self.now_s,
+                observation=Observation(frame=None, state=state),
+                tree_status=Status.RUNNING,
+                phase=phase,
+                active=(),
+                command=Command(movement=movement or Hover()),
+                proposed_by=None,
+                override=None,
+                compute_s=compute_s,
+                truth=truth if self.referee else None,
+            )
+        )
+        self._index += 1
+        self.now_s += self.tick_s
+
+    def take_off(self) -> None:
+        """Tell of a second on the ground and the take-off command."""
+        for _ in range(2):
+            self.tick(motors_on=False)
+        self.tick("take-off", movement=TakeOff(), motors_on=False)
+
+    def report(self, verdict: Verdict = LANDED) -> FlightReport:
+        """Return the report."""
+        return self.log.report(
+            verdict,
+            scene="test-a",
+            seed=7,
+            tree="mission.xml",
+            policies={"Mission/Explore": "segmentation"},
+            drone="twin",
+            profile="lab",
+            stage_times_s={"segmentation": [0.002], "helipad": []},
+        )
+
+
+def whole_flight(*, referee: bool = True) -> Tale:
+    """Return a flight through all phases; in every tick of a phase it goes the same way."""
+    tale = Tale(referee=referee)
+    tale.take_off()  # command at 3 s
+    for _ in range(6):
+        tale.tick("explore", dx_m=0.3, clearance_m=0.8)  # 3.5 to 6 s, 1.8 m
+    for _ in range(4):
+        tale.tick("search", dy_m=0.2, clearance_m=0.6)  # 6.5 to 8 s, 0.8 m
+    for _ in range(3):
+        tale.tick("approach", dx_m=-0.3, dy_m=-0.4)  # 8.5 to 9.5 s, 1.5 m
+    tale.tick("land")  # 10 s
+    tale.tick("land", motors_on=False, error_m=0.0678912)  # 10.5 s
+    tale.tick("land", motors_on=False, error_m=0.0678912)  # 11 s
+    return tale
+
+
+def test_a_whole_flight_is_measured_from_mark_to_mark() -> None:
+    report = whole_flight().report()
+    assert report.duration_s == 8.0  # 3 to 11 s: not from the start of the program
+    assert report.total_distance_m == pytest.approx(4.1)
+    assert report.explore_distance_m == pytest.approx(4.1)  # all within the first 90 s
+    assert report.search_distance_m == pytest.approx(0.6 + 0.5)  # from 6.5 s to 8.5 s
+    assert report.time_to_find_helipad_s == 2.0
+    assert report.time_to_land_s == 2.0  # from 8.5 s until the motors stopped at 10.5 s
+    assert report.landing_error_m == 0.0679
+    assert report.min_clearance_m == 0.6
+    assert report.ticks == 19
+
+
+def test_what_it_was_told_is_what_it_says() -> None:
+    report = whole_flight().report(Verdict(outcome=Outcome.LEFT_AREA, reason="over the edge"))
+    assert (report.outcome, report.reason) == ("left_area", "over the edge")
+    assert (report.scene, report.seed, report.tree) == ("test-a", 7, "mission.xml")
+    assert (report.drone, report.profile) == ("twin", "lab")
+    assert report.policies == {"Mission/Explore": "segmentation"}
+
+
+def test_what_was_not_reached_is_none() -> None:
+    """A flight that ends while it explores has found and landed nothing."""
+    tale = Tale()
+    tale.take_off()
+    tale.tick("explore", dx_m=0.5)
+    report = tale.report()
+    assert report.duration_s == 0.5
+    assert report.total_distance_m == pytest.approx(0.5)
+    assert report.search_distance_m is None
+    assert report.time_to_find_helipad_s is None
+    assert report.time_to_land_s is None
+    assert report.landing_error_m is None
+    assert report.min_clearance_m is None  # a scene without boxes
+
+
+def test_a_search_without_a_find_has_no_time_to_find() -> None:
+    tale = Tale()
+    tale.take_off()
+    tale.tick("search", dx_m=0.5)
+    tale.tick("search", motors_on=False, error_m=1.5)
+    report = tale.report()
+    assert report.time_to_find_helipad_s is None
+    assert report.search_distance_m is None
+    assert report.time_to_land_s is None
+    assert report.landing_error_m == 1.5
+
+
+def test_a_pad_that_is_in_view_from_the_first_has_no_search() -> None:
+    tale = Tale()
+    tale.take_off()
+    tale.tick("explore", dx_m=1.0)
+    tale.tick("approach", dx_m=1.0)
+    report = tale.report()
+    assert report.search_distance_m == 0.0
+    assert report.time_to_find_helipad_s == 0.0
+
+
+def test_a_pad_that_is_lost_again_was_found_the_first_time() -> None:
+    tale = Tale()
+    tale.take_off()
+    for phase in ("search", "search", "approach", "search", "approach"):
+        tale.tick(phase)
+    assert tale.report().time_to_find_helipad_s == 1.0
+
+
+def test_without_a_take_off_there_is_nothing_to_measure() -> None:
+    tale = Tale()
+    for _ in range(3):
+        tale.tick("explore", dx_m=1.0, motors_on=False, clearance_m=0.1)
+    report = tale.report()
+    assert report.ticks == 3
+    for name in ("duration_s", "explore_distance_m", "total_distance_m", "min_clearance_m"):
+        assert getattr(report, name) is None, name
+    assert report.landing_error_m is None
+
+
+def test_a_flight_of_no_ticks_has_a_report() -> None:
+    report = Tale().report(Verdict(outcome=Outcome.ERROR, reason="at once"))
+    assert report.ticks == 0
+    assert report.tick_ms is None
+    assert report.duration_s is None
+
+
+def test_the_way_explored_ends_90_s_after_the_take_off_command() -> None:
+    tale = Tale()
+    tale.take_off()
+    for _ in range(240):
+        tale.tick("explore", dx_m=0.1)
+    report = tale.report()
+    assert report.explore_distance_m == pytest.approx(18.0)
+    assert report.total_distance_m == pytest.approx(24.0)
+
+
+def test_what_happens_before_the_take_off_is_not_flown() -> None:
+    """Somebody who carries the drone to its place flies no distance."""
+    tale = Tale()
+    tale.tick(dx_m=1.0, motors_on=False)
+    tale.take_off()
+    tale.tick("explore", dx_m=0.5)
+    assert tale.report().total_distance_m == pytest.approx(0.5)
+
+
+def test_a_second_take_off_command_starts_nothing_anew() -> None:
+    tale = Tale()
+    tale.take_off()
+    tale.tick("take-off", movement=TakeOff())
+    tale.tick("explore")
+    assert tale.report().duration_s == 1.0
+
+
+def test_climbing_is_no_distance() -> None:
+    """The told flight climbs all the time, both in truth and in telemetry."""
+    for referee in (True, False):
+        tale = Tale(referee=referee)
+        tale.take_off()
+        tale.tick("explore")
+        assert tale.report().total_distance_m == 0.0
+
+
+def test_without_a_referee_the_distance_comes_from_the_speed() -> None:
+    """And the landing from the telemetry; what only the truth knows is none."""
+    report = whole_flight(referee=False).report()
+    assert report.total_distance_m == pytest.approx(4.1)
+    assert report.search_distance_m == pytest.approx(1.1)
+    assert report.time_to_land_s == 2.0
+    assert report.landing_error_m is None
+    assert report.min_clearance_m is None
+
+
+def test_a_descent_that_is_not_over_is_no_landing() -> None:
+    for referee in (True, False):
+        tale = Tale(referee=referee)
+        tale.take_off()
+        tale.tick("approach")
+        tale.tick("land")
+        assert tale.report().time_to_land_s is None
+
+
+# --- durations ------------------------------------------------------------------------------------
+
+
+def test_durations_become_milliseconds() -> None:
+    summary = Percentiles.of_seconds([0.001 * value for value in range(101)])
+    assert summary == Percentiles(p50=50.0, p99=99.0, max=100.0)
+
+
+def test_no_durations_have_no_summary() -> None:
+    assert Percentiles.of_seconds([]) is None
+
+
+def test_ticks_and_stages_are_summarised() -> None:
+    tale = Tale()
+    for compute_s in (0.001, 0.002, 0.009):
+        tale.tick(compute_s=compute_s)
+    report = tale.report()
+    assert report.tick_ms is not None
+    assert (report.tick_ms.p50, report.tick_ms.max) == (2.0, 9.0)
+    assert report.perception_ms == {
+        "segmentation": Percentiles(p50=2.0, p99=2.0, max=2.0),
+        "helipad": None,
+    }
+
+
+# --- the file -------------------------------------------------------------------------------------
+
+FIELDS = {
+    "scene", "seed", "tree", "policies", "drone", "profile", "outcome", "reason", "duration_s",
+    "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
+    "time_to_land_s", "landing_error_m", "min_clearance_m", "ticks", "tick_ms", "perception_ms",
+    "slow_leaves",
+}  # fmt: skip
+
+
+def test_the_file_is_one_json_object_with_every_field_and_null_for_none(tmp_path: Path) -> None:
+    path = tmp_path / "report.json"
+    tale = Tale()
+    tale.take_off()
+    write_report(tale.report(), path)
+    text = path.read_text(encoding="utf-8")
+    told = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert set(told) == FIELDS
+    assert told["time_to_land_s"] is None
+    assert told["tick_ms"] == {"p50": 1.0, "p99": 1.0, "max": 1.0}
+    assert text.endswith("}\n")
+
+
+def test_a_report_replaces_the_old_one_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "report.json"
+    path.write_text("old", encoding="utf-8")
+    write_report(whole_flight().report(), path)
+    assert json.loads(path.read_text(encoding="utf-8"))["outcome"] == "success"
+    assert [file.name for file in tmp_path.iterdir()] == ["report.json"]
+
+
+def test_a_report_that_cannot_be_written_leaves_the_old_one_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "report.json"
+    path.write_text("old", encoding="utf-8")
+    whole = Path.write_text
+
+    def full_disk(self: Path, data: str, encoding: str | None = None) -> int:
+        whole(self, data[:20], encoding=encoding)
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(OSError, match="No space left"):
+        write_report(whole_flight().report(), path)
+    assert path.read_text(encoding="utf-8") == "old"

@@ -1,0 +1,84 @@
+"""Script files of dry runs: what they say, and what is refused with its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.errors import FileError
+from uav_bt.tree.dry_run import read_script
+from uav_bt.tree.dry_run.script_file import Scalar
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "script.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
+    script = read_script(
+        written(
+            tmp_path,
+            "leaves:\n  TakeOff: RRS\n  Main/step/Explore: (RRS)\n"
+            "default: S\n"
+            "outputs:\n  Measure: {depth_m: 1.5, text: far}\n"
+            "variables: {laps: 3, on: true}\n"
+            "board: {phase: explore}\n",
+        )
+    )
+    assert script.leaves == {
+        "TakeOff": Scalar("RRS", 2),
+        "Main/step/Explore": Scalar("(RRS)", 3),
+    }
+    assert script.default == "S"
+    assert script.outputs == {"Measure": {"depth_m": Scalar(1.5, 6), "text": Scalar("far", 6)}}
+    assert script.variables["laps"] == Scalar(3, 7)
+    assert script.board == {"phase": Scalar("explore", 8)}
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("", 1, "empty: expected 'leaves' or 'default'"),
+        ("- a", 1, "the script file: expected entries such as 'name: value'"),
+        ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
+        ("default: S\nleafs: {}", 2, "unknown entry 'leafs'; did you mean 'leaves'?"),
+        ("default: S\nleaves: RRS", 2, "leaves: expected entries such as 'name: value'"),
+        ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
+        ("leaves:\n  A: RRS\n  A: S", 3, "leaves: 'A' is there twice"),
+        ("leaves:\n  A: [R, S]", 2, "'A': expected a number, a text, true or false"),
+        ("leaves:\n  [A]: R", 2, "leaves: expected a name before the colon"),
+        ("leaves:\n  A:", 2, "'A': expected a number, a text, true or false"),
+        ("default: S\nvariables:\n  day: 2026-13-45", 3, "'day': month must be in 1..12"),
+        ("default: ()", 1, "a script has the letters"),
+        ("leaves: {A: S", 1, "no YAML:"),
+        ("default: !!python/object:os.system S", 1, "could not determine a constructor"),
+    ],
+)
+def test_what_no_script_can_say_is_refused_with_its_line(
+    tmp_path: Path, text: str, line: int, message: str
+) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(FileError) as error:
+        read_script(path)
+    assert message in str(error.value)
+    assert error.value.line == line
+
+
+def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="No such file"):
+        read_script(tmp_path / "absent.yaml")
+    path = tmp_path / "binary.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match="no UTF-8 text"):
+        read_script(path)
+    path.write_text("#" * 1_000_001, encoding="utf-8")
+    with pytest.raises(FileError, match="larger than 1000000 bytes"):
+        read_script(path)
+
+
+def test_deep_nesting_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="no YAML"):
+        read_script(written(tmp_path, "[" * 5000))

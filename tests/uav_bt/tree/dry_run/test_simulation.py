@@ -1,0 +1,212 @@
+"""Dry runs: the tree as it is, its leaves as the script says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.board import PHASE
+from uav_bt.errors import FileError, NodeFailedError, TreeError, ValueRangeError
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status
+from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
+from uav_bt.tree.loading.palette import PaletteControl
+
+S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
+
+
+class Fly(Leaf):
+    """Would fly."""
+
+    def update(self) -> Status:
+        raise AssertionError("a dry run must not run what flies")
+
+
+class Measure(Leaf):
+    """Would measure."""
+
+    DEPTH = Port("depth_m", float, direction="output", doc="m")
+    PHASE_OUT = Port("phase", str, default="{@phase}", direction="output", doc="where we are")
+    ports = (DEPTH, PHASE_OUT)
+
+    def update(self) -> Status:
+        raise AssertionError("a dry run must not run what measures")
+
+
+class Sees(Leaf):
+    """Would look."""
+
+    condition = True
+
+    def update(self) -> Status:
+        raise AssertionError("a dry run must not look")
+
+
+class Foreign(PaletteControl):
+    """Known from a palette only."""
+
+
+REGISTRY = NodeRegistry([Fly, Measure, Sees, Foreign])
+
+
+def simulation(
+    folder: Path, body: str, script: str, *, tick_s: float = 0.1, more: str = ""
+) -> Simulation:
+    tree, answers = folder / "tree.xml", folder / "script.yaml"
+    tree.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="Main">\n'
+        f'<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>{more}</root>',
+        encoding="utf-8",
+    )
+    answers.write_text(script, encoding="utf-8")
+    return Simulation(tree, read_script(answers), REGISTRY, tick_s=tick_s)
+
+
+def ticks(folder: Path, body: str, script: str, count: int = 20) -> list[SimulatedTick]:
+    return list(simulation(folder, body, script).run(count))
+
+
+def test_leaves_answer_their_scripts_until_the_root_ends(tmp_path: Path) -> None:
+    body = '<Sequence><Fly name="up"/><Sees/><Fly name="down"/></Sequence>'
+    done = ticks(tmp_path, body, "leaves: {up: RS, Main/Sequence/down: S, Sees: S}")
+    assert [(step.tick, step.time_s, step.status) for step in done] == [(1, 0.0, R), (2, 0.1, S)]
+    assert done[0].answers == (Answer("up", R),)
+    assert done[1].answers == (Answer("up", S), Answer("Sees", S), Answer("down", S))
+
+
+def test_a_tree_that_does_not_end_is_ticked_as_often_as_asked(tmp_path: Path) -> None:
+    done = ticks(tmp_path, "<Fly/>", "default: R", count=5)
+    assert [step.status for step in done] == [R] * 5
+
+
+def test_what_is_halted_is_told(tmp_path: Path) -> None:
+    body = "<ReactiveSequence><Sees/><Fly/></ReactiveSequence>"
+    *_, last = ticks(tmp_path, body, "leaves: {Sees: SSF, Fly: R}")
+    assert (last.tick, last.status, last.halted) == (3, F, ("Fly",))
+    assert last.answers == (Answer("Sees", F),)
+
+
+def test_timers_read_the_clock_of_the_dry_run(tmp_path: Path) -> None:
+    run = simulation(tmp_path, '<Timeout msec="60000"><Fly/></Timeout>', "default: R", tick_s=20.0)
+    done = list(run.run(10))
+    assert [step.time_s for step in done] == [0.0, 20.0, 40.0, 60.0]
+    assert (done[-1].status, done[-1].halted) == (F, ("Fly",))
+
+
+def test_a_leaf_that_is_ticked_twice_in_a_tick_answers_twice(tmp_path: Path) -> None:
+    body = '<Repeat num_cycles="2"><Fly/></Repeat>'
+    _, second = ticks(tmp_path, body, "leaves: {Fly: RSS}")
+    assert second.answers == (Answer("Fly", S), Answer("Fly", S))
+
+
+def test_a_leaf_that_a_condition_passes_over_is_skipped(tmp_path: Path) -> None:
+    (step,) = ticks(tmp_path, '<Fly _skipIf="true"/>', "default: S")
+    assert (step.status, step.answers) == (K, (Answer("Fly", K),))
+
+
+def test_the_default_is_for_leaves_without_answers_only(tmp_path: Path) -> None:
+    """Also where a leaf that has answers is called like another leaf's id."""
+    body = '<Sequence><Fly name="Measure"/><Measure name="m"/><Fly/></Sequence>'
+    (step,) = ticks(tmp_path, body, "leaves: {Main/Sequence/Measure: R}\ndefault: F", count=1)
+    assert step.answers == (Answer("Measure", R),)
+    (step,) = ticks(tmp_path, body, "leaves: {Fly: S}\ndefault: F")
+    assert [one.status for one in step.answers] == [S, F]
+
+
+def test_the_formats_own_leaves_run_and_their_changes_are_told(tmp_path: Path) -> None:
+    body = (
+        '<Sequence><Script code="a := 1; b := 2"/><Fly/>'
+        '<Script code="a := 1; b := 3"/><UnsetBlackboard key="a"/></Sequence>'
+    )
+    first, second = ticks(tmp_path, body, "default: RS")
+    assert first.changed == {"a": 1, "b": 2}
+    assert second.changed == {"a": None, "b": 3}
+
+
+def test_the_formats_own_leaves_can_be_scripted_too(tmp_path: Path) -> None:
+    (step,) = ticks(tmp_path, "<AlwaysSuccess/>", "leaves: {AlwaysSuccess: F}")
+    assert step.status is F
+
+
+def test_outputs_are_written_when_the_leaf_succeeds(tmp_path: Path) -> None:
+    body = '<Measure depth_m="{d}" _onSuccess="twice := d * 2"/>'
+    first, second = ticks(
+        tmp_path, body, "leaves: {Measure: RS}\noutputs: {Measure: {depth_m: 3, phase: far}}"
+    )
+    assert first.changed == {}
+    assert second.changed == {"d": 3.0, "twice": 6.0, f"@{PHASE.name}": "far"}
+
+
+def test_variables_and_board_are_there_from_the_first_tick(tmp_path: Path) -> None:
+    body = "<ScriptCondition code=\"laps == 3 &amp;&amp; @phase == 'search'\"/>"
+    (step,) = ticks(
+        tmp_path, body, "default: S\nvariables: {laps: 3}\nboard: {phase: search}", count=1
+    )
+    assert (step.status, step.changed) == (S, {})
+
+
+def test_the_board_tells_the_time_and_does_not_grow_old(tmp_path: Path) -> None:
+    condition = '<ScriptCondition code="@elapsed_s &lt; 5.5"/>'
+    body = f"<KeepRunningUntilFailure>{condition}</KeepRunningUntilFailure>"
+    run = simulation(tmp_path, body, "default: S", tick_s=1.0)
+    assert len(list(run.run(20))) == 7
+
+
+def test_variables_of_subtrees_are_told_under_their_names(tmp_path: Path) -> None:
+    inner = '<BehaviorTree ID="Inner"><Script code="x := 1"/></BehaviorTree>'
+    run = simulation(tmp_path, '<SubTree ID="Inner" name="in"/>', "default: S", more=inner)
+    (step,) = run.run(1)
+    assert step.changed == {"in.x": 1}
+
+
+def test_leaves_of_one_name_are_told_by_their_paths(tmp_path: Path) -> None:
+    (step,) = ticks(tmp_path, "<Sequence><Fly/><Fly/></Sequence>", "default: S")
+    assert [one.leaf for one in step.answers] == ["Main/Sequence/Fly", "Main/Sequence/Fly#2"]
+
+
+def test_leaves_without_answers_are_all_named_with_their_places(tmp_path: Path) -> None:
+    with pytest.raises(TreeError) as error:
+        ticks(tmp_path, '<Sequence>\n<Fly/>\n<Sees name="eye"/>\n<Measure/></Sequence>',
+              "leaves: {Measure: S}")  # fmt: skip
+    tree, script = tmp_path / "tree.xml", tmp_path / "script.yaml"
+    first, second = error.value.findings
+    assert first.startswith(f"{tree}:4:1: Fly 'Fly': has no answers in {script}: add 'Fly' to")
+    assert second.startswith(f"{tree}:5:1: Sees 'eye': has no answers in {script}: add 'eye' to")
+
+
+@pytest.mark.parametrize(
+    ("script", "line", "message"),
+    [
+        ("default: S\nleaves:\n  Flyy: S", 3, "the tree has no leaf 'Flyy'; did you mean 'Fly'?"),
+        ("default: S\nleaves:\n  Sees: RS", 3, "the condition Sees answers at once"),
+        ("default: R", None, "the condition Sees answers at once"),
+        ("default: S\noutputs:\n  Mesure: {depth_m: 1}", 3, "no leaf 'Mesure'"),
+        ("default: S\noutputs:\n  Measure: {dept_m: 1}", 3, "has no output 'dept_m'"),
+        ("default: S\noutputs:\n  Measure: {depth_m: far}", 3, "expected a number, got 'far'"),
+        ("default: S\nboard:\n  phas: x", 3, "unknown board key 'phas'; did you mean 'phase'?"),
+        ("default: S\nboard:\n  helipad: 1", 3, "'helipad' holds HelipadFix, got int"),
+    ],
+)
+def test_a_script_that_does_not_fit_is_refused_with_its_line(
+    tmp_path: Path, script: str, line: int | None, message: str
+) -> None:
+    with pytest.raises(FileError) as error:
+        simulation(tmp_path, "<Sequence><Sees/><Fly/><Measure/></Sequence>", script)
+    assert message in str(error.value)
+    assert (error.value.path, error.value.line) == (tmp_path / "script.yaml", line)
+
+
+def test_a_bad_tree_is_refused_as_ever(tmp_path: Path) -> None:
+    with pytest.raises(TreeError, match="unknown node 'Flyy'"):
+        simulation(tmp_path, "<Flyy/>", "default: S")
+
+
+def test_time_must_pass(tmp_path: Path) -> None:
+    with pytest.raises(ValueRangeError, match=r"got 0\.0 s"):
+        simulation(tmp_path, "<Fly/>", "default: S", tick_s=0.0)
+
+
+def test_a_node_that_raises_ends_the_dry_run(tmp_path: Path) -> None:
+    for body in ("<Foreign><Fly/></Foreign>", '<Script code="a := 1 / nothing"/>'):
+        with pytest.raises(NodeFailedError):
+            ticks(tmp_path, body, "default: S")

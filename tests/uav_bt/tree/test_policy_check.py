@@ -1,0 +1,62 @@
+"""What is said against a mission file: findings with places, whatever the trouble."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uav_bt.errors import FileError, InputError
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
+from uav_bt.tree.policy_check import check_file, findings_of, tree_findings
+
+
+def tree_file(folder: Path, body: str) -> Path:
+    path = folder / "m.xml"
+    path.write_text(
+        f'<root BTCPP_format="4">\n<BehaviorTree ID="M">\n{body}\n</BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    return path
+
+
+def test_findings_have_their_place_node_and_message(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, '<Sequence name="s">\n  <Land hight="1"/><Lnad/>\n</Sequence>')
+    first, second = check_file(path)
+    assert (first.path, first.position, first.node) == (str(path), Position(4, 9), "Land")
+    assert first.message.startswith("unknown attribute 'hight'")
+    assert (second.position, second.node) == (Position(4, 20), "Lnad")
+    assert tree_findings(path) == (str(first), str(second))
+    assert str(second).startswith(f"{path}:4:20: Lnad: unknown node 'Lnad'")
+
+
+def test_a_good_file_has_none(tmp_path: Path) -> None:
+    assert check_file(tree_file(tmp_path, "<AlwaysSuccess/>")) == ()
+
+
+def test_a_file_that_is_not_there_is_a_finding_about_the_whole_file(tmp_path: Path) -> None:
+    path = tmp_path / "absent.xml"
+    assert check_file(path) == (Finding(str(path), WHOLE_FILE, "no such file"),)
+    assert tree_findings(path) == (f"{path}: no such file",)
+
+
+def test_an_included_file_has_findings_under_its_own_path(tmp_path: Path) -> None:
+    (tmp_path / "part.xml").write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="P"><Lnad/></BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    path = tmp_path / "m.xml"
+    path.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="P"><include path="part.xml"/></root>',
+        encoding="utf-8",
+    )
+    (finding,) = check_file(path)
+    assert (finding.path, finding.position.line) == (str(tmp_path / "part.xml"), 1)
+
+
+def test_other_errors_become_findings_too() -> None:
+    path = Path("m.xml")
+    assert findings_of(FileError("x.yaml", "broken", 7), path) == (
+        Finding("x.yaml", Position(7, 1), "broken"),
+    )
+    assert findings_of(InputError("two packages"), path) == (
+        Finding("m.xml", WHOLE_FILE, "two packages"),
+    )

@@ -1,0 +1,117 @@
+"""A drone whose camera a person has calibrated: frames undistorted, intrinsics as measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from perception.camera.camera_file import load_camera
+from perception.camera.undistortion import Undistorter
+from uav_bt.errors import DroneError
+from uav_bt.protocols import Clock, Drone, Referee
+from uav_bt.types import CameraModel, Command, Frame, Observation
+
+__all__ = ["CalibratedDrone"]
+
+
+class CalibratedDrone:
+    """Flies another drone, with a camera file in place of the intrinsics that it tells itself."""
+
+    def __init__(self, drone: Drone, camera_file: Path) -> None:
+        """Keep both; the file is read when the size of the frames is known.
+
+        Args:
+            drone: what flies; not connected yet.
+            camera_file: made by `uav-bt calibrate`, at any size of the frames' aspect.
+        """
+        self._drone = drone
+        self._file = camera_file
+        self._undistorter: Undistorter | None = None
+        self._last: tuple[Frame, Frame] | None = None  # as sent, and undistorted
+
+    @property
+    def clock(self) -> Clock:
+        """The inner drone's clock."""
+        return self._drone.clock
+
+    @property
+    def camera(self) -> CameraModel:
+        """The calibrated intrinsics at the frames' size, of undistorted frames.
+
+        Raises:
+            DroneError: the drone is not connected.
+        """
+        return self._ready().camera
+
+    @property
+    def referee(self) -> Referee | None:
+        """The inner drone's referee."""
+        return self._drone.referee
+
+    @property
+    def scene(self) -> Any:
+        """The inner drone's scene, where it is a simulated one."""
+        return getattr(self._drone, "scene", None)
+
+    @property
+    def live(self) -> bool:
+        """Whether the inner drone is a real one."""
+        return bool(getattr(self._drone, "live", False))
+
+    @property
+    def tick_s(self) -> float | None:
+        """The inner drone's shortest tick, where it has one."""
+        tick_s: float | None = getattr(self._drone, "tick_s", None)
+        return tick_s
+
+    def connect(self) -> None:
+        """Connect the drone and read the camera file.
+
+        Raises:
+            DroneError: the drone cannot be reached.
+            FileError: the camera file is absent or malformed.
+            ValueRangeError: the camera was calibrated at another aspect than the frames'.
+        """
+        self._drone.connect()
+        try:
+            told = self._drone.camera
+            calibrated = load_camera(
+                self._file,
+                size_px=(told.width_px, told.height_px),
+                # A board cannot tell where on the drone the lens sits.
+                forward_offset_m=told.forward_offset_m,
+            )
+        except Exception:
+            self._drone.disconnect()
+            raise
+        self._undistorter = Undistorter(calibrated)
+
+    def observe(self) -> Observation:
+        """Return the newest state, and the newest frame undistorted.
+
+        Raises:
+            DroneError: the drone is not connected.
+            ShapeError: the frame has another size than the drone said.
+        """
+        undistorter = self._ready()
+        seen = self._drone.observe()
+        if seen.frame is None:
+            return seen
+        if self._last is None or self._last[0] is not seen.frame:
+            straight = replace(seen.frame, image=undistorter.picture(seen.frame.image))
+            self._last = seen.frame, straight
+        return replace(seen, frame=self._last[1])
+
+    def send(self, command: Command) -> Command:
+        """Tell the drone; return what was really sent."""
+        return self._drone.send(command)
+
+    def disconnect(self) -> None:
+        """Let go; safe to call twice."""
+        self._drone.disconnect()
+
+    def _ready(self) -> Undistorter:
+        if self._undistorter is None:
+            raise DroneError("the calibrated drone is not connected: call connect() first")
+        return self._undistorter

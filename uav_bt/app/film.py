@@ -1,0 +1,217 @@
+"""Ways to watch a flight, composed: what the framework's displays need to know about our lab.
+
+with watching.flight_video(Path("flight.mp4"), speed=2.0) as video:
+    report = app.fly(
+        "explore_and_land_segmentation", listeners=video, tree_listeners=video.show_tree
+    )
+    video.conclude(report)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from behaviours.perceive.depth import BuildCorridor
+from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from uav_bt.board import METRIC_DEPTH
+from uav_bt.board.context import MissionContext
+from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, HELIPAD_BOX
+from uav_bt.display.canvas import Colour
+from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.display.status import LiveStatus
+from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Intruding, Panes
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.judge import Outcome
+from uav_bt.mission.runner import TickListener
+from uav_bt.protocols import Drone
+from uav_bt.tree import MissionTree
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+
+__all__ = [
+    "Listeners",
+    "TreeListeners",
+    "VideoListeners",
+    "all_of",
+    "all_of_trees",
+    "corridor_marker",
+    "flight_video",
+    "lab_map_of",
+    "live_status",
+    "map_of_scene",
+]
+
+Listeners = Callable[[Drone, MissionContext], Sequence[TickListener]]
+TreeListeners = Callable[[MissionTree, MissionContext], Sequence[TickListener]]
+
+
+def all_of(*factories: Listeners) -> Listeners:
+    """Return what `app.fly` takes as `listeners`, for several ways to watch at once."""
+
+    def make(drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        return [listener for factory in factories for listener in factory(drone, context)]
+
+    return make
+
+
+def all_of_trees(*factories: TreeListeners) -> TreeListeners:
+    """Return what `app.fly` takes as `tree_listeners`, likewise."""
+
+    def make(tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
+        return [listener for factory in factories for listener in factory(tree, context)]
+
+    return make
+
+
+def map_of_scene(scene: Scene) -> LabMap:
+    """Return the map of a scene of the twin, boxes in the colours of their class."""
+    pad = scene.helipad
+    return LabMap(
+        carpet_size_m=CARPET_SIZE_M,
+        boxes=tuple(
+            _item(box.position_m, box.yaw_deg, box.size_m, BOXES[box.pattern - 1])
+            for box in scene.boxes
+        ),
+        helipad=_item(pad.position_m, pad.yaw_deg, pad.size_m, HELIPAD_BOX),
+    )
+
+
+def _item(
+    position_m: tuple[float, float], yaw_deg: float, size_m: tuple[float, float, float], class_: int
+) -> MapItem:
+    red, green, blue = (int(value) for value in CLASS_COLOURS[class_])
+    colour: Colour = (red, green, blue)
+    return MapItem(
+        x_m=position_m[0],
+        y_m=position_m[1],
+        size_m=size_m,
+        yaw_rad=math.radians(yaw_deg),
+        colour=colour,
+    )
+
+
+def lab_map_of(drone: Drone) -> LabMap | None:
+    """Return the map of a drone's lab; None where nobody knows what stands there."""
+    scene = getattr(drone, "scene", None)  # simulated drones have one
+    return map_of_scene(scene) if isinstance(scene, Scene) else None
+
+
+class VideoListeners:
+    """What `app.fly` takes as `listeners`, with a video behind it."""
+
+    def __init__(self, video: FlightVideo, title: str) -> None:
+        self._video = video
+        self._title = title
+        self._show_depth: Callable[[MissionTree], None] | None = None
+
+    def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        """Begin the video of a connected drone's flight."""
+        panes = Panes(
+            context.board,
+            drone.camera,
+            class_colours=CLASS_COLOURS,
+            lab_map=lab_map_of(drone),
+            title=self._title,
+        )
+        self._video.begin(panes)
+
+        def show_depth(tree: MissionTree) -> None:
+            if any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves()):
+                panes.show_depth(corridor_marker(tree, drone.camera))
+
+        self._show_depth = show_depth
+        return [self._video]
+
+    def show_tree(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
+        """What `app.fly` takes as `tree_listeners`: makes room for what the tree perceives."""
+        del context
+        if self._show_depth is not None:
+            self._show_depth(tree)
+        return []
+
+    def conclude(self, report: FlightReport) -> None:
+        """Show how the flight ended for a moment."""
+        lines = [report.reason]
+        if report.duration_s is not None:
+            lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
+        if report.landing_error_m is not None:
+            lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
+        good = report.outcome == Outcome.SUCCESS.value
+        self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
+
+
+def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
+    """Return what tells a film which pixels are inside the corridor that a tree asks for.
+
+    Args:
+        tree: the mission.
+        camera: intrinsics at the frames' size.
+
+    Returns:
+        None where the tree does not build one corridor, with a leaf of ours.
+    """
+    # Imported here: OpenCV is not light, and not every video needs it.
+    from perception.camera.ground_plane import view_of  # noqa: PLC0415
+    from perception.obstacles.corridor import CorridorBuilder, CorridorConfig  # noqa: PLC0415
+
+    leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
+    if len(leaves) != 1:
+        return None
+    told = leaves[0].port_value
+    config = CorridorConfig(
+        left_m=told("side_m"),
+        right_m=told("side_m"),
+        front_m=told("front_m"),
+        up_m=told("up_down_m"),
+        down_m=told("up_down_m"),
+        focal_factor=told("focal_factor"),
+    )
+    builder, background = CorridorBuilder(config), bool(told("background"))
+
+    def intruding(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
+        height_px, width_px = depth.depth.shape
+        ids = class_map.ids
+        things = ids != CARPET if background else ids > CARPET
+        return builder.intruding(
+            depth, view_of(frame, camera, (width_px, height_px)), things=things
+        )
+
+    return intruding
+
+
+@contextmanager
+def flight_video(path: Path, *, speed: float = 1.0, title: str = "") -> Iterator[VideoListeners]:
+    """Write the video of the flight that is flown inside.
+
+    Args:
+        path: the mp4 file; it appears, whole, at the end, also when the flight fails.
+        speed: the video runs so many times faster than the mission.
+        title: a line on the map, for instance the mission, the scene and the seed.
+
+    Raises:
+        FileError: the file cannot be written; raised before anything flies.
+        MissingDependencyError: no video encoder works here.
+    """
+    with FlightVideo(path, config=FlightVideoConfig(speed=speed)) as video:
+        yield VideoListeners(video, title)
+
+
+@contextmanager
+def live_status(console: Console | None = None) -> Iterator[Listeners]:
+    """Show the flight that is flown inside in one line that keeps up with it.
+
+    Args:
+        console: where to write; default: the standard error stream.
+    """
+    with ExitStack() as open_lines:
+
+        def make(_: Drone, context: MissionContext) -> Sequence[TickListener]:
+            return [open_lines.enter_context(LiveStatus(context.board, console=console))]
+
+        yield make

@@ -1,0 +1,10 @@
+"""Perception of a video, a folder of pictures or a live camera: what `uav-bt perceive` does.
+
+summary = perceiving.perceive("flight.mp4", out=Path("seen.mp4"))
+"""
+
+from uav_bt.app.perceive.inputs import Look, PerceiveOptions
+from uav_bt.app.perceive.outputs import PerceiveSummary
+from uav_bt.app.perceive.run import Advance, perceive
+
+__all__ = ["Advance", "Look", "PerceiveOptions", "PerceiveSummary", "perceive"]

@@ -1,0 +1,202 @@
+"""What is looked at and with what: the source, whose camera and telemetry it has, the networks."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from perception.camera.camera_file import load_camera
+from perception.depth.runtime import SHIPPED_DEPTHS, load_depth_estimator
+from perception.footage.file import Footage, read_footage
+from perception.footage.telemetry import FixedTelemetry, FootageTelemetry, Telemetry
+from perception.segmentation import runtime
+from perception.segmentation.mapping import read_mapping
+from sim_bridge.anafi import anafi_camera
+from uav_bt.app.perceive.pipeline import Pipeline
+from uav_bt.app.perceive.sources import ArraySource, Picture, Pictures, PictureSource, open_source
+from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
+from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.types import CameraModel
+
+__all__ = ["Look", "PerceiveOptions"]
+
+_FOOTING: Final = "footing"
+_FOOTAGE: Final = ".npz"
+_SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceiveOptions:
+    """What is known about the pictures, and what they are looked at with."""
+
+    camera: Path | None = None  # a camera file; None: the footage's, or the ANAFI's
+    height_m: float = 1.5  # of the camera above the carpet, where no telemetry tells
+    gimbal_pitch_rad: float = math.radians(-30)  # likewise
+    telemetry: Path | None = None  # footage file of the same flight
+    model: str = "depth"  # a shipped one's name, an ONNX file, or "footing" (no network)
+    segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
+    classes: Path | None = None  # class-mapping file of a foreign segmentation
+    every: int = 1  # pictures a step; 1 looks at all
+    longest_s: float | None = None  # of the source's time; None: to its end
+    threads: int = 1  # of the networks' inference
+    seed: int = 0  # of the carpet's pixels that are drawn for the scale
+
+    def __post_init__(self) -> None:
+        if self.every < 1 or self.threads < 1:
+            raise ValueRangeError(
+                f"every and threads must be at least 1, got {self.every}, {self.threads}"
+            )
+        if self.longest_s is not None and not self.longest_s > 0.0:
+            raise ValueRangeError(f"the time to look at must be positive, got {self.longest_s} s")
+        FixedTelemetry(height_m=self.height_m, gimbal_pitch_rad=self.gimbal_pitch_rad)
+        if self.classes is not None and not self.segmentation.lower().endswith(".onnx"):
+            raise InputError("a class-mapping file belongs to an ONNX segmentation network")
+
+
+class Look:
+    """One source with its camera, telemetry and pipeline.
+
+    Args:
+        text: a video file, a folder of pictures, a picture, `camera:N`, or a footage file.
+        options: what is known about the pictures.
+
+    Raises:
+        InputError: source or telemetry cannot be used.
+    """
+
+    def __init__(self, text: str, options: PerceiveOptions) -> None:
+        self._options = options
+        footage = self._footage(text)
+        self.telemetry: Telemetry
+        if footage is None:
+            self.telemetry = FixedTelemetry(
+                height_m=options.height_m, gimbal_pitch_rad=options.gimbal_pitch_rad
+            )
+            self.telemetry_words = (
+                f"{options.height_m:g} m above the carpet, camera at "
+                f"{math.degrees(options.gimbal_pitch_rad):g} deg, assumed for all frames"
+            )
+        else:
+            self.telemetry = FootageTelemetry(footage)
+            self.telemetry_words = f"of {options.telemetry or text}"
+        self.source = self._open(text, footage)
+        self._footage_camera = None if footage is None else footage.camera
+        self._is_footage = isinstance(self.source, ArraySource)
+        self.camera_words = ""  # whose intrinsics; known once it has begun
+
+    def _footage(self, text: str) -> Footage | None:
+        is_footage = Path(text).suffix.lower() == ".npz"
+        if is_footage and self._options.camera is not None:
+            raise InputError(
+                f"{text} knows its own camera; leave the camera file away, or give the video"
+            )
+        path = self._options.telemetry or (Path(text) if is_footage else None)
+        return None if path is None else read_footage(path)
+
+    def _open(self, text: str, footage: Footage | None) -> PictureSource:
+        if Path(text).suffix.lower() == ".npz":
+            own = footage if self._options.telemetry is None else read_footage(Path(text))
+            if own is None:
+                raise InputError(f"{text} is no footage file")
+            return ArraySource(text, own.frames, own.captured_s - own.captured_s[0])
+        if footage is None or not isinstance(self.telemetry, FootageTelemetry):
+            return open_source(text)
+        # Pictures of a folder tell no times: they are the flight's frames, one by one.
+        return open_source(text, times_s=list(self.telemetry.times_s))
+
+    def begin(self) -> tuple[Pipeline, Pictures]:
+        """Return what perceives the pictures, made for their size, and the pictures.
+
+        Raises:
+            InputError: no picture can be read, the camera is not for them, or a network cannot be
+                used.
+        """
+        pictures = self._until(self.source.pictures(self._options.every))
+        first = next(pictures, None)
+        if first is None:
+            why = f": {'; '.join(self.source.skipped[:3])}" if self.source.skipped else ""
+            raise InputError(f"{self.source.name} holds no picture that can be read{why}")
+        height_px, width_px = first.image.shape[:2]
+        camera, self.camera_words = self._camera(width_px, height_px)
+        options = self._options
+        pipeline = Pipeline(
+            _segmenter(options),
+            _network(options),
+            camera,
+            generator=np.random.default_rng(options.seed),
+        )
+        return pipeline, _all_of(first, pictures)
+
+    def _until(self, pictures: Pictures) -> Pictures:
+        longest_s = self._options.longest_s
+        with closing(pictures):
+            for picture in pictures:
+                if longest_s is not None and picture.time_s >= longest_s:
+                    return
+                yield picture
+
+    def _camera(self, width_px: int, height_px: int) -> tuple[CameraModel, str]:
+        options = self._options
+        if options.camera is not None:
+            camera = load_camera(options.camera, size_px=(width_px, height_px))
+            return camera, f"of {options.camera}"
+        if self._footage_camera is not None:
+            camera = self._footage_camera.resized(width_px, height_px)
+            # Footage is resized to the network's size: only square pixels tell the aspect.
+            if not self._is_footage and abs(camera.fx_px / camera.fy_px - 1.0) > _SQUARE_SLACK:
+                raise ValueRangeError(
+                    f"{options.telemetry} was filmed with a camera of another aspect than "
+                    f"{width_px}x{height_px}; the pictures must be whole, not cropped"
+                )
+            return camera, f"of {options.telemetry or self.source.name}"
+        try:
+            camera = anafi_camera(width_px, height_px)
+        except ValueRangeError as error:
+            raise ValueRangeError(
+                f"the pictures are {width_px}x{height_px} (aspect {width_px / height_px:.3f}); "
+                "without a camera file only 16:9 is known, as of the ANAFI's video: calibrate the "
+                "camera with `uav-bt calibrate` and name its file with --camera"
+            ) from error
+        return camera, "the ANAFI's video, 69 deg wide (none given)"
+
+    def progress(self, picture: Picture) -> tuple[int, int]:
+        """Return pictures done and in all; as many as done where nobody knows."""
+        done = picture.index + 1
+        total = self.source.total or done
+        if self._options.longest_s is not None:
+            total = min(total, math.ceil(self._options.longest_s * self.source.rate_per_s))
+        return done, max(done, total)
+
+
+def _all_of(first: Picture, others: Pictures) -> Pictures:
+    with closing(others):
+        yield first
+        yield from others
+
+
+def _segmenter(options: PerceiveOptions) -> Segmenter:
+    name = options.segmentation
+    if name in runtime.SHIPPED_UNETS:
+        return runtime.shipped_unet(name, threads=options.threads)
+    if name == "teacher":
+        return runtime.shipped_teacher()
+    if not name.lower().endswith(".onnx"):
+        raise UnknownNameError(
+            "segmentation", name, (*runtime.SHIPPED_UNETS, "teacher", "FILE.onnx")
+        )
+    mapping = None if options.classes is None else read_mapping(options.classes)
+    return runtime.OnnxSegmenter(Path(name), mapping=mapping, threads=options.threads)
+
+
+def _network(options: PerceiveOptions) -> DepthEstimator | None:
+    if options.model == _FOOTING:
+        return None
+    if options.model not in SHIPPED_DEPTHS and not options.model.lower().endswith(".onnx"):
+        known = (*SHIPPED_DEPTHS, _FOOTING, "FILE.onnx")
+        raise UnknownNameError("depth model", options.model, known)
+    return load_depth_estimator(options.model, threads=options.threads)

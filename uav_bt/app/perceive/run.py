@@ -1,0 +1,92 @@
+"""Perceive every picture of a source."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+
+from uav_bt.app.perceive.inputs import Look, PerceiveOptions
+from uav_bt.app.perceive.outputs import Film, PerceiveSummary, Tally, as_json
+from uav_bt.app.perceive.pipeline import Perceived
+from uav_bt.app.perceive.sources import Picture
+from uav_bt.errors import FileError, InputError
+
+__all__ = ["Advance", "perceive"]
+
+Advance = Callable[[str, int, int], None]
+"""Told of the progress: a text, pictures done, pictures in all."""
+
+_Write = Callable[[Picture, Perceived], None]
+
+
+def perceive(
+    source: str,
+    options: PerceiveOptions | None = None,
+    *,
+    out: Path | None = None,
+    lines: Path | None = None,
+    advance: Advance = lambda _text, _done, _total: None,
+) -> PerceiveSummary:
+    """Perceive every picture of a source; Ctrl-C ends it and keeps what was written.
+
+    Args:
+        source: a video file, a folder of pictures, a picture, `camera:N`, or a footage file.
+        options: what is known about the pictures.
+        out: an mp4 file with the overlays.
+        lines: a file with one JSON object for each frame.
+        advance: told of the progress.
+
+    Raises:
+        InputError: source, camera, telemetry or network cannot be used, or nothing is readable.
+        FileError: a file cannot be written.
+    """
+    options = options or PerceiveOptions()
+    read = [Path(source), options.telemetry, options.camera]
+    _keep_apart([path for path in (out, lines) if path is not None], read)
+    look = Look(source, options)
+    pipeline, pictures = look.begin()
+    tally = Tally()
+    with ExitStack() as stack:
+        stack.enter_context(closing(pictures))
+        writers: list[_Write] = []
+        if out is not None:
+            film = Film(out, pipeline.camera, look.source.rate_per_s / options.every)
+            stack.callback(film.close)
+            writers.append(lambda _, seen: film.write(seen))
+        if lines is not None:
+            writers.append(stack.enter_context(_json_lines(lines)))
+        try:
+            for picture in pictures:
+                frame = look.telemetry.frame(picture.image, picture.index, picture.time_s)
+                seen = pipeline.perceive(frame, look.telemetry.states(picture.time_s))
+                tally.add(seen)
+                for write in writers:
+                    write(picture, seen)
+                advance(f"frames, {picture.name}", *look.progress(picture))
+        except KeyboardInterrupt:
+            tally.interrupted = True
+    return tally.summary(
+        camera=look.camera_words, telemetry=look.telemetry_words, skipped=look.source.skipped
+    )
+
+
+def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
+    for path in written:
+        for other in read:
+            if other is not None and other.exists() and path.exists() and path.samefile(other):
+                raise InputError(f"{path} would be written over what is read; name another file")
+
+
+@contextmanager
+def _json_lines(path: Path) -> Iterator[_Write]:
+    try:
+        with path.open("w", encoding="utf-8") as file:
+
+            def write(picture: Picture, seen: Perceived) -> None:
+                file.write(json.dumps(as_json(picture, seen), allow_nan=False) + "\n")
+
+            yield write
+    except OSError as error:
+        raise FileError(path, f"cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,158 @@
+"""Where a replay is not what was recorded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, Final
+
+from uav_bt.app.replay.movement_ids import MovementIds
+from uav_bt.display.phrases import describe_movement
+from uav_bt.mission.runner import TickRecord
+from uav_bt.record.moment import Moment
+from uav_bt.record.notes import TreeNote
+from uav_bt.tree import MissionTree
+from uav_bt.tree.status import IDLE, Status
+from uav_bt.types import Command, GimbalTo, MoveBy, Movement
+
+__all__ = ["LOSSY_NUMBERS", "LOSSY_TICKS", "Comparison", "Difference", "ReplayReport"]
+
+# A lossy record replays as the recorded flight when commands agree to this (metres, radians, or
+# those a second), and all but this share of the ticks agree in statuses and commands.
+LOSSY_NUMBERS: Final = 0.05
+LOSSY_TICKS: Final = 0.05
+_KEPT: Final = 1_000  # differing ticks that are kept one by one
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """A tick in which the replay is not what was recorded; each pair is recorded, replayed."""
+
+    tick: int
+    time_s: float
+    statuses: dict[str, tuple[str, str]] = field(default_factory=dict)  # by the node's path
+    command: tuple[str, str] | None = None
+    proposed_by: tuple[str | None, str | None] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayReport:
+    """What a replay showed."""
+
+    record: str
+    tree: str
+    outcome: str | None  # of the recorded flight; None when its record is unfinished
+    exact: bool  # whether nothing may differ: the recorded pictures are lossless and whole
+    masks: str  # "network" or "recorded"
+    ticks: int
+    status_ticks: int  # in which a node's status differs
+    command_ticks: int  # in which the command or who proposed it differs
+    differing_ticks: int  # either
+    differences: tuple[Difference, ...]  # the first of them
+    nodes: dict[str, int]  # differing ticks by the node's path, most first
+    only_recorded: tuple[str, ...]  # nodes that the replayed tree does not have
+    only_replayed: tuple[str, ...]
+    missing_pictures: int
+    damages: tuple[str, ...]
+    ended: str | None = None  # why the replay stopped before the recording's end
+
+    @property
+    def same(self) -> bool:
+        """Whether the replay is the recorded flight, within the tolerance of a lossy record."""
+        if self.only_recorded or self.only_replayed or self.ended is not None:
+            return False
+        allowed = 0 if self.exact else int(LOSSY_TICKS * self.ticks)
+        return self.differing_ticks <= allowed
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as plain JSON values."""
+        return {**asdict(self), "same": self.same}
+
+
+class Comparison:
+    """Compares tick by tick.
+
+    Args:
+        recorded: the recorded tree's nodes.
+        tree: the replayed tree.
+        ids: which movements stand for each other.
+        tolerance: how far numbers of commands may differ, metres or radians; 0 for exactly.
+    """
+
+    def __init__(
+        self, recorded: TreeNote, tree: MissionTree, ids: MovementIds, *, tolerance: float
+    ) -> None:
+        there = {node.path: place for place, node in enumerate(recorded.nodes)}
+        here = {node.path: node for node in tree.nodes()}
+        self._shared = [(path, there[path], here[path]) for path in there if path in here]
+        self.only_recorded = tuple(path for path in there if path not in here)
+        self.only_replayed = tuple(path for path in here if path not in there)
+        self._ids = ids
+        self._tolerance = tolerance
+        self.ticks = self.status_ticks = self.command_ticks = self.differing_ticks = 0
+        self.nodes: Counter[str] = Counter()
+        self.differences: list[Difference] = []
+
+    def add(self, moment: Moment, replayed: TickRecord) -> None:
+        """Compare a tick."""
+        self.ticks += 1
+        statuses = self._statuses(moment.statuses)
+        command = self._command(moment.commands.decided, replayed.decided or replayed.command)
+        owners = (moment.commands.proposed_by, replayed.proposed_by)
+        proposed_by = owners if owners[0] != owners[1] else None
+        self.nodes.update(statuses.keys())
+        self.status_ticks += bool(statuses)
+        self.command_ticks += bool(command or proposed_by)
+        if not (statuses or command or proposed_by):
+            return
+        self.differing_ticks += 1
+        if len(self.differences) < _KEPT:
+            self.differences.append(
+                Difference(
+                    tick=moment.tick.index,
+                    time_s=moment.tick.time_s,
+                    statuses=statuses,
+                    command=command,
+                    proposed_by=proposed_by,
+                )
+            )
+
+    def _statuses(self, recorded: Sequence[str]) -> dict[str, tuple[str, str]]:
+        pairs = {
+            path: (recorded[place], _name(node.status))
+            for path, place, node in self._shared
+            if place < len(recorded)
+        }
+        return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
+
+    def _command(self, recorded: Command, replayed: Command) -> tuple[str, str] | None:
+        same_id = self._ids.pair(recorded.movement, replayed.movement)
+        if (
+            same_id
+            and self._agree(recorded.movement, replayed.movement)
+            and self._agree(recorded.gimbal, replayed.gimbal)
+        ):
+            return None
+        return _words(recorded), _words(replayed)
+
+    def _agree(self, one: Movement | GimbalTo | None, other: Movement | GimbalTo | None) -> bool:
+        if type(one) is not type(other) or one is None or other is None:
+            return one is other
+        if isinstance(one, MoveBy) and isinstance(other, MoveBy):
+            other = replace(other, id=one.id)
+        return all(
+            abs(getattr(one, item.name) - getattr(other, item.name)) <= self._tolerance
+            for item in fields(one)
+        )
+
+
+def _name(status: Status) -> str:
+    return "IDLE" if status is IDLE else status.name
+
+
+def _words(command: Command) -> str:
+    movement, gimbal = command.movement, command.gimbal
+    number = f" (#{movement.id})" if isinstance(movement, MoveBy) else ""
+    look = "" if gimbal is None else f", gimbal {gimbal.pitch_rad:.3f} rad"
+    return f"{describe_movement(movement)}{number}{look}"

@@ -1,0 +1,133 @@
+"""A drone made from a record: its clock and its frames are the recorded ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from uav_bt.app.replay.movement_ids import MovementIds
+from uav_bt.errors import FileError, InputError
+from uav_bt.record.moment import Moment
+from uav_bt.record.reader import RecordReader
+from uav_bt.types import CameraModel, ClassMap, Command, Frame, Observation
+
+__all__ = ["RecordedDrone", "RecordedSegmenter"]
+
+
+class RecordedClock:
+    """Jumps from tick to tick, however long somebody means to sleep."""
+
+    def __init__(self, drone: RecordedDrone) -> None:
+        self._drone = drone
+        self._after_s = 0.0
+
+    def now(self) -> float:
+        """Return the tick's recorded time; after the last tick, what was slept to."""
+        return max(self._after_s, self._drone.moment.tick.time_s)
+
+    def sleep_until(self, time_s: float) -> None:
+        """Go on to the next recorded tick."""
+        if self._drone.at_end:
+            self._after_s = max(self._after_s, time_s)
+        else:
+            self._drone.advance()
+
+
+class RecordedDrone:
+    """Gives the recorded observations, tick by tick, and obeys nothing.
+
+    Args:
+        reader: of the record.
+
+    Raises:
+        FileError: the record has no tick.
+    """
+
+    def __init__(self, reader: RecordReader) -> None:
+        self._reader = reader
+        self._moments: Iterator[Moment] = reader.moments()
+        self._frame: Frame | None = None
+        self._clock = RecordedClock(self)
+        self.ids = MovementIds()
+        self.missing_pictures = 0  # frames whose picture the record lacks
+        first = next(self._moments, None)
+        if first is None:
+            raise FileError(reader.path, "the record has no tick to replay")
+        self.before: Moment | None = None
+        self.moment = first
+        self._next = next(self._moments, None)
+        self._take_frame()
+
+    @property
+    def at_end(self) -> bool:
+        """Whether this is the last recorded tick."""
+        return self._next is None
+
+    def advance(self) -> None:
+        """Go on to the next tick; nothing happens after the last."""
+        if self._next is None:
+            return
+        self.before, self.moment = self.moment, self._next
+        self._next = next(self._moments, None)
+        self._take_frame()
+
+    def _take_frame(self) -> None:
+        stored = self.moment.frame
+        if stored is None:
+            return
+        if stored.picture is None:
+            self.missing_pictures += 1  # the one before stays, and grows old
+            return
+        try:
+            self._frame = stored.frame()
+        except InputError as error:
+            raise FileError(self._reader.path, f"frame {stored.note.index}: {error}") from error
+
+    @property
+    def clock(self) -> RecordedClock:
+        """The recording's time."""
+        return self._clock
+
+    @property
+    def camera(self) -> CameraModel:
+        """The camera that took the frames."""
+        return self._reader.camera
+
+    @property
+    def referee(self) -> None:
+        """Nobody: what is decided now has no consequences that could be judged."""
+        return
+
+    def connect(self) -> None:
+        """Nothing needs to be done."""
+
+    def observe(self) -> Observation:
+        """Return what was observed in this tick."""
+        return Observation(frame=self._frame, state=self.ids.told(self.moment.state))
+
+    def send(self, command: Command) -> Command:
+        """Take a command without obeying it."""
+        return command
+
+    def disconnect(self) -> None:
+        """Nothing needs to be done."""
+
+
+class RecordedSegmenter:
+    """The recorded class maps as a segmenter: perception from there on is what is tried."""
+
+    def __init__(self, drone: RecordedDrone) -> None:
+        self._drone = drone
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the class map that was recorded with a frame.
+
+        Raises:
+            InputError: there is none.
+        """
+        found = self._drone.moment.class_map
+        if found is None or found.captured_s != frame.captured_s:
+            raise InputError(
+                f"the record has no class map of frame {frame.index}: replay with the network "
+                "(--masks network)"
+            )
+        return found

@@ -1,0 +1,187 @@
+"""From flights to a report: one page that stands alone, and its pictures and tables beside it."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from uav_bt import __version__
+from uav_bt.campaign.report.figures import densities, outcomes
+from uav_bt.campaign.report.html import Picture, Section, page
+from uav_bt.campaign.report.lab_figures import scene_figure
+from uav_bt.campaign.report.paper import PAPER_SUCCESS
+from uav_bt.campaign.report.sources import Provenance, Sources
+from uav_bt.campaign.report.tables import Table, tables_of
+from uav_bt.display.lab_map import LabMap
+from uav_bt.errors import FileError
+
+__all__ = ["WrittenReport", "write_campaign_report"]
+
+_ABOUT_SCENES: Final = (
+    "Above, where every flight went, from the referee; a dot where it began, a cross where it "
+    "failed. Below, which share of the flights came by. Numbers on boxes are their heights in "
+    "metres."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenReport:
+    """The files of a report."""
+
+    page: Path
+    pictures: tuple[Path, ...]
+    tables: tuple[Path, ...]
+
+
+def write_campaign_report(
+    sources: Sources, out: Path, *, maps: Mapping[str, LabMap], today: dt.date
+) -> WrittenReport:
+    """Write a report: the page, and beside it its pictures (PNG) and tables (CSV).
+
+    Args:
+        sources: what it is about.
+        out: the page; the other files' names begin with its stem.
+        maps: what stands in each scene, by its name; scenes without a map get no picture.
+        today: the date that stands in it.
+
+    Raises:
+        FileError: a file cannot be written.
+    """
+    tables = tables_of(sources, out)
+    overview = (_outcomes_picture(sources), _densities_picture(sources))
+    scenes = _scene_pictures(sources, maps)
+    text = page(
+        _title(sources),
+        f"{sum(len(one.flights) for one in sources.sets)} flights, {today.isoformat()}, "
+        f"uav-bt {__version__}",
+        _sections(sources, tables, overview, scenes),
+    )
+    pictures = [*overview, *scenes]
+    _write(out, text.encode("utf-8"))
+    return WrittenReport(
+        page=out,
+        pictures=tuple(_write(_beside(out, one.name, "png"), one.png) for one in pictures),
+        tables=tuple(
+            _write(_beside(out, one.name, "csv"), one.to_csv().encode("utf-8"))
+            for one in tables.values()
+        ),
+    )
+
+
+def _title(sources: Sources) -> str:
+    return "Flights of " + ", ".join(one.label for one in sources.sets)
+
+
+def _sections(
+    sources: Sources,
+    tables: Mapping[str, Table],
+    overview: tuple[Picture, Picture],
+    scenes: tuple[Picture, ...],
+) -> list[Section]:
+    sections = []
+    if sources.notes:
+        sections.append(Section(title="Please note", paragraphs=sources.notes, warning=True))
+    sections += [
+        Section(
+            title="Outcomes",
+            paragraphs=(f"The paper reports {PAPER_SUCCESS}.",),
+            pictures=overview[:1],
+            tables=(tables["outcomes"], tables["scenes"]),
+        ),
+        Section(title="Times and distances", pictures=overview[1:], tables=(tables["metrics"],)),
+    ]
+    if scenes:
+        sections.append(
+            Section(
+                title="Ways and coverage",
+                paragraphs=(_ABOUT_SCENES,),
+                pictures=scenes,
+            )
+        )
+    failures = tables["failures"]
+    if failures.rows:
+        sections.append(Section(title="Every failure", tables=(failures,)))
+    else:
+        sections.append(Section(title="Every failure", paragraphs=("There was none.",)))
+    sections.append(Section(title="Computing", tables=(tables["timings"],)))
+    sections.append(
+        Section(
+            title="Where this comes from",
+            tables=tuple(_origin(one) for one in sources.provenance),
+        )
+    )
+    return sections
+
+
+def _origin(source: Provenance) -> Table:
+    rows: list[tuple[str, str]] = []
+    plan = source.plan
+    if plan is not None:
+        width, height = plan.image_size_px
+        last = plan.seed_from + plan.flights - 1
+        rows += [(f"tree {file.name}", f"SHA-256 {file.sha256}") for file in plan.trees]
+        rows += [(f"scene {file.name}", f"SHA-256 {file.sha256}") for file in plan.scenes]
+        rows += [(f"weights {name}", f"SHA-256 {said}") for name, said in plan.weights.items()]
+        rows += [
+            ("seeds", f"{plan.seed_from} to {last}"),
+            ("profile", plan.profile),
+            ("pictures", f"{width}x{height}"),
+            ("masks", "exact, from the referee" if plan.exact_masks else "the network's"),
+            ("policies", ", ".join(f"{node}={name}" for node, name in plan.policies.items())),
+            ("versions", ", ".join(f"{name} {said}" for name, said in plan.versions.items())),
+        ]
+    rows += [
+        (f"run {run.get('began', '')}", f"{run.get('backend', '')}, code {run.get('code', '')}")
+        for run in source.runs
+    ]
+    if not rows:
+        rows.append(("file", "a plain file of flights: nothing more is known"))
+    return Table(name="origin", title=str(source.path), columns=("what", "which"), rows=tuple(rows))
+
+
+def _outcomes_picture(sources: Sources) -> Picture:
+    return Picture(
+        name="outcomes",
+        png=outcomes(sources.sets),
+        alt="share of successful flights of each tree with its 95 % interval",
+    )
+
+
+def _densities_picture(sources: Sources) -> Picture:
+    return Picture(
+        name="densities",
+        png=densities(sources.sets),
+        alt="densities of the time to find the helipad, the time to land, the distance in 90 s and "
+        "the distance while searching, with the paper's figures",
+    )
+
+
+def _scene_pictures(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Picture, ...]:
+    pictures = []
+    for scene in sources.scenes:
+        png = scene_figure(sources.sets, scene, maps[scene]) if scene in maps else None
+        if png is not None:
+            alt = f"flown ways and coverage of the carpet in the scene {scene}"
+            pictures.append(Picture(name=f"scene-{scene}", png=png, alt=alt))
+    return tuple(pictures)
+
+
+def _beside(page_file: Path, name: str, suffix: str) -> Path:
+    safe = re.sub(r"[^\w.-]+", "_", name)  # a scene's name may be anything
+    return page_file.with_name(f"{page_file.stem}-{safe}.{suffix}")
+
+
+def _write(path: Path, content: bytes) -> Path:
+    """Write a file that is whole or not there."""
+    partial = path.with_name(path.name + ".part")
+    try:
+        partial.write_bytes(content)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise FileError(path, f"cannot be written: {error.strerror}") from error
+    return path

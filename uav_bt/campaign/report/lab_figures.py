@@ -1,0 +1,155 @@
+"""The report's figures of the lab: the ways that were flown, and the carpet they covered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from uav_bt.campaign.report.coverage import CELL_M, REACH_M, free_cells, visited_cells
+from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, png, style
+from uav_bt.campaign.report.sources import FlightSet
+from uav_bt.display.lab_map import LabMap, MapItem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["covered_shares", "scene_figure"]
+
+_CARPET: Final = "#f1f3f0"
+_INK_PAD: Final = "#a61e1e"
+_MARGIN_M: Final = 0.35
+_SUCCESS: Final = "success"
+
+Flights = Sequence[dict[str, Any]]
+
+
+def flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
+    """Return a set's flights in a scene whose way was kept."""
+    return [flight for flight in one.flights if flight["scene"] == scene and flight.get("path")]
+
+
+def covered_shares(flights: Flights, lab: LabMap) -> list[float]:
+    """Return which share of the carpet that is free of boxes each flight has been over, 0 to 1."""
+    free = free_cells(lab)
+    return [
+        float((visited_cells(flight["path"], lab.carpet_size_m) & free).sum() / free.sum())
+        for flight in flights
+    ]
+
+
+def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | None:
+    """Draw what happened in a scene: ways above, coverage below, a column for each set.
+
+    Args:
+        sets: what is compared; those without kept ways in this scene are left out.
+        scene: its name.
+        lab: what stands there.
+
+    Returns:
+        A PNG; None when no way was kept.
+    """
+    columns = [(one, flown) for one in sets if (flown := flights_in(one, scene))]
+    if not columns:
+        return None
+    with style():
+        figure = new_figure(5.2 * len(columns) + 0.6, 8.6)
+        grid = figure.subplots(2, len(columns), squeeze=False)
+        for column, (one, flown) in enumerate(columns):
+            _ways(grid[0, column], flown, lab)
+            count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
+            grid[0, column].set_title(f"{one.label}\n{count}", fontweight="bold")
+            image = _coverage(grid[1, column], flown, lab)
+        bar = figure.colorbar(image, ax=grid, anchor=(0.0, 0.12), shrink=0.35, pad=0.01)
+        bar.set_label("flights that came by, %")
+        bar.outline.set_visible(False)
+        shown = {flight["outcome"] for _, flown in columns for flight in flown}
+        figure.legend(
+            handles=[
+                Line2D([], [], color=colour, label=outcome.replace("_", " "))
+                for outcome, colour in OUTCOME_COLOURS.items()
+                if outcome in shown
+            ],
+            loc="outside upper left",
+            ncols=len(OUTCOME_COLOURS),
+        )
+        return png(figure)
+
+
+def _ways(axes: Axes, flown: Flights, lab: LabMap) -> None:
+    _lab(axes, lab)
+    alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
+    # Failures on top, for they are few and what one looks for.
+    for flight in sorted(flown, key=lambda one: one["outcome"] != _SUCCESS):
+        path = np.asarray(flight["path"], dtype=np.float64)
+        good = flight["outcome"] == _SUCCESS
+        colour = OUTCOME_COLOURS[flight["outcome"]]
+        axes.plot(
+            path[:, 1],
+            path[:, 2],
+            color=colour,
+            linewidth=0.9 if good else 1.4,
+            alpha=alpha if good else 0.9,
+        )
+        axes.plot(path[0, 1], path[0, 2], ".", color=colour, markersize=3)
+        if not good:
+            axes.plot(path[-1, 1], path[-1, 2], "x", color=colour, markersize=8, markeredgewidth=2)
+
+
+def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
+    _lab(axes, lab, filled=False)
+    seen = np.mean([visited_cells(f["path"], lab.carpet_size_m) for f in flown], axis=0)
+    half_x, half_y = lab.carpet_size_m[0] / 2, lab.carpet_size_m[1] / 2
+    image = axes.imshow(
+        100.0 * seen,
+        origin="lower",
+        extent=(-half_x, half_x, -half_y, half_y),
+        vmin=0.0,
+        vmax=100.0,
+        cmap="Blues",
+        zorder=0,
+    )
+    shares = covered_shares(flown, lab)
+    axes.set_title(
+        f"a flight covers {100.0 * float(np.mean(shares)):.0f} % of the free carpet"
+        f" ({100.0 * min(shares):.0f} to {100.0 * max(shares):.0f} %)"
+    )
+    axes.set_xlabel(f"cells of {CELL_M:g} m, covered when passed within {REACH_M:g} m", fontsize=8)
+    return image
+
+
+def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
+    half_x, half_y = lab.carpet_size_m[0] / 2, lab.carpet_size_m[1] / 2
+    carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab.carpet_size_m, 0.0))
+    axes.add_patch(
+        Polygon(carpet.corners(), facecolor=_CARPET if filled else "none", edgecolor="#adb5bd")
+    )
+    if lab.helipad is not None:
+        pad = lab.helipad
+        axes.add_patch(Polygon(pad.corners(), facecolor="none", edgecolor=_INK_PAD, linewidth=1.4))
+        axes.text(
+            *(pad.x_m, pad.y_m, "H"),
+            ha="center",
+            va="center",
+            weight="bold",
+            color=_INK_PAD,
+        )
+    for box in lab.boxes:
+        face = tuple(channel / 255 for channel in box.colour)
+        axes.add_patch(Polygon(box.corners(), facecolor=face, edgecolor="#343a40", linewidth=0.8))
+        axes.text(
+            *(box.x_m, box.y_m, f"{box.size_m[2]:.1f}"),
+            ha="center",
+            va="center",
+            fontsize=7,
+            color="white",
+        )
+    axes.set_aspect("equal")
+    axes.set_xlim(-half_x - _MARGIN_M, half_x + _MARGIN_M)
+    axes.set_ylim(-half_y - _MARGIN_M, half_y + _MARGIN_M)
+    axes.tick_params(length=2, labelsize=7)
+    for spine in axes.spines.values():
+        spine.set_visible(False)

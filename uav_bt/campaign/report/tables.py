@@ -1,0 +1,255 @@
+"""The report's tables: plain values, shown in the page and written as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from uav_bt.campaign.flight_lines import METRICS
+from uav_bt.campaign.report.paper import PAPER
+from uav_bt.campaign.report.sources import FlightSet, Sources
+from uav_bt.campaign.report.statistics import summarise
+from uav_bt.mission.judge import Outcome
+
+__all__ = ["Link", "Table", "tables_of"]
+
+_SUCCESS: Final = Outcome.SUCCESS.value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """A cell that leads to a file."""
+
+    text: str
+    target: str  # relative to the page
+
+
+Cell = str | int | float | Link | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table of the report."""
+
+    name: str  # of its CSV file
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""  # a sentence above it
+    code: frozenset[str] = frozenset()  # columns that hold something to type
+
+    def to_csv(self) -> str:
+        """Return the table as CSV (RFC 4180, a header line)."""
+        out = io.StringIO()
+        writer = csv.writer(out)
+        writer.writerow(self.columns)
+        for row in self.rows:
+            writer.writerow([cell.target if isinstance(cell, Link) else cell for cell in row])
+        return out.getvalue()
+
+
+def tables_of(sources: Sources, page: Path) -> dict[str, Table]:
+    """Return the report's tables by name.
+
+    Args:
+        sources: what the report is about.
+        page: where the page will be; links are relative to it.
+    """
+    tables = (
+        _outcomes(sources.sets),
+        _scenes(sources),
+        _metrics(sources.sets),
+        _failures(sources.sets, page),
+        _timings(sources.sets),
+        _flights(sources.sets),
+    )
+    return {table.name: table for table in tables}
+
+
+def _percent(share: float) -> float:
+    return round(100.0 * share, 1)
+
+
+def _outcomes(sets: Sequence[FlightSet]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for one in sets:
+        summary = summarise(one.flights)
+        low, high = summary.success_95
+        counts = (summary.outcomes.get(outcome.value, 0) for outcome in Outcome)
+        ends = (_percent(low), _percent(high))
+        rows.append((one.label, summary.flights, _percent(summary.success), *ends, *counts))
+    names = (outcome.value.replace("_", " ") for outcome in Outcome)
+    return Table(
+        name="outcomes",
+        title="Outcomes",
+        columns=("tree", "flights", "success, %", "95 % from", "to", *names),
+        rows=tuple(rows),
+        note="Intervals are Wilson's, 95 %.",
+    )
+
+
+def _scenes(sources: Sources) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for one in sources.sets:
+        for scene in sources.scenes:
+            flown = [flight for flight in one.flights if flight["scene"] == scene]
+            if flown:
+                summary = summarise(flown)
+                low, high = summary.success_95
+                ends = (_percent(low), _percent(high))
+                good = summary.outcomes[_SUCCESS]
+                rows.append((one.label, scene, len(flown), good, _percent(summary.success), *ends))
+    return Table(
+        name="scenes",
+        title="By scene",
+        columns=("tree", "scene", "flights", "successes", "success, %", "95 % from", "to"),
+        rows=tuple(rows),
+    )
+
+
+def _metrics(sets: Sequence[FlightSet]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    summaries = [(one, summarise(one.flights)) for one in sets]
+    for name in METRICS:
+        said = "; ".join(figure.text for figure in PAPER.get(name, ()))
+        for one, summary in summaries:
+            found = summary.metrics[name]
+            if found is not None:
+                numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
+                rounded = (round(number, 3) for number in numbers)
+                rows.append((name, one.label, found.count, *rounded, said or None))
+    return Table(
+        name="metrics",
+        title="Times and distances",
+        columns=(
+            *("metric", "tree", "flights", "mean", "median"),
+            *("5 %", "95 %", "least", "most", "paper"),
+        ),
+        rows=tuple(rows),
+        note="Of the flights that came so far. `explore_distance_m` is that of the first 90 s; "
+        "searching lasts from the end of exploration until the helipad is found, landing from "
+        "there until the motors are off.",
+    )
+
+
+def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            one.label,
+            flight["scene"],
+            flight["seed"],
+            flight["outcome"].replace("_", " "),
+            flight.get("reason"),
+            flight.get("duration_s"),
+            _record(one, flight, page),
+            repeat_command(one, flight),
+        )
+        for one in sets
+        for flight in sorted(one.flights, key=lambda f: (str(f["scene"]), f["seed"]))
+        if flight["outcome"] != _SUCCESS
+    ]
+    return Table(
+        name="failures",
+        title="Every failure",
+        columns=(
+            *("tree", "scene", "seed", "outcome", "reason"),
+            *("after, s", "record", "the same again"),
+        ),
+        rows=tuple(rows),
+        code=frozenset({"the same again"}),
+    )
+
+
+def _record(one: FlightSet, flight: dict[str, Any], page: Path) -> Link | None:
+    if not flight.get("record"):
+        return None
+    record = one.source.folder / flight["record"]
+    if not record.is_file():
+        return None
+    target = os.path.relpath(record.resolve(), page.resolve().parent)
+    return Link(text="record", target=Path(target).as_posix())
+
+
+def repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
+    """Return the command that flies a flight again."""
+    plan = one.source.plan
+    scene = flight["scene"]
+    exact = bool(flight.get("exact_masks") or (plan is not None and plan.exact_masks))
+    words = ["uav-bt", "campaign" if exact else "fly", one.tree_path()]
+    if scene is not None:
+        words += ["--scenes" if exact else "--scene", one.scene_path(scene)]
+    if exact:
+        words += ["--exact-masks", "--flights", "1", "--seed-from", str(flight["seed"])]
+        words += ["--out", f"runs/again-{scene}-{flight['seed']}"]  # its own plan, its own folder
+    else:
+        words += ["--seed", str(flight["seed"])]
+    profile = flight.get("profile")
+    if isinstance(profile, str):
+        words += ["--profile", profile]
+    if plan is not None:
+        width, height = plan.image_size_px
+        words += ["--image-size", f"{width}x{height}"]
+        for node, policy in plan.policies.items():
+            words += ["--policy", f"{node}={policy}"]
+    return shlex.join(words)
+
+
+def _timings(sets: Sequence[FlightSet]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for one in sets:
+        stages = dict.fromkeys(stage for f in one.flights for stage in f.get("perception_ms") or {})
+        for stage in (None, *stages):
+            found = [
+                times
+                for flight in one.flights
+                if (
+                    times := flight.get("tick_ms")
+                    if stage is None
+                    else (flight.get("perception_ms") or {}).get(stage)
+                )
+            ]
+            if found:
+                middle, late, worst = (
+                    np.array([times[name] for times in found]) for name in ("p50", "p99", "max")
+                )
+                numbers = (np.median(middle), np.median(late), worst.max())
+                rounded = (round(float(number), 2) for number in numbers)
+                rows.append((one.label, stage or "whole tick", len(found), *rounded))
+        speeds = [f["duration_s"] / f["wall_s"] for f in one.flights if _timed(f)]
+        if speeds:
+            speed = f"{float(np.median(speeds)):.1f} times real time"
+            rows.append((one.label, "flight", len(speeds), speed, None, None))
+    return Table(
+        name="timings",
+        title="Computing",
+        columns=("tree", "stage", "flights", "p50, ms", "p99, ms", "longest, ms"),
+        rows=tuple(rows),
+        note="Medians over the flights of each flight's percentiles, one inference thread; the "
+        "longest of all. Other flights ran beside.",
+    )
+
+
+def _timed(flight: dict[str, Any]) -> bool:
+    return bool(flight.get("duration_s") and flight.get("wall_s"))
+
+
+def _flights(sets: Sequence[FlightSet]) -> Table:
+    fields = ("scene", "seed", "outcome", "reason", "profile", *METRICS, "wall_s")
+    return Table(
+        name="flights",
+        title="All flights",
+        columns=("tree", *fields),
+        rows=tuple(
+            (one.label, *(flight.get(field) for field in fields))
+            for one in sets
+            for flight in sorted(one.flights, key=lambda f: (str(f["scene"]), f["seed"]))
+        ),
+    )

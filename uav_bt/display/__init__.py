@@ -1,0 +1,1 @@
+"""What a person watches: status line, lab map, films, Rerun."""

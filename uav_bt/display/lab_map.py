@@ -1,0 +1,249 @@
+"""The lab from above: what stands where, world metres to pixels, pictures of flown paths."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from uav_bt.display.canvas import (
+    ACCENT,
+    BACKDROP,
+    DIM,
+    INK,
+    Colour,
+    Image,
+    Point,
+    circle,
+    line,
+    polygon,
+    put,
+    text_width_px,
+)
+from uav_bt.display.flown_path import PathPoint
+from uav_bt.errors import ValueRangeError
+
+__all__ = [
+    "LabMap",
+    "MapFrame",
+    "MapItem",
+    "draw_lab",
+    "draw_legend",
+    "draw_path_map",
+    "phase_colours",
+]
+
+_CARPET: Final[Colour] = (52, 66, 54)
+_CARPET_GRID: Final[Colour] = (63, 79, 65)
+_FLOOR_GRID: Final[Colour] = (30, 33, 40)
+_UNNAMED: Final[Colour] = (150, 156, 166)  # before the mission has said what it is doing
+# Bright on the carpet, apart from one another; given out in the order in which phases appear.
+_PHASE_COLOURS: Final[tuple[Colour, ...]] = (
+    (170, 178, 190),
+    (94, 205, 255),
+    (255, 130, 190),
+    (255, 170, 80),
+    (178, 235, 110),
+    (255, 255, 255),
+    (190, 160, 255),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapItem:
+    """An upright thing seen from above: a box, or the helipad."""
+
+    x_m: float  # world, its centre
+    y_m: float
+    size_m: tuple[float, float, float]  # along its own x and y, and its height
+    yaw_rad: float = 0.0  # counter-clockwise from +x
+    colour: Colour = (160, 120, 80)  # RGB, of its sides in class maps
+
+    def corners(self) -> list[Point]:
+        """Return the four corners in world metres, counter-clockwise."""
+        a, b = self.size_m[0] / 2, self.size_m[1] / 2
+        return [self.to_world(*corner) for corner in ((a, b), (-a, b), (-a, -b), (a, -b))]
+
+    def to_world(self, along_x_m: float, along_y_m: float) -> Point:
+        """Return a point given in the thing's own axes, in world metres."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return (
+            self.x_m + c * along_x_m - s * along_y_m,
+            self.y_m + s * along_x_m + c * along_y_m,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabMap:
+    """What a map of the lab shows; the origin is the carpet's middle."""
+
+    carpet_size_m: tuple[float, float]  # along world x and y
+    boxes: tuple[MapItem, ...] = ()
+    helipad: MapItem | None = None
+
+    def __post_init__(self) -> None:
+        if min(self.carpet_size_m) <= 0.0:
+            raise ValueRangeError(f"the carpet must have a size, got {self.carpet_size_m} m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapFrame:
+    """World metres to pixels: x to the right, y up, one scale for both."""
+
+    size_px: tuple[int, int]  # width, height
+    scale_px_per_m: float
+    centre_m: Point = (0.0, 0.0)  # what lies in the picture's middle
+
+    @classmethod
+    def around(
+        cls, extent_m: tuple[float, float], size_px: tuple[int, int], margin_m: float = 0.3
+    ) -> MapFrame:
+        """Return the frame that shows an extent around the origin, as large as fits.
+
+        Raises:
+            ValueRangeError: nothing would be left of it.
+        """
+        wide_m, high_m = (side + 2 * margin_m for side in extent_m)
+        if min(wide_m, high_m) <= 0.0 or min(size_px) <= 0:
+            raise ValueRangeError(f"cannot show {extent_m} m in {size_px} pixels")
+        return cls(size_px=size_px, scale_px_per_m=min(size_px[0] / wide_m, size_px[1] / high_m))
+
+    def to_px(self, x_m: float, y_m: float) -> Point:
+        """Return where a world point lies, in pixels from the upper left corner."""
+        return (
+            self.size_px[0] / 2 + (x_m - self.centre_m[0]) * self.scale_px_per_m,
+            self.size_px[1] / 2 - (y_m - self.centre_m[1]) * self.scale_px_per_m,
+        )
+
+    def all_to_px(self, points_m: Sequence[Point]) -> list[Point]:
+        """Return where world points lie."""
+        return [self.to_px(x, y) for x, y in points_m]
+
+
+def phase_colours(phases: Sequence[str]) -> dict[str, Colour]:
+    """Return a colour for every phase, in the order in which they first appear."""
+    named = [phase for phase in dict.fromkeys(phases) if phase]
+    colours = {p: _PHASE_COLOURS[i % len(_PHASE_COLOURS)] for i, p in enumerate(named)}
+    return {"": _UNNAMED, **colours}
+
+
+def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
+    """Return the empty lab: floor, carpet with a grid of metres, boxes with heights, helipad.
+
+    Args:
+        lab_map: what stands there; None draws the grid alone.
+        frame: where the world lies in the picture.
+
+    Returns:
+        (H, W, 3) uint8 RGB.
+    """
+    width_px, height_px = frame.size_px
+    image: Image = np.full((height_px, width_px, 3), BACKDROP, dtype=np.uint8)
+    reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2)
+    _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
+    if lab_map is not None:
+        carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab_map.carpet_size_m, 0.0))
+        polygon(image, frame.all_to_px(carpet.corners()), _CARPET)
+        _grid(image, frame, lab_map.carpet_size_m, _CARPET_GRID)
+        if lab_map.helipad is not None:
+            _draw_helipad(image, frame, lab_map.helipad)
+        for box in lab_map.boxes:
+            _draw_box(image, frame, box)
+    _draw_scale(image, frame)
+    return image
+
+
+def _grid(image: Image, frame: MapFrame, size_m: tuple[float, float], colour: Colour) -> None:
+    half_x, half_y = size_m[0] / 2, size_m[1] / 2
+    for x in range(-math.floor(half_x), math.floor(half_x) + 1):
+        line(image, frame.all_to_px([(x, -half_y), (x, half_y)]), colour)
+    for y in range(-math.floor(half_y), math.floor(half_y) + 1):
+        line(image, frame.all_to_px([(-half_x, y), (half_x, y)]), colour)
+
+
+def _draw_box(image: Image, frame: MapFrame, box: MapItem) -> None:
+    edge = _mixed(box.colour, INK, 0.45)
+    polygon(image, frame.all_to_px(box.corners()), box.colour, edge)
+    _label(image, frame, box, f"{box.size_m[2]:.1f}")
+
+
+def _draw_helipad(image: Image, frame: MapFrame, pad: MapItem) -> None:
+    polygon(image, frame.all_to_px(pad.corners()), _mixed(pad.colour, BACKDROP, 0.35), pad.colour)
+    a, b = 0.22 * pad.size_m[0], 0.28 * pad.size_m[1]
+    stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
+    for start, end in (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0))):
+        ends = [pad.to_world(*start), pad.to_world(*end)]
+        line(image, frame.all_to_px(ends), (255, 255, 255), stroke_px)
+
+
+def _label(image: Image, frame: MapFrame, item: MapItem, text: str) -> None:
+    scale = min(0.5, frame.scale_px_per_m / 220)
+    x, y = frame.to_px(item.x_m, item.y_m)
+    left = round(x - text_width_px(text, scale) / 2)
+    put(image, text, (left, round(y + 11 * scale)), scale=scale, colour=(255, 255, 255))
+
+
+def _draw_scale(image: Image, frame: MapFrame) -> None:
+    left, base = frame.size_px[0] - 12 - round(frame.scale_px_per_m), frame.size_px[1] - 12
+    right = left + frame.scale_px_per_m
+    line(image, [(left, base - 4), (left, base), (right, base), (right, base - 4)], DIM)
+    put(image, "1 m", (left + 5, base - 5), colour=DIM, scale=0.38)
+
+
+def _mixed(one: Colour, other: Colour, share: float) -> Colour:
+    """Return `one` with a share of `other`."""
+    red, green, blue = (round((1 - share) * a + share * b) for a, b in zip(one, other, strict=True))
+    return red, green, blue
+
+
+def draw_path_map(
+    lab_map: LabMap | None,
+    path: Sequence[PathPoint],
+    *,
+    size_px: tuple[int, int] = (960, 780),
+    title: str = "",
+) -> Image:
+    """Return the picture of a flown path, coloured by phase, with a legend.
+
+    Args:
+        lab_map: what stands in the lab; None draws the grid alone.
+        path: from the first tick to the last.
+        size_px: width and height of the picture.
+        title: a line at the top.
+
+    Returns:
+        (H, W, 3) uint8 RGB.
+    """
+    carpet_m = lab_map.carpet_size_m if lab_map is not None else (6.0, 6.0)
+    frame = MapFrame.around(carpet_m, size_px, margin_m=0.45)
+    image = draw_lab(lab_map, frame)
+    colours = phase_colours([point.phase for point in path])
+    width_px = max(2, round(0.025 * frame.scale_px_per_m))
+    for before, after in itertools.pairwise(path):
+        ends = frame.all_to_px([(before.x_m, before.y_m), (after.x_m, after.y_m)])
+        line(image, ends, colours[after.phase], width_px)
+    if path:
+        _dot(image, frame, path[0], _UNNAMED)
+        _dot(image, frame, path[-1], ACCENT)
+    put(image, title, (14, 28), scale=0.6)
+    draw_legend(image, colours)
+    return image
+
+
+def _dot(image: Image, frame: MapFrame, point: PathPoint, colour: Colour) -> None:
+    at_px = frame.to_px(point.x_m, point.y_m)
+    polygon(image, circle(*at_px, 0.045 * frame.scale_px_per_m), colour, BACKDROP)
+
+
+def draw_legend(image: Image, colours: Mapping[str, Colour]) -> None:
+    """Write the phases in their colours along the lower edge."""
+    left, base = 14, image.shape[0] - 12
+    for phase, colour in colours.items():
+        if phase:
+            line(image, [(left, base - 4), (left + 14, base - 4)], colour, 3)
+            put(image, phase, (left + 20, base), colour=INK, scale=0.42)
+            left += 20 + text_width_px(phase, 0.42) + 16

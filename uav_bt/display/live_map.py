@@ -1,0 +1,140 @@
+"""The map that follows a flight: the path so far, the drone, and what its camera sees."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from uav_bt.display.canvas import (
+    ACCENT,
+    BACKDROP,
+    INK,
+    Colour,
+    Image,
+    Point,
+    blend_polygon,
+    circle,
+    hull,
+    line,
+    polygon,
+)
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import LabMap, MapFrame, draw_lab, draw_legend, phase_colours
+from uav_bt.types import CameraModel, HelipadFix, Pose
+
+__all__ = ["LiveMap", "ground_view"]
+
+_VIEW_OPACITY: Final = 0.25
+_VIEW_REACH_M: Final = 1.8  # how far ahead the camera's view is drawn
+_VIEW_COLOUR: Final[Colour] = (200, 220, 255)
+_PATH_PX: Final = 2
+_ROTOR_M: Final = 0.11  # of the drawn drone, about the ANAFI's
+_ARM_M: Final = 0.14
+_NO_LAB_M: Final = (6.0, 6.0)  # shown around the start where the lab is unknown
+
+
+def ground_view(
+    camera: CameraModel, pitch_rad: float, height_m: float, reach_m: float = _VIEW_REACH_M
+) -> list[Point]:
+    """Return the ground that a camera sees: the image's corners cast down.
+
+    Args:
+        camera: intrinsics; distortion is left out.
+        pitch_rad: of the gimbal, 0 level, negative down.
+        height_m: of the camera above the ground.
+        reach_m: rays that go further, or never come down, end here.
+
+    Returns:
+        Four points (forward, right), metres from the body's centre, clockwise from the upper left.
+    """
+    left, right = -0.5, camera.width_px - 0.5
+    top, bottom = -0.5, camera.height_px - 0.5
+    c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+    points: list[Point] = []
+    for u, v in ((left, top), (right, top), (right, bottom), (left, bottom)):
+        across, below = (u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px
+        forward, down = c + below * s, below * c - s
+        longest = reach_m / max(math.hypot(forward, across), 1e-6)
+        length = min(height_m / down, longest) if down > 0.0 else longest
+        points.append((camera.forward_offset_m + forward * length, across * length))
+    return points
+
+
+class LiveMap:
+    """Draws the map pane; the path is drawn once and kept, so a tick costs the same all flight.
+
+    Args:
+        lab_map: what stands in the lab; None draws a grid around the start.
+        camera: for the field of view.
+        size_px: width and height of the pane.
+    """
+
+    def __init__(
+        self, lab_map: LabMap | None, camera: CameraModel, size_px: tuple[int, int]
+    ) -> None:
+        extent_m = lab_map.carpet_size_m if lab_map is not None else _NO_LAB_M
+        self._frame = MapFrame.around(extent_m, size_px)
+        self._camera = camera
+        self._lab = draw_lab(lab_map, self._frame)
+        self._drawn = 1  # points of the path that are already on the picture
+        self._phases: list[str] = []
+
+    def draw(
+        self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: HelipadFix | None
+    ) -> Image:
+        """Return the map of this moment, (H, W, 3) uint8 RGB.
+
+        Args:
+            flown: the path so far.
+            pitch_rad: where the camera points.
+            height_m: of the camera above the carpet.
+            fix: where the drone believes the helipad to be.
+        """
+        self._draw_new_path(flown)
+        image = self._lab.copy()
+        draw_legend(image, phase_colours(self._phases))
+        if flown.pose is not None:
+            seen = ground_view(self._camera, pitch_rad, max(height_m, 0.0))
+            # With the lens itself: a wedge when it looks ahead, a rectangle when it looks down.
+            lens = (self._camera.forward_offset_m, 0.0)
+            view_px = hull([self._around(flown.pose, *point) for point in (lens, *seen)])
+            blend_polygon(image, view_px, _VIEW_COLOUR, _VIEW_OPACITY)
+            if fix is not None:
+                self._draw_fix(image, flown.pose, fix)
+            self._draw_drone(image, flown.pose)
+        return image
+
+    def _draw_new_path(self, flown: FlownPath) -> None:
+        points = flown.points
+        for phase in dict.fromkeys(point.phase for point in points[max(0, self._drawn - 1) :]):
+            if phase and phase not in self._phases:
+                self._phases.append(phase)
+        colours = phase_colours(self._phases)
+        for before, after in zip(points[self._drawn - 1 :], points[self._drawn :], strict=False):
+            ends = [(before.x_m, before.y_m), (after.x_m, after.y_m)]
+            line(self._lab, self._frame.all_to_px(ends), colours[after.phase], _PATH_PX)
+        self._drawn = max(len(points), 1)
+
+    def _around(self, pose: Pose, forward_m: float, right_m: float) -> Point:
+        """Return where a point given from the body's centre lies in the picture."""
+        c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        return self._frame.to_px(
+            pose.x_m + c * forward_m + s * right_m, pose.y_m + s * forward_m - c * right_m
+        )
+
+    def _draw_fix(self, image: Image, pose: Pose, fix: HelipadFix) -> None:
+        x, y = self._around(pose, fix.forward_m, fix.right_m)
+        arm = 9 if fix.detected else 6
+        for dx, dy in ((arm, arm), (arm, -arm)):
+            line(image, [(x - dx, y - dy), (x + dx, y + dy)], ACCENT, 2)
+        spread_px = max(fix.std_m * self._frame.scale_px_per_m, 1.0)
+        line(image, circle(x, y, spread_px), ACCENT)
+
+    def _draw_drone(self, image: Image, pose: Pose) -> None:
+        rotor_px = _ROTOR_M * self._frame.scale_px_per_m
+        for forward, right in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
+            hub = self._around(pose, forward * _ARM_M, right * _ARM_M)
+            line(image, [self._around(pose, 0.0, 0.0), hub], INK, 2)
+            polygon(image, circle(*hub, rotor_px), None, INK)
+        nose = [(0.26, 0.0), (0.08, 0.07), (-0.1, 0.06), (-0.1, -0.06), (0.08, -0.07)]
+        polygon(image, [self._around(pose, *point) for point in nose], INK, BACKDROP)

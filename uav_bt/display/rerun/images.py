@@ -1,0 +1,239 @@
+"""Pictures and what lies over them: camera, mask edges, helipad, intrusions, mask, metric depth."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import cv2
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour, circle
+from uav_bt.display.phrases import describe_corridor
+from uav_bt.display.rerun.entities import DEPTH_LENS, LENS, MASK
+from uav_bt.display.rerun.setting import ViewSetting
+from uav_bt.display.video.depth_panes import FARTHEST_M
+from uav_bt.display.video.panes import project_fix
+from uav_bt.errors import ShapeError
+from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
+
+__all__ = ["PictureView", "jpeg", "outlines"]
+
+_JPEG_QUALITY: Final = 88  # a tenth of the raw picture; the record keeps the lossless one
+_EDGE_PX: Final = 1.2  # half the width of drawn lines, in pixels of the picture
+_PAD_RADIUS_M: Final = 0.3
+_NEAR_M: Final = 0.3  # closer to the pad than this, a mark says nothing
+_SHOWN_M: Final = 0.35  # from the lens to its picture in the lab
+_NO_PICTURE_M: Final = 1e-3  # the depth's lens draws no frustum of its own
+_BACKGROUND_ID: Final = 0
+
+Strip = NDArray[np.float32]
+
+
+def jpeg(image: NDArray[np.uint8], quality: int = _JPEG_QUALITY) -> bytes:
+    """Return a picture, (H, W, 3) uint8 RGB, as JPEG.
+
+    Raises:
+        ShapeError: OpenCV cannot encode it.
+    """
+    done, content = cv2.imencode(
+        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
+    )
+    if not done:
+        raise ShapeError("picture", expected="HxWx3 uint8", actual=image.shape)
+    return content.tobytes()
+
+
+def outlines(mask: NDArray[np.uint8], size_px: tuple[int, int]) -> list[Strip]:
+    """Return the closed outlines of what is not 0 in a mask, in pixels of a picture.
+
+    Args:
+        mask: (h, w), of any size.
+        size_px: width and height of the picture; its pixel centres are at integer coordinates.
+    """
+    found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    scale = np.array([size_px[0] / mask.shape[1], size_px[1] / mask.shape[0]], dtype=np.float32)
+    strips = []
+    for contour in found:
+        points = contour.reshape(-1, 2).astype(np.float32)
+        if len(points) > 2:  # a line of single pixels is noise
+            closed = np.vstack([points, points[:1]]).astype(np.float32)
+            strips.append(np.asarray((closed + 0.5) * scale - 0.5, dtype=np.float32))
+    return strips
+
+
+class PictureView:
+    """Draws pictures and overlays; what has not changed since the last tick is not drawn again.
+
+    Args:
+        stream: where to.
+        setting: camera and classes.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, setting: ViewSetting) -> None:
+        self._stream = stream
+        self._setting = setting
+        camera = setting.camera
+        self._size_px = (camera.width_px, camera.height_px)
+        self._frame_index: int | None = None
+        self._mask_s: float | None = None
+        self._depth_s: float | None = None
+        self._drawn: set[str] = set()
+        self._depth_size_px: tuple[int, int] | None = None
+        stream.log(LENS, _pinhole(camera, _SHOWN_M), static=True)
+        names = zip(setting.class_names, setting.class_colours, strict=True)
+        stream.log(
+            MASK,
+            rr.AnnotationContext(
+                [
+                    (place, name, tuple(colour.tolist()))
+                    for place, (name, colour) in enumerate(names)
+                ]
+            ),
+            static=True,
+        )
+
+    def show_frame(self, frame: Frame | None, fix: HelipadFix | None) -> None:
+        """Draw the camera's picture, when it is a new one, and the helipad's mark on it."""
+        if frame is None:
+            return
+        if frame.index != self._frame_index:
+            self._frame_index = frame.index
+            picture = rr.EncodedImage(contents=jpeg(frame.image), media_type="image/jpeg")
+            self._stream.log(f"{LENS}/picture", picture)
+        ring = None if fix is None else ring_of(fix, frame, self._setting.camera)
+        if ring is None or fix is None:
+            self._clear(f"{LENS}/helipad")
+            return
+        colour = ACCENT if fix.detected else INK
+        self._draw(f"{LENS}/helipad", [ring], colour, [f"helipad {fix.range_m:.2f} m"])
+
+    def show_mask(self, class_map: ClassMap | None) -> None:
+        """Draw the mask, and its edges over the camera's picture."""
+        if class_map is None:
+            self._clear(f"{MASK}/ids")
+            self._clear(f"{LENS}/mask_edges")
+            self._mask_s = None
+            return
+        if class_map.captured_s == self._mask_s:
+            return
+        self._mask_s = class_map.captured_s
+        self._stream.log(f"{MASK}/ids", rr.SegmentationImage(class_map.ids))
+        self._drawn.add(f"{MASK}/ids")
+        strips: list[Strip] = []
+        colours: list[Colour] = []
+        for class_ in np.unique(class_map.ids):
+            if class_ == _BACKGROUND_ID:
+                continue
+            found = outlines((class_map.ids == class_).view(np.uint8), self._size_px)
+            strips += found
+            colours += [self._colour(int(class_))] * len(found)
+        self._stream.log(
+            f"{LENS}/mask_edges", rr.LineStrips2D(strips, colors=colours, radii=_EDGE_PX)
+        )
+        self._drawn.add(f"{LENS}/mask_edges")
+
+    def _colour(self, class_: int) -> Colour:
+        colours = self._setting.class_colours
+        if class_ >= len(colours):
+            return ALARM
+        red, green, blue = (int(value) for value in colours[class_])
+        return red, green, blue
+
+    def show_depth(
+        self,
+        depth: DepthMap | None,
+        corridor: Corridor | None,
+        frame: Frame | None,
+        class_map: ClassMap | None,
+    ) -> None:
+        """Draw metric depth, and over the camera's picture what is inside the corridor.
+
+        Args:
+            depth: metric; None without one that is fresh.
+            corridor: likewise.
+            frame: the newest frame.
+            class_map: the newest class map.
+        """
+        if depth is None:
+            self._clear(f"{DEPTH_LENS}/metres")
+            self._clear(f"{LENS}/intrusions")
+            self._depth_s = None
+            return
+        if depth.captured_s == self._depth_s:
+            return
+        self._depth_s = depth.captured_s
+        height_px, width_px = depth.depth.shape
+        if self._depth_size_px != (width_px, height_px):
+            self._depth_size_px = (width_px, height_px)
+            lens = _pinhole(self._setting.camera.resized(width_px, height_px), _NO_PICTURE_M)
+            self._stream.log(DEPTH_LENS, lens)
+        # Half precision is 2 mm fine at 4 m, and half as large.
+        metres = np.where(np.isfinite(depth.depth), depth.depth, np.nan).astype(np.float16)
+        image = rr.DepthImage(metres, meter=1.0, colormap="turbo", depth_range=[0.0, FARTHEST_M])
+        self._stream.log(f"{DEPTH_LENS}/metres", image)
+        self._drawn.add(f"{DEPTH_LENS}/metres")
+        self._show_intrusions(depth, corridor, frame, class_map)
+
+    def _show_intrusions(
+        self,
+        depth: DepthMap,
+        corridor: Corridor | None,
+        frame: Frame | None,
+        class_map: ClassMap | None,
+    ) -> None:
+        entity, intruding = f"{LENS}/intrusions", self._setting.intruding
+        together = (
+            frame is not None
+            and class_map is not None
+            and depth.captured_s == class_map.captured_s == frame.captured_s
+        )
+        if intruding is None or corridor is None or not together:
+            self._clear(entity)
+            return
+        mask = intruding(frame, class_map, depth)  # type: ignore[arg-type]  # they are together
+        strips = outlines(mask.astype(np.uint8), self._size_px)
+        if not strips:
+            self._clear(entity)
+            return
+        words = [describe_corridor(corridor), *[""] * (len(strips) - 1)]
+        self._draw(entity, sorted(strips, key=len, reverse=True), ALARM, words)
+
+    def _draw(self, entity: str, strips: list[Strip], colour: Colour, labels: list[str]) -> None:
+        self._drawn.add(entity)
+        self._stream.log(
+            entity, rr.LineStrips2D(strips, colors=[colour], radii=2 * _EDGE_PX, labels=labels)
+        )
+
+    def _clear(self, entity: str) -> None:
+        if entity in self._drawn:
+            self._drawn.remove(entity)
+            self._stream.log(entity, rr.Clear(recursive=False))
+
+
+def _pinhole(camera: CameraModel, picture_m: float) -> rr.Pinhole:
+    return rr.Pinhole(
+        focal_length=[camera.fx_px, camera.fy_px],
+        # Rerun counts from a pixel's corner, OpenCV from its centre.
+        principal_point=[camera.cx_px + 0.5, camera.cy_px + 0.5],
+        resolution=[camera.width_px, camera.height_px],
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=picture_m,
+    )
+
+
+def ring_of(fix: HelipadFix, frame: Frame, camera: CameraModel) -> Strip | None:
+    """Return the ring around the helipad in the picture's pixels; None when it is not in view."""
+    right_m, down_m, depth_m = project_fix(fix, frame, camera)
+    if depth_m <= _NEAR_M:
+        return None
+    x = camera.cx_px + camera.fx_px * right_m / depth_m
+    y = camera.cy_px + camera.fy_px * down_m / depth_m
+    if not (0 <= x < camera.width_px and 0 <= y < camera.height_px):
+        return None
+    radius_px = camera.fx_px * _PAD_RADIUS_M / depth_m
+    if not math.isfinite(radius_px):
+        return None
+    return np.asarray(circle(x, y, radius_px), dtype=np.float32)

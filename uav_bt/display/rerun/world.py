@@ -1,0 +1,284 @@
+"""The lab in 3D: what stands there, the drone, its lens, its path, the corridor, what it remembers.
+
+The world is z up, its yaw counter-clockwise; the body's telemetry is z down, its yaw clockwise.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from typing import Final
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import LabMap, MapItem, phase_colours
+from uav_bt.display.rerun.entities import (
+    BODY,
+    CORRIDOR,
+    DEPTH_LENS,
+    FIX,
+    LAB,
+    LENS,
+    OBSTACLES,
+    PATH,
+    WORLD,
+)
+from uav_bt.display.rerun.setting import CorridorSize, ViewSetting
+from uav_bt.types import CameraModel, Corridor, Frame, HelipadFix, ObstaclePoints, Pose
+
+__all__ = ["PoseHistory", "WorldView", "camera_axes", "corridor_planes"]
+
+_BODY_SIZE_M: Final = (0.24, 0.32, 0.10)  # drawn, about the ANAFI's: forward, left, up
+_CARPET: Final[Colour] = (52, 66, 54)
+_PLANE: Final = (120, 170, 255, 26)
+_INTRUDED: Final = (*ALARM, 110)
+_THIN_M: Final = 0.004
+_KEPT_S: Final = 2.0  # of poses: no frame is older that is worth drawing
+_OBSTACLE_M: Final = 0.03
+
+
+def camera_axes(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
+    """Return the rotation from the camera's frame (x right, y down, z forward) to the world's.
+
+    Args:
+        yaw_rad: of the body, counter-clockwise from the world's x.
+        pitch_rad: of the gimbal, 0 level, negative down.
+
+    Returns:
+        (3, 3); its columns are the camera's axes in the world.
+    """
+    cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    return np.array(
+        [
+            [sy, cy * sp, cy * cp],
+            [-cy, sy * sp, sy * cp],
+            [0.0, -cp, sp],
+        ]
+    )
+
+
+def corridor_planes(
+    size: CorridorSize,
+) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Return centre and half sizes of the five planes, forward, left and up from the body."""
+    a, b, c = size.front_m / 2.0, size.side_m, size.up_down_m
+    return {
+        "left": ((a, b, 0.0), (a, _THIN_M, c)),
+        "right": ((a, -b, 0.0), (a, _THIN_M, c)),
+        "front": ((2.0 * a, 0.0, 0.0), (_THIN_M, b, c)),
+        "up": ((a, 0.0, c), (a, b, _THIN_M)),
+        "down": ((a, 0.0, -c), (a, b, _THIN_M)),
+    }
+
+
+class PoseHistory:
+    """The poses of the last seconds, so that a frame is drawn from where it was taken."""
+
+    def __init__(self) -> None:
+        self._times_s: list[float] = []
+        self._poses: list[Pose] = []
+
+    def add(self, time_s: float, pose: Pose) -> None:
+        """Take note of a pose; times rise."""
+        self._times_s.append(time_s)
+        self._poses.append(pose)
+        old = bisect.bisect_left(self._times_s, time_s - _KEPT_S)
+        del self._times_s[:old], self._poses[:old]
+
+    def at(self, time_s: float) -> Pose | None:
+        """Return the pose of a time, between the two notes around it; None before the first."""
+        if not self._poses:
+            return None
+        after = bisect.bisect_left(self._times_s, time_s)
+        if after == 0:
+            return self._poses[0]
+        if after == len(self._poses):
+            return self._poses[-1]
+        one, other = self._poses[after - 1], self._poses[after]
+        span_s = self._times_s[after] - self._times_s[after - 1]
+        share = (time_s - self._times_s[after - 1]) / span_s
+        turned = math.remainder(other.yaw_rad - one.yaw_rad, 2.0 * math.pi)
+        return Pose(
+            x_m=one.x_m + share * (other.x_m - one.x_m),
+            y_m=one.y_m + share * (other.y_m - one.y_m),
+            z_m=one.z_m + share * (other.z_m - one.z_m),
+            yaw_rad=one.yaw_rad + share * turned,
+        )
+
+
+class WorldView:
+    """Draws the lab once, and what moves in it tick by tick.
+
+    Args:
+        stream: where to.
+        setting: of the flight.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, setting: ViewSetting) -> None:
+        self._stream = stream
+        self._camera = setting.camera
+        self._corridor = setting.corridor
+        self._history = PoseHistory()
+        self._phases: list[str] = []
+        self._frame_index: int | None = None
+        self._corridor_s: float | None = None
+        self._before: Pose | None = None
+        self._drawn: set[str] = set()
+        stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        half = [size_m / 2.0 for size_m in _BODY_SIZE_M]
+        body = rr.Boxes3D(half_sizes=[half], colors=[INK], fill_mode="solid")
+        stream.log(f"{BODY}/hull", body, static=True)
+        nose = rr.Arrows3D(
+            origins=[[half[0], 0.0, 0.0]], vectors=[[0.15, 0.0, 0.0]], colors=[ACCENT], radii=0.012
+        )
+        stream.log(f"{BODY}/nose", nose, static=True)
+        if setting.lab_map is not None:
+            draw_lab(stream, setting.lab_map)
+
+    def show_drone(self, time_s: float, flown: FlownPath) -> None:
+        """Draw the drone and the newest piece of its path."""
+        pose = flown.pose
+        if pose is None:
+            return
+        self._history.add(time_s, pose)
+        self._stream.log(BODY, _placed(pose))
+        phase = flown.points[-1].phase
+        if phase and phase not in self._phases:
+            self._phases.append(phase)
+        if self._before is not None:
+            ends = [[one.x_m, one.y_m, one.z_m] for one in (self._before, pose)]
+            colour = phase_colours(self._phases)[phase]
+            self._stream.log(PATH, rr.LineStrips3D([ends], colors=[colour], radii=0.012))
+        self._before = pose
+
+    def show_lens(self, frame: Frame | None) -> None:
+        """Draw the lens where it was when the newest frame was taken."""
+        if frame is None or frame.index == self._frame_index:
+            return
+        self._frame_index = frame.index
+        pose = self._history.at(frame.captured_s)
+        if pose is not None:
+            for entity in (LENS, DEPTH_LENS):
+                self._stream.log(entity, _lens(pose, frame.gimbal_pitch_rad, self._camera))
+
+    def show_corridor(self, corridor: Corridor | None) -> None:
+        """Draw the five planes where they were when the corridor's frame was taken."""
+        if self._corridor is None or corridor is None:
+            self._clear(CORRIDOR)
+            self._corridor_s = None
+            return
+        if corridor.captured_s == self._corridor_s:
+            return
+        self._corridor_s = corridor.captured_s
+        pose = self._history.at(corridor.captured_s)
+        if pose is None:
+            return
+        planes = corridor_planes(self._corridor)
+        colours = [_INTRUDED if side == corridor.nearest_side else _PLANE for side in planes]
+        boxes = rr.Boxes3D(
+            centers=[centre for centre, _ in planes.values()],
+            half_sizes=[half for _, half in planes.values()],
+            colors=colours,
+            fill_mode="transparentfillmajorwireframe",
+            radii=0.004,
+        )
+        self._stream.log(CORRIDOR, _placed(pose), boxes)
+        self._drawn.add(CORRIDOR)
+
+    def show_memory(self, obstacles: ObstaclePoints | None, fix: HelipadFix | None) -> None:
+        """Draw remembered obstacles and edges, and where the drone believes the helipad to be."""
+        pose = self._before
+        if pose is None:
+            return
+        if obstacles is None or not len(obstacles.points_m) + len(obstacles.edges_m):
+            self._clear(OBSTACLES)
+        else:
+            points = rr.Points3D(
+                _on_carpet(pose, np.vstack([obstacles.points_m, obstacles.edges_m])),
+                colors=[ALARM] * len(obstacles.points_m) + [INK] * len(obstacles.edges_m),
+                radii=_OBSTACLE_M,
+            )
+            self._stream.log(OBSTACLES, points)
+            self._drawn.add(OBSTACLES)
+        if fix is None:
+            self._clear(FIX)
+            return
+        at = _on_carpet(pose, np.array([[fix.forward_m, fix.right_m]]))
+        colour = ACCENT if fix.detected else INK
+        sure_m = max(fix.std_m, 0.05)
+        self._stream.log(FIX, rr.Points3D(at, colors=[colour], radii=sure_m, labels=["helipad"]))
+        self._drawn.add(FIX)
+
+    def _clear(self, entity: str) -> None:
+        if entity in self._drawn:
+            self._drawn.remove(entity)
+            self._stream.log(entity, rr.Clear(recursive=False))
+
+
+def _placed(pose: Pose) -> rr.Transform3D:
+    return rr.Transform3D(
+        translation=[pose.x_m, pose.y_m, pose.z_m],
+        rotation=rr.RotationAxisAngle(axis=[0.0, 0.0, 1.0], radians=pose.yaw_rad),
+    )
+
+
+def _lens(pose: Pose, pitch_rad: float, camera: CameraModel) -> rr.Transform3D:
+    ahead_m = camera.forward_offset_m
+    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    return rr.Transform3D(
+        translation=[pose.x_m + c * ahead_m, pose.y_m + s * ahead_m, pose.z_m],
+        mat3x3=camera_axes(pose.yaw_rad, pitch_rad),
+    )
+
+
+def _on_carpet(pose: Pose, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points given forward and right of the body as (N, 3) of the world, on the carpet."""
+    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    forward, left = points_m[:, 0], -points_m[:, 1]
+    return np.column_stack(
+        [pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left, 0 * forward]
+    )
+
+
+def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
+    """Draw what stands in the lab, once: carpet, boxes and helipad."""
+    wide, deep = lab.carpet_size_m
+    carpet = rr.Boxes3D(
+        centers=[[0.0, 0.0, -0.005]],
+        half_sizes=[[wide / 2.0, deep / 2.0, 0.005]],
+        colors=[_CARPET],
+        fill_mode="solid",
+    )
+    stream.log(f"{LAB}/carpet", carpet, static=True)
+    things = [*lab.boxes] if lab.helipad is None else [*lab.boxes, lab.helipad]
+    if things:
+        filled = _boxes(things, [thing.colour for thing in things], filled=True)
+        stream.log(f"{LAB}/things", filled, static=True)
+        stream.log(f"{LAB}/edges", _boxes(things, [INK], filled=False), static=True)
+    if lab.helipad is not None:
+        stream.log(f"{LAB}/h", _letter(lab.helipad), static=True)
+
+
+def _boxes(things: list[MapItem], colours: list[Colour], *, filled: bool) -> rr.Boxes3D:
+    return rr.Boxes3D(
+        centers=[[thing.x_m, thing.y_m, thing.size_m[2] / 2.0] for thing in things],
+        half_sizes=[[side / 2.0 for side in thing.size_m] for thing in things],
+        rotations=[
+            rr.RotationAxisAngle(axis=[0.0, 0.0, 1.0], radians=thing.yaw_rad) for thing in things
+        ],
+        colors=colours,
+        radii=0.004,
+        fill_mode="solid" if filled else "majorwireframe",
+    )
+
+
+def _letter(pad: MapItem) -> rr.LineStrips3D:
+    a, b, top_m = 0.22 * pad.size_m[0], 0.28 * pad.size_m[1], pad.size_m[2] + 0.005
+    strokes = (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0)))
+    lines = [[(*pad.to_world(*end), top_m) for end in stroke] for stroke in strokes]
+    return rr.LineStrips3D(lines, colors=[(255, 255, 255)], radii=0.02)

@@ -1,0 +1,148 @@
+"""How a flight is going, in one line, and how it went, in one table."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final, Self
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from uav_bt.board import ELAPSED, HELIPAD
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.mission.flight_report import FlightReport, Percentiles
+from uav_bt.mission.judge import Outcome
+from uav_bt.mission.runner import TickRecord
+
+__all__ = ["LiveStatus", "summary"]
+
+_REDRAW_S: Final = 0.2  # wall time between redraws: faster than this nobody reads
+_LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
+
+
+class LiveStatus:
+    """A tick listener that keeps one line up to date. Use it as a context manager, or close it.
+
+    On a terminal the line is redrawn in place; elsewhere one is written every ten seconds of
+    mission time, so that a log stays short.
+
+    Args:
+        board: of the mission; time and helipad fix are read from it.
+        console: where to write; default: the standard error stream.
+        wall_clock_s: real seconds; tests give their own.
+    """
+
+    def __init__(
+        self,
+        board: Blackboard,
+        *,
+        console: Console | None = None,
+        wall_clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._board = board
+        self._console = console or Console(stderr=True)
+        self._wall_clock_s = wall_clock_s
+        self._flown = FlownPath()
+        self._began: tuple[float, float] | None = None  # mission and wall time of the first tick
+        self._shown_s = 0.0  # wall time of the last redraw, mission time of the last line
+        self._live: Live | None = None
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Show a tick, when it is time to."""
+        self._flown.add(record)
+        now_s = self._wall_clock_s()
+        first = self._began is None
+        if self._began is None:
+            self._began = (record.time_s, now_s)
+        if not self._console.is_terminal:
+            if first or record.time_s - self._shown_s >= _LINE_EVERY_S - 1e-6:
+                self._shown_s = record.time_s
+                self._console.print(self.line(record, now_s), soft_wrap=True)
+            return
+        if self._live is None:
+            self._live = Live(console=self._console, auto_refresh=False, transient=True)
+            self._live.start()
+        if first or now_s - self._shown_s >= _REDRAW_S:
+            self._shown_s = now_s
+            self._live.update(self.line(record, now_s), refresh=True)
+
+    def line(self, record: TickRecord, wall_s: float) -> Text:
+        """Return the status line of a tick."""
+        mission_s, began_s = self._began or (record.time_s, wall_s)
+        elapsed_s = self._board.read(ELAPSED).value or 0.0
+        fix = self._board.read(HELIPAD).value
+        parts = [
+            (f"{record.phase or 'ready':<9}", "bold yellow"),
+            (f"{elapsed_s:6.1f} s", ""),
+        ]
+        if wall_s > began_s:
+            parts.append((f"{(record.time_s - mission_s) / (wall_s - began_s):.1f}x", "dim"))
+        parts += [
+            (f"height {record.observation.state.height_above_carpet_m:.2f} m", ""),
+            (f"flown {self._flown.distance_m:.1f} m", ""),
+            (f"helipad {fix.range_m:.1f} m" if fix is not None else "helipad -", ""),
+        ]
+        if record.override is not None:
+            parts.append((record.override.value, "bold red"))
+        elif record.active:
+            word = f": {record.word}" if record.word else ""
+            parts.append((f"{record.active[-1]}{word}", "cyan"))
+        text = Text(no_wrap=True, overflow="ellipsis")
+        for index, (words, style) in enumerate(parts):
+            text.append("  " if index else "")
+            text.append(words, style=style)
+        return text
+
+    def close(self) -> None:
+        """Take the line away; safe to call twice."""
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def summary(report: FlightReport) -> Table:
+    """Return a flight's report as a table for people."""
+    good = report.outcome == Outcome.SUCCESS.value
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    table.add_column(style="dim")
+    table.add_column()
+    words = report.outcome.replace("_", " ")
+    outcome = Text(words, style="bold green" if good else "bold red")
+    if report.reason and report.reason != words:
+        outcome.append(f"  {report.reason}", style="default not bold")
+    table.add_row("outcome", outcome)
+    seed = f", seed {report.seed}" if report.scene is not None else ""
+    table.add_row("mission", Text(f"{report.tree} in {report.scene or report.drone}{seed}"))
+    for name, value, unit, digits in (
+        ("duration", report.duration_s, "s", 1),
+        ("explored", report.explore_distance_m, "m in the first 90 s", 2),
+        ("total distance", report.total_distance_m, "m", 2),
+        ("search", report.time_to_find_helipad_s, "s until the helipad was found", 1),
+        ("landing", report.time_to_land_s, "s from there", 1),
+        ("landing error", report.landing_error_m, "m from the helipad's centre", 3),
+        ("least clearance", report.min_clearance_m, "m to a box", 2),
+    ):
+        table.add_row(name, "-" if value is None else f"{value:.{digits}f} {unit}")
+    table.add_row("tick", _milliseconds(report.tick_ms))
+    for stage, times in report.perception_ms.items():
+        table.add_row(Text(f"  {stage}"), _milliseconds(times))
+    return table
+
+
+def _milliseconds(times: Percentiles | None) -> str:
+    if times is None:
+        return "-"
+    return f"{times.p50:.1f} ms median, {times.p99:.1f} ms 99 %, {times.max:.1f} ms at most"

@@ -1,0 +1,262 @@
+"""The panes beside the map: what the camera sees, what perception makes of it, and the readings."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.board.blackboard import Reading
+from uav_bt.display.canvas import (
+    ACCENT,
+    ALARM,
+    DIM,
+    INK,
+    PANEL,
+    Colour,
+    Image,
+    Point,
+    circle,
+    line,
+    put,
+    tag,
+    text_width_px,
+)
+from uav_bt.display.phrases import describe_fix, describe_movement
+from uav_bt.mission.runner import TickRecord
+from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix
+
+__all__ = [
+    "Readings",
+    "colour_class_map",
+    "draw_camera",
+    "draw_class_map",
+    "draw_readings",
+    "draw_rows",
+    "mark_fix",
+    "project_fix",
+    "resize_picture",
+]
+
+_PAD_HEIGHT_M: Final = 0.4  # the landing box; only the mark on the picture depends on it
+_PAD_RADIUS_M: Final = 0.3
+_NEAR_M: Final = 0.3  # closer to the pad than this, a mark says nothing
+_BRANCH_ROW_PX: Final = 22
+_BRANCH_INDENT_PX: Final = 14
+_BRANCH_WIDTH_PX: Final = 300
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readings:
+    """What the panes show of one tick."""
+
+    record: TickRecord
+    fix: Reading[HelipadFix]
+    class_map: Reading[ClassMap]
+    elapsed_s: float  # since the take-off command
+    distance_m: float  # travelled
+
+
+def project_fix(
+    fix: HelipadFix, frame: Frame, camera: CameraModel, pad_height_m: float = _PAD_HEIGHT_M
+) -> tuple[float, float, float]:
+    """Return where a fix lies from the lens, in the camera's frame.
+
+    Args:
+        fix: where the helipad lies.
+        frame: the picture with its telemetry.
+        camera: how far ahead of the body's centre the lens sits.
+        pad_height_m: of the pad above the carpet.
+
+    Returns:
+        Metres right, down and forward along the optical axis; the gimbal keeps the horizon level.
+    """
+    forward_m = fix.forward_m - camera.forward_offset_m
+    below_m = frame.height_above_carpet_m - pad_height_m
+    c, s = math.cos(frame.gimbal_pitch_rad), math.sin(frame.gimbal_pitch_rad)
+    return fix.right_m, s * forward_m + c * below_m, c * forward_m - s * below_m
+
+
+def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:
+    """Return the camera's picture with the helipad's mark and the policy's word."""
+    record = readings.record
+    frame = record.observation.frame
+    if frame is None:
+        return _empty("no picture yet", size_px)
+    image = resize_picture(frame.image, size_px)
+    if readings.fix.value is not None:
+        mark_fix(image, readings.fix.value, frame, camera)
+    age_ms = 1000.0 * (record.time_s - frame.captured_s)
+    tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
+    if record.word:
+        leaf = record.active[-1] if record.active else ""
+        tag(image, f"{leaf}: {record.word}", (10, size_px[1] - 36), scale=0.6, colour=ACCENT)
+    return image
+
+
+def resize_picture(picture: Image, size_px: tuple[int, int]) -> Image:
+    """Return a picture as large as its pane."""
+    # Shrinking by much needs averaging, which costs four times as much.
+    shrinks = picture.shape[1] > 1.5 * size_px[0]
+    interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(picture, size_px, interpolation=interpolation), dtype=np.uint8)
+
+
+def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
+    """Ring the helipad on a frame's picture, or point to where it is beyond the border."""
+    if frame.height_above_carpet_m < _PAD_HEIGHT_M + _NEAR_M:
+        return  # on the pad or about to be: it fills the view
+    height_px, width_px = image.shape[:2]
+    right_m, down_m, depth_m = project_fix(fix, frame, camera)
+    colour = ACCENT if fix.detected else INK
+    words = f"helipad {fix.range_m:.2f} m"
+    half_words_px = (text_width_px(words, 0.45) + 12) / 2
+    shown = camera.resized(width_px, height_px)
+    if depth_m > _NEAR_M:
+        x = shown.cx_px + shown.fx_px * right_m / depth_m
+        y = shown.cy_px + shown.fy_px * down_m / depth_m
+        if 0 <= x < width_px and 0 <= y < height_px:
+            radius_px = min(max(shown.fx_px * _PAD_RADIUS_M / depth_m, 10.0), 150.0)
+            _reticle(image, (x, y), radius_px, colour)
+            at_px = (round(x - half_words_px), round(y - radius_px) - 32)
+            tag(image, words, at_px, colour=colour)
+            return
+    _arrow(image, math.atan2(down_m, right_m), words, colour)
+
+
+def _arrow(image: Image, angle_rad: float, words: str, colour: Colour) -> None:
+    """Point from the picture's middle to something outside; the angle is clockwise from right."""
+    height_px, width_px = image.shape[:2]
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    half_x, half_y = width_px / 2 - 16, height_px / 2 - 16
+    length = min(half_x / max(abs(c), 1e-6), half_y / max(abs(s), 1e-6))
+    x, y = width_px / 2 + c * length, height_px / 2 + s * length
+    barbs = [(x - 16 * c - 14 * k * s, y - 16 * s + 14 * k * c) for k in (1, -1)]
+    line(image, [barbs[0], (x, y), barbs[1]], colour, 3)
+    wide = text_width_px(words, 0.45) + 12
+    left = x - c * (wide / 2 + 26) - wide / 2
+    tag(image, words, (round(left), round(y - s * 42) - 10), colour=colour)
+
+
+def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> None:
+    x, y = at_px
+    line(image, circle(x, y, radius_px), colour, 2)
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        line(
+            image,
+            [
+                (x + dx * (radius_px - 6), y + dy * (radius_px - 6)),
+                (x + dx * (radius_px + 6), y + dy * (radius_px + 6)),
+            ],
+            colour,
+            2,
+        )
+
+
+def draw_class_map(
+    readings: Readings, colours: NDArray[np.uint8], size_px: tuple[int, int]
+) -> Image:
+    """Return the class map in its colours, as large as the camera's picture.
+
+    Args:
+        readings: of this tick.
+        colours: (N, 3) uint8 RGB by class id; an id beyond them is drawn in the alarm colour.
+        size_px: width and height of the pane.
+    """
+    class_map = readings.class_map.value
+    if class_map is None:
+        return _empty("no class map", size_px)
+    return colour_class_map(class_map, colours, size_px)
+
+
+def colour_class_map(
+    class_map: ClassMap, colours: NDArray[np.uint8], size_px: tuple[int, int]
+) -> Image:
+    """Return a class map's pane; see `draw_class_map`."""
+    table = np.full((256, 3), ALARM, dtype=np.uint8)
+    table[: len(colours)] = colours
+    image: Image = np.asarray(
+        cv2.resize(table[class_map.ids], size_px, interpolation=cv2.INTER_NEAREST), dtype=np.uint8
+    )
+    height_px, width_px = class_map.ids.shape
+    tag(image, f"class map  {width_px} x {height_px}", (10, 10), colour=DIM)
+    return image
+
+
+@functools.cache
+def _panel(size_px: tuple[int, int]) -> Image:
+    """Return the empty pane; filling with a colour takes ten times as long as copying."""
+    return np.full((size_px[1], size_px[0], 3), PANEL, dtype=np.uint8)
+
+
+def _empty(words: str, size_px: tuple[int, int]) -> Image:
+    image = _panel(size_px).copy()
+    left = (size_px[0] - text_width_px(words)) // 2
+    put(image, words, (left, size_px[1] // 2), colour=DIM)
+    return image
+
+
+def draw_readings(readings: Readings, size_px: tuple[int, int]) -> Image:
+    """Return the text pane: the active branch on the left, the numbers on the right."""
+    image = _panel(size_px).copy()
+    record = readings.record
+    put(image, record.phase or "-", (18, 38), scale=0.85, colour=ACCENT, bold=True)
+    clock = f"{readings.elapsed_s:.1f} s"
+    right = size_px[0] - 18 - text_width_px(clock, 0.85)
+    put(image, clock, (right, 38), scale=0.85)
+    line(image, [(18, 52), (size_px[0] - 18, 52)], DIM)
+    _draw_branch(image, record.active, (18, 76))
+    draw_rows(image, _numbers(readings), (_BRANCH_WIDTH_PX + 8, 76))
+    return image
+
+
+def _draw_branch(image: Image, active: Sequence[str], at_px: tuple[int, int]) -> None:
+    rows = max((image.shape[0] - at_px[1]) // _BRANCH_ROW_PX + 1, 1)
+    shown = list(active[-rows:])
+    if not shown:
+        put(image, "tree idle", at_px, colour=DIM, scale=0.45)
+    for depth, name in enumerate(shown):
+        left, base = at_px[0] + depth * _BRANCH_INDENT_PX, at_px[1] + depth * _BRANCH_ROW_PX
+        if depth:
+            stem = left - _BRANCH_INDENT_PX + 4
+            line(image, [(stem, base - 17), (stem, base - 5), (left - 3, base - 5)], DIM)
+        is_leaf = depth == len(shown) - 1
+        put(image, name, (left, base), scale=0.48, colour=ACCENT if is_leaf else INK, bold=is_leaf)
+
+
+def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
+    record = readings.record
+    state = record.observation.state
+    speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
+    rows = [
+        ("command", describe_movement(record.command.movement), INK),
+        ("drone", state.flying.value.replace("_", " "), INK),
+        ("height", f"{state.height_above_carpet_m:.2f} m above the carpet", INK),
+        ("speed", f"{speed_mps:.2f} m/s,  flown {readings.distance_m:.1f} m", INK),
+        ("camera", f"{math.degrees(state.gimbal_pitch_rad):.0f} deg", INK),
+        ("helipad", describe_fix(readings.fix.value, readings.fix.age_s), INK),
+    ]
+    truth = record.truth
+    if truth is not None and math.isfinite(truth.clearance_m):
+        colour = ALARM if truth.clearance_m < 0.2 else INK
+        rows.append(("clearance", f"{truth.clearance_m:.2f} m to the nearest box", colour))
+    rows.append(("battery", f"{100 * state.battery:.0f} %", INK))
+    if record.override is not None:
+        rows.append(("override", record.override.value, ALARM))
+    return rows
+
+
+def draw_rows(
+    image: Image, rows: Sequence[tuple[str, str, Colour]], at_px: tuple[int, int]
+) -> None:
+    """Write names and values, each in its colour, one row below the other."""
+    for index, (name, value, colour) in enumerate(rows):
+        base = at_px[1] + index * _BRANCH_ROW_PX
+        put(image, name, (at_px[0], base), colour=DIM, scale=0.45)
+        put(image, value, (at_px[0] + 84, base), colour=colour, scale=0.45)

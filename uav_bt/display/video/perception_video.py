@@ -1,0 +1,86 @@
+"""The video of perception at work: picture and helipad, class map, metric depth, corridor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.display.canvas import ACCENT, BACKDROP, DIM, Image, tag
+from uav_bt.display.phrases import describe_fix
+from uav_bt.display.video.depth_panes import draw_corridor, draw_depth
+from uav_bt.display.video.panes import colour_class_map, mark_fix, resize_picture
+from uav_bt.errors import ShapeError
+from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
+
+__all__ = ["PerceptionPanes", "Seen"]
+
+_WIDTH_PX: Final = 1280
+_GAP_PX: Final = 2
+_FLATTEST: Final = 4.0  # panes are at most this many times as wide as high, or as high as wide
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """What one picture of the video shows."""
+
+    frame: Frame
+    class_map: ClassMap
+    depth: DepthMap | None  # metric
+    refusal: str  # why there is no depth, or less than asked for
+    corridor: Corridor | None
+    intruding: NDArray[np.bool_] | None  # (H, W), pixels inside the corridor
+    helipad: HelipadFix | None
+
+
+class PerceptionPanes:
+    """Composes the four panes.
+
+    Args:
+        camera: intrinsics at the frames' size. They tell the pictures' true aspect, which a
+            resized picture has lost.
+        class_colours: (N, 3) uint8 RGB by class id.
+
+    Raises:
+        ShapeError: the colours have another shape.
+    """
+
+    def __init__(self, camera: CameraModel, *, class_colours: NDArray[np.uint8]) -> None:
+        if class_colours.ndim != 2 or class_colours.shape[1] != 3 or len(class_colours) > 256:
+            raise ShapeError("class colours", expected="Nx3", actual=class_colours.shape)
+        self._camera, self._colours = camera, class_colours
+        aspect = (camera.width_px / camera.fx_px) / (camera.height_px / camera.fy_px)
+        aspect = min(max(aspect, 1.0 / _FLATTEST), _FLATTEST)
+        self._size_px = (_WIDTH_PX, round(_WIDTH_PX / aspect / 2) * 2)
+        wide, high = self._size_px
+        self._pane_px = ((wide - _GAP_PX) // 2, (high - _GAP_PX) // 2)
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the video."""
+        return self._size_px
+
+    def draw(self, seen: Seen) -> Image:
+        """Return one picture of the video, (H, W, 3) RGB."""
+        (width_px, height_px), (wide, high) = self._size_px, self._pane_px
+        image: Image = np.full((height_px, width_px, 3), BACKDROP, dtype=np.uint8)
+        image[:high, :wide] = self._draw_frame(seen)
+        image[-high:, :wide] = colour_class_map(seen.class_map, self._colours, self._pane_px)
+        image[:high, -wide:] = draw_depth(seen.depth, self._pane_px, why_none=seen.refusal)
+        image[-high:, -wide:] = draw_corridor(
+            seen.frame.image, seen.corridor, seen.intruding, self._pane_px
+        )
+        return image
+
+    def _draw_frame(self, seen: Seen) -> Image:
+        frame, fix = seen.frame, seen.helipad
+        image = resize_picture(frame.image, self._pane_px)
+        if fix is not None:
+            mark_fix(image, fix, frame, self._camera)
+        tag(image, f"{frame.captured_s:.1f} s", (10, 10), colour=DIM)
+        age_s = float("inf") if fix is None else frame.captured_s - fix.captured_s
+        words = f"helipad: {describe_fix(fix, age_s)}"
+        tag(image, words, (10, self._pane_px[1] - 30), colour=DIM if fix is None else ACCENT)
+        return image

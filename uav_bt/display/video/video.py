@@ -1,0 +1,292 @@
+"""The video of a flight: camera, class map, map from above, and readings, tick by tick.
+
+Where the mission makes metric depth, the class map shares its quarter with depth and corridor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.display.canvas import (
+    ACCENT,
+    ALARM,
+    BACKDROP,
+    DIM,
+    INK,
+    PANEL,
+    Colour,
+    Image,
+    put,
+    text_width_px,
+)
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import LabMap
+from uav_bt.display.live_map import LiveMap
+from uav_bt.display.video.depth_panes import corridor_rows, draw_corridor, draw_depth
+from uav_bt.display.video.panes import (
+    Readings,
+    draw_camera,
+    draw_class_map,
+    draw_readings,
+    draw_rows,
+)
+from uav_bt.display.video.video_file import VideoFile
+from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.mission.runner import TickRecord
+from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+
+__all__ = ["FlightVideo", "FlightVideoConfig", "Intruding", "Panes"]
+
+Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
+"""Tells which pixels of a depth map are inside the corridor, (H, W)."""
+
+_WIDTH: Final = 1280
+_HEIGHT: Final = 720
+_HALF: Final = _WIDTH // 2
+_MAP_HEIGHT: Final = 440
+_GAP: Final = 2  # between the panes
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightVideoConfig:
+    """How a flight becomes a video."""
+
+    pictures_per_s: int = 10  # of mission time: one a tick in simulation
+    speed: float = 1.0  # the video runs so many times faster than the mission
+    title: str = ""  # on the map: the mission, the scene, the seed
+    hold_s: float = 2.0  # of the video's time: how long the outcome stays at the end
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.pictures_per_s <= 60:
+            raise ValueRangeError(f"pictures a second must be 1 to 60, got {self.pictures_per_s}")
+        if not 0.1 <= self.speed <= 100.0:
+            raise ValueRangeError(f"a video's speed must be 0.1 to 100 times, got {self.speed}")
+
+    @property
+    def frames_per_s(self) -> Fraction:
+        """The rate of the file."""
+        return self.pictures_per_s * Fraction(self.speed).limit_denominator(100)
+
+
+class Panes:
+    """Composes the panes into one picture of 1280x720.
+
+    The panes of depth and corridor appear with the first metric depth, or when asked for.
+
+    Args:
+        board: of the mission; class map, fix and time are read from it.
+        camera: intrinsics at the frames' size.
+        class_colours: (N, 3) uint8 RGB by class id.
+        lab_map: what stands in the lab; None where nobody knows.
+        title: a line on the map.
+
+    Raises:
+        ShapeError: the colours have another shape.
+    """
+
+    def __init__(
+        self,
+        board: Blackboard,
+        camera: CameraModel,
+        *,
+        class_colours: NDArray[np.uint8],
+        lab_map: LabMap | None,
+        title: str = "",
+    ) -> None:
+        if class_colours.ndim != 2 or class_colours.shape[1] != 3 or len(class_colours) > 256:
+            raise ShapeError("class colours", expected="Nx3", actual=class_colours.shape)
+        self._board = board
+        self._camera = camera
+        self._colours = class_colours
+        self._title = title
+        self._shows_depth = False
+        self._intruding: Intruding | None = None
+        self._map = LiveMap(lab_map, camera, (_HALF - _GAP // 2, _MAP_HEIGHT - _GAP // 2))
+        self._image: Image = np.full((_HEIGHT, _WIDTH, 3), BACKDROP, dtype=np.uint8)
+
+    def show_depth(self, intruding: Intruding | None = None) -> None:
+        """Make room for depth and corridor from now on.
+
+        Args:
+            intruding: tells what to mark in the corridor's pane; None marks nothing.
+        """
+        self._shows_depth = True
+        self._intruding = intruding
+
+    def draw(self, record: TickRecord, flown: FlownPath) -> Image:
+        """Return the picture of a tick; it is drawn over by the next call."""
+        readings = Readings(
+            record=record,
+            fix=self._board.read(HELIPAD),
+            class_map=self._board.read(CLASS_MAP),
+            elapsed_s=self._board.read(ELAPSED).value or 0.0,
+            distance_m=flown.distance_m,
+        )
+        pane_px = (_HALF - _GAP // 2, _HEIGHT // 2 - _GAP // 2)
+        image = self._image
+        image[: pane_px[1], : pane_px[0]] = draw_camera(readings, self._camera, pane_px)
+        image[-pane_px[1] :, : pane_px[0]] = self._draw_perception(readings, pane_px)
+        image[: _MAP_HEIGHT - _GAP // 2, -pane_px[0] :] = self._draw_map(readings, flown)
+        text_px = (pane_px[0], _HEIGHT - _MAP_HEIGHT - _GAP // 2)
+        image[-text_px[1] :, -text_px[0] :] = draw_readings(readings, text_px)
+        return image
+
+    def _draw_perception(self, readings: Readings, size_px: tuple[int, int]) -> Image:
+        depth = self._board.read(METRIC_DEPTH)
+        self._shows_depth = self._shows_depth or depth.known
+        if not self._shows_depth:
+            return draw_class_map(readings, self._colours, size_px)
+        corridor, frame = self._board.read(CORRIDOR).value, readings.record.observation.frame
+        quarter_px = ((size_px[0] - _GAP) // 2, (size_px[1] - _GAP) // 2)
+        wide, high = quarter_px
+        image: Image = np.full((size_px[1], size_px[0], 3), BACKDROP, dtype=np.uint8)
+        image[:high, :wide] = draw_class_map(readings, self._colours, quarter_px)
+        image[:high, -wide:] = draw_depth(depth.value, quarter_px)
+        image[-high:, :wide] = draw_corridor(
+            None if frame is None else frame.image,
+            corridor,
+            self._marked(frame, readings.class_map.value, depth.value),
+            quarter_px,
+        )
+        image[-high:, -wide:] = PANEL
+        draw_rows(
+            image[-high:, -wide:], corridor_rows(depth.value, corridor, depth.age_s), (10, 28)
+        )
+        return image
+
+    def _marked(
+        self, frame: Frame | None, class_map: ClassMap | None, depth: DepthMap | None
+    ) -> NDArray[np.bool_] | None:
+        if self._intruding is None or frame is None or class_map is None or depth is None:
+            return None
+        together = depth.captured_s == class_map.captured_s == frame.captured_s
+        return self._intruding(frame, class_map, depth) if together else None
+
+    def _draw_map(self, readings: Readings, flown: FlownPath) -> Image:
+        state = readings.record.observation.state
+        image = self._map.draw(
+            flown,
+            pitch_rad=state.gimbal_pitch_rad,
+            height_m=state.height_above_carpet_m,
+            fix=readings.fix.value,
+        )
+        put(image, self._title, (12, 20), colour=DIM, scale=0.42)
+        return image
+
+
+class FlightVideo:
+    """A tick listener that writes a video. Use it as a context manager, or close it.
+
+    A video must not bring a drone down: when the file cannot be written any further (a full disk),
+    the flight goes on without it, and closing raises.
+
+    Args:
+        path: the mp4 file; it appears when the video is closed.
+        panes: draws the pictures; may be given later, with `begin`.
+        config: rate, speed and title.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+
+    def __init__(
+        self, path: Path, panes: Panes | None = None, config: FlightVideoConfig | None = None
+    ) -> None:
+        self._config = config or FlightVideoConfig()
+        self._panes = panes
+        self._flown = FlownPath()
+        self._first_s: float | None = None
+        self._slot = -1
+        self._last: Image | None = None
+        self._failure: FileError | None = None
+        self._file = VideoFile(
+            path, size_px=(_WIDTH, _HEIGHT), frames_per_s=self._config.frames_per_s
+        )
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self._file.path
+
+    def begin(self, panes: Panes) -> None:
+        """Say what draws the pictures, once the drone is connected."""
+        self._panes = panes
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Draw and write a tick; ticks that come faster than pictures only lengthen the path."""
+        self._flown.add(record)
+        if self._panes is None or self._failure is not None:
+            return
+        if self._first_s is None:
+            self._first_s = record.time_s
+        # A hair of tolerance: times are sums of ticks.
+        slot = math.floor((record.time_s - self._first_s) * self._config.pictures_per_s + 1e-6)
+        if slot > self._slot:
+            self._last = self._panes.draw(record, self._flown)
+            self._write(self._last, slot)
+
+    def conclude(self, headline: str, lines: Sequence[str] = (), *, good: bool = True) -> None:
+        """Lay the outcome over the last picture and hold it for a moment."""
+        if self._last is None or self._failure is not None:
+            return
+        image = _with_outcome(self._last, headline, lines, ACCENT if good else ALARM)
+        held = max(1, round(self._config.hold_s * self._config.frames_per_s))
+        for _ in range(held):
+            self._write(image, self._slot + 1)
+
+    def _write(self, image: Image, slot: int) -> None:
+        self._slot = slot
+        if self._failure is None:
+            try:
+                self._file.write(image, slot)
+            except FileError as error:
+                self._failure = error
+
+    def close(self) -> None:
+        """Finish the file; safe to call twice.
+
+        Raises:
+            FileError: it could not be written to the end; nothing is left behind.
+        """
+        self._file.close()
+        if self._failure is not None:
+            failure, self._failure = self._failure, None
+            raise failure
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except FileError as failure:
+            if error is None:
+                raise
+            error.add_note(f"and the video: {failure}")  # what ended the flight matters more
+
+
+def _with_outcome(picture: Image, headline: str, lines: Sequence[str], colour: Colour) -> Image:
+    image = picture.copy()
+    high = 68 + 26 * len(lines)
+    top = (_HEIGHT - high) // 2
+    # Over the camera and the class map: the map shows the path, the text how it ended.
+    image[top : top + high, : _HALF - _GAP // 2] //= 6
+    left = (_HALF - text_width_px(headline, 1.0, bold=True)) // 2
+    put(image, headline, (left, top + 42), scale=1.0, bold=True, colour=colour)
+    for index, words in enumerate(lines):
+        left = (_HALF - text_width_px(words, 0.55)) // 2
+        put(image, words, (left, top + 72 + 26 * index), scale=0.55, colour=INK)
+    return image

@@ -1,0 +1,159 @@
+"""An mp4 file that is written picture by picture and appears whole or not at all."""
+
+from __future__ import annotations
+
+import functools
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final
+
+import av
+import cv2
+import numpy as np
+
+from uav_bt.display.canvas import Image
+from uav_bt.errors import FileError, MissingDependencyError, ShapeError, ValueRangeError
+
+__all__ = ["VideoFile", "choose_codec"]
+
+# H.264 plays everywhere; MPEG-4 part 2 is in every build of FFmpeg. The options trade size for
+# time: the pictures are encoded between the ticks of a flight.
+_CODECS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
+    ("libx264", {"preset": "ultrafast", "crf": "28"}),
+    ("mpeg4", {"qscale": "4"}),
+)
+_BT601: Final = 6  # FFmpeg's AVCOL_SPC_SMPTE170M, what OpenCV converts to
+_LIMITED_RANGE: Final = 1  # FFmpeg's AVCOL_RANGE_MPEG
+
+
+@functools.cache
+def choose_codec(names: tuple[str, ...] = tuple(name for name, _ in _CODECS)) -> str:
+    """Return the first of some encoders that opens here.
+
+    Raises:
+        MissingDependencyError: none does.
+    """
+    for name in names:
+        try:
+            probe: Any = av.CodecContext.create(name, "w")
+            probe.width, probe.height, probe.pix_fmt = 64, 64, "yuv420p"
+            probe.time_base = Fraction(1, 25)
+            probe.open()
+        except (av.FFmpegError, ValueError):  # not in this build, or it does not start
+            continue
+        return name
+    raise MissingDependencyError(
+        f"no video encoder works here (tried {', '.join(names)}); PyAV's wheel carries them: "
+        "pip install --force-reinstall av"
+    )
+
+
+class VideoFile:
+    """Writes pictures of one size into an mp4 file.
+
+    The pictures go into `<name>.part`; closing gives the file its name. A file without a picture is
+    not kept.
+
+    Args:
+        path: ends in .mp4; an existing file is replaced when the new one is whole.
+        size_px: width and height, even numbers.
+        frames_per_s: of the video's own time.
+
+    Raises:
+        FileError: the file cannot be written; nothing is left behind.
+        MissingDependencyError: no encoder works here.
+        ValueRangeError: the size is odd or the rate not positive.
+    """
+
+    def __init__(self, path: Path, *, size_px: tuple[int, int], frames_per_s: Fraction) -> None:
+        if min(size_px) <= 0 or size_px[0] % 2 or size_px[1] % 2:
+            raise ValueRangeError(f"a video's width and height must be even, got {size_px}")
+        if frames_per_s <= 0:
+            raise ValueRangeError(f"a video needs a positive frame rate, got {frames_per_s}")
+        if path.suffix.lower() != ".mp4":
+            raise FileError(path, "a video's name must end in .mp4")
+        if path.is_dir():
+            raise FileError(path, "is a folder; name a file in it")
+        codec = choose_codec()
+        self.path = path
+        self.codec = codec
+        self.pictures = 0  # written so far
+        self._partial = path.with_name(path.name + ".part")
+        self._size_px = size_px
+        self._time_base = 1 / frames_per_s
+        self._last_slot = -1
+        self._failed: OSError | None = None
+        try:
+            # Before FFmpeg does: the system says better what is wrong with a folder.
+            self._partial.touch()
+        except OSError as error:
+            raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+        try:
+            self._container: Any = av.open(
+                str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
+            )
+        except OSError as error:
+            self._partial.unlink()
+            raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+        stream: Any = self._container.add_stream(
+            codec, rate=frames_per_s, options=dict(_CODECS)[codec]
+        )
+        stream.width, stream.height, stream.pix_fmt = *size_px, "yuv420p"
+        stream.codec_context.colorspace = _BT601
+        stream.codec_context.color_range = _LIMITED_RANGE
+        self._stream = stream
+
+    def write(self, image: Image, slot: int | None = None) -> None:
+        """Append a picture.
+
+        Args:
+            image: (H, W, 3) uint8 RGB, of the video's size.
+            slot: when it is shown, in frames from the start; a gap holds the picture before it.
+                Default: right after the last one.
+
+        Raises:
+            ShapeError: the picture has another size.
+            FileError: it cannot be written (a full disk); the file is then given up.
+            ValueRangeError: the slot is not later than the last one.
+        """
+        width_px, height_px = self._size_px
+        if image.shape != (height_px, width_px, 3):
+            raise ShapeError("picture", expected=f"{height_px}x{width_px}x3", actual=image.shape)
+        slot = self._last_slot + 1 if slot is None else slot
+        if slot <= self._last_slot:
+            raise ValueRangeError(f"pictures come in order: slot {slot} after {self._last_slot}")
+        planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
+        picture: Any = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+        picture.pts, picture.time_base = slot, self._time_base
+        self._encode(picture)
+        self._last_slot = slot
+        self.pictures += 1
+
+    def _encode(self, picture: object) -> None:
+        try:
+            for packet in self._stream.encode(picture):
+                self._container.mux(packet)
+        except OSError as error:  # PyAV's errors of the system are OSErrors too
+            self._failed = error
+            raise FileError(self.path, f"cannot be written: {error.strerror or error}") from error
+
+    def close(self) -> None:
+        """Finish the file and give it its name; safe to call twice.
+
+        Raises:
+            FileError: it could not be written to the end; nothing is left behind.
+        """
+        if self._container is None:
+            return
+        try:
+            if self.pictures and self._failed is None:
+                self._encode(None)
+            self._container.close()
+            if self.pictures and self._failed is None:
+                self._partial.replace(self.path)
+        except OSError as error:
+            self._failed = error
+            raise FileError(self.path, f"cannot be written: {error.strerror or error}") from error
+        finally:
+            self._container = None
+            self._partial.unlink(missing_ok=True)

@@ -1,0 +1,138 @@
+"""What a Groot2 client sees of a tree; the thread that ticks hands it to the one that answers.
+
+The ticking thread replaces whole values and appends to a bounded queue; it takes no lock and never
+waits. A client that asks in the middle of a tick sees the end of the tick before.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+from uuid import UUID, uuid4
+
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.plain_values import plain
+from uav_bt.groot.groot_protocol import ProtocolError, Request, RequestType
+from uav_bt.groot.numbering import TreeNumbering
+from uav_bt.groot.transitions import NEWLY_IDLE, STATUS_CODES, NodeStatus, Transition, pack
+from uav_bt.groot.tree_xml import tree_xml
+
+__all__ = ["MAX_RECORDED", "GrootView"]
+
+# Between two questions of a client that records; what is older is lost, as with the engine, which
+# keeps a thousand.
+MAX_RECORDED: Final = 10_000
+_ENTRY: Final = struct.Struct("<HB")  # uid, status
+
+
+class GrootView:
+    """One tree, as the protocol shows it.
+
+    Args:
+        numbering: of the tree.
+        board: the mission's; it is shown with the main tree's variables, as `@key`.
+        now_us: the mission clock, microseconds.
+        tree_id: by which clients recognise that the tree is still the same; default: a new one.
+    """
+
+    def __init__(
+        self,
+        numbering: TreeNumbering,
+        board: Blackboard,
+        *,
+        now_us: int = 0,
+        tree_id: UUID | None = None,
+    ) -> None:
+        self.tree_id = tree_id or uuid4()
+        self._instances = numbering.instances
+        self._board = board
+        self._xml = tree_xml(numbering).encode()
+        self._codes = [STATUS_CODES[node.status] for node in numbering.nodes]
+        entries = (_ENTRY.pack(uid, code) for uid, code in enumerate(self._codes, 1))
+        self._table = bytearray(b"".join(entries))
+        self._now_us = now_us
+        self._recording = False
+        self._recorded_from_us = 0
+        self._recorded: deque[Transition] = deque(maxlen=MAX_RECORDED)
+        self._statuses = bytes(self._table)
+        self._values = self._snapshot()
+
+    # --- the ticking thread -----------------------------------------------------------------------
+
+    def update(self, transitions: Iterable[Transition], now_us: int) -> None:
+        """Take over what a tick did.
+
+        Args:
+            transitions: all of the tick.
+            now_us: the mission clock, microseconds.
+        """
+        recording = self._recording
+        for transition in transitions:
+            place = transition.uid - 1
+            code = int(transition.status)
+            if transition.status is NodeStatus.IDLE:
+                code = NEWLY_IDLE + self._codes[place]
+            self._codes[place] = transition.status
+            self._table[place * _ENTRY.size + 2] = code
+            if recording:
+                self._recorded.append(transition)
+        self._statuses = bytes(self._table)
+        self._values = self._snapshot()
+        self._now_us = now_us
+
+    def _snapshot(self) -> dict[str, Mapping[str, Any]]:
+        values = {item.board_name: item.variables.snapshot() for item in self._instances}
+        keys = self._board.snapshot()
+        main = values[self._instances[0].board_name]
+        main |= {f"@{name}": value for name, (value, _) in keys.items()}
+        return dict(values)
+
+    # --- the answering thread ---------------------------------------------------------------------
+
+    def answer(self, request: Request) -> bytes | None:
+        """Return the second frame of the answer; None when there is nothing to say.
+
+        Raises:
+            ProtocolError: the request cannot be answered.
+        """
+        match request.type:
+            case RequestType.FULL_TREE:
+                return self._xml
+            case RequestType.STATUS:
+                return self._statuses
+            case RequestType.BLACKBOARD:
+                return self._blackboards(request.text())
+            case RequestType.TOGGLE_RECORDING:
+                return self._toggle(request.text())
+            case RequestType.GET_TRANSITIONS:
+                return self._transitions()
+        raise ProtocolError(
+            f"not supported: this tree can be watched, not changed (request '{request.type.value}')"
+        )
+
+    def _blackboards(self, names: str) -> bytes:
+        import msgpack  # noqa: PLC0415  # of the extra `live`
+
+        values = self._values
+        wanted = [name for name in names.split(";") if name in values]
+        dump = {name: plain(values[name]) for name in wanted}
+        packed: bytes = msgpack.packb(dump)
+        return packed
+
+    def _toggle(self, word: str) -> bytes | None:
+        if word == "start":
+            self._recorded.clear()
+            self._recorded_from_us = self._now_us
+            self._recording = True
+            return str(self._now_us).encode()
+        if word == "stop":
+            self._recording = False
+            return None
+        raise ProtocolError(f"recording is switched by 'start' or 'stop', got '{word:.40}'")
+
+    def _transitions(self) -> bytes:
+        # No more than were there: the other thread goes on appending.
+        taken = [self._recorded.popleft() for _ in range(len(self._recorded))]
+        return pack(taken, self._recorded_from_us)

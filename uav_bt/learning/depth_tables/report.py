@@ -1,0 +1,98 @@
+"""All tables of metric depth in one go, as plain values for a file or a screen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+
+from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.learning.depth_tables.corridors import corridor_table
+from uav_bt.learning.depth_tables.images import Masks, PicturePlan, take_pictures
+from uav_bt.learning.depth_tables.tables import (
+    DepthQuestions,
+    distance_table,
+    pair_table,
+    sample_table,
+    sensitivity_table,
+)
+from uav_bt.progress import Advance, silent
+from uav_bt.protocols import DepthEstimator, Segmenter
+
+__all__ = ["TABLES", "evaluate_depth"]
+
+_Rows = Sequence[Any]
+_MAKERS: Final[Mapping[str, Callable[[DepthQuestions, Masks, Advance], _Rows]]] = {
+    "pairs": lambda asked, masks, advance: pair_table(asked, masks, advance=advance),
+    "distance": lambda asked, masks, advance: distance_table(asked, masks, advance=advance),
+    "sensitivity": lambda asked, masks, advance: sensitivity_table(asked, masks, advance=advance),
+    "points": lambda asked, masks, advance: sample_table(asked, masks, advance=advance),
+    "corridor": lambda asked, masks, advance: corridor_table(
+        asked.pictures, masks, advance=advance
+    ),
+}
+TABLES: Final = tuple(_MAKERS)
+
+
+def evaluate_depth(
+    plan: PicturePlan,
+    segmenter: Segmenter,
+    network: DepthEstimator | None,
+    *,
+    tables: Sequence[str] = TABLES,
+    advance: Advance = silent,
+) -> dict[str, Any]:
+    """Take pictures of the twin and make tables.
+
+    Args:
+        plan: which pictures.
+        segmenter: the masks of a flight, at 224x112.
+        network: relative depth; None measures only the ways that need none.
+        tables: which, of `TABLES`.
+        advance: told of every step.
+
+    Returns:
+        What was measured on, and rows by table: names, numbers, and None for what is not a number.
+
+    Raises:
+        UnknownNameError: there is no such table.
+        ValueRangeError: none is wanted.
+        SceneError: a scene is missing or malformed.
+        MissingDependencyError: OpenGL does not work here.
+    """
+    if not tables:
+        raise ValueRangeError(f"there is no table to make; name some of {', '.join(TABLES)}")
+    for table in tables:
+        if table not in _MAKERS:
+            raise UnknownNameError("table", table, TABLES)
+    pictures = list(take_pictures(plan, segmenter, network, advance=advance))
+    asked = DepthQuestions.of(pictures, seed=plan.views.seed)
+    edges = [int(np.count_nonzero(~pairs.across)) for pairs in asked.pairs]
+    lengths_m = asked.edge_lengths()
+    return {
+        "scenes": list(plan.views.scenes),
+        "views": plan.views.views,
+        "seed": plan.views.seed,
+        "profile": plan.views.profile,
+        "masks": plan.masks,
+        "pictures": len(pictures),
+        "pictures_with_edges": sum(count > 0 for count in edges),
+        "edges": sum(edges),
+        "median_edge_m": _plain(float(np.median(lengths_m)) if lengths_m.size else math.nan),
+        "points": sum(len(points) for points in asked.points),
+        "tables": {
+            table: [_plain(asdict(row)) for row in _MAKERS[table](asked, plan.masks, advance)]
+            for table in tables
+        },
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, float):
+        return round(value, 5) if math.isfinite(value) else None
+    return value

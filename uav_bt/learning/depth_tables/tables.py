@@ -1,0 +1,291 @@
+"""The paper's tables of metric depth: what is asked of each picture, and what each method answers.
+
+The same pairs and points are asked of all methods, masks and errors, so rows can be compared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.camera.ground_plane import view_of
+from perception.depth.evaluation.error_summary import ErrorSummary, summarise_errors
+from perception.depth.evaluation.measured_points import (
+    MeasuredPoints,
+    PointConfig,
+    draw_points,
+    ranges_at,
+)
+from perception.depth.evaluation.point_pairs import (
+    PairConfig,
+    PointPairs,
+    pair_distances,
+    pick_pairs,
+)
+from perception.depth.scale import ScaleConfig, fit_ratio, sample_carpet
+from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, Picture
+from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
+from uav_bt.progress import Advance, silent
+from uav_bt.types import DepthMap
+
+__all__ = [
+    "PATCHES_PX",
+    "DepthQuestions",
+    "DistanceRow",
+    "PairRow",
+    "SampleRow",
+    "SensitivityRow",
+    "distance_table",
+    "pair_table",
+    "sample_table",
+    "sensitivity_table",
+]
+
+PATCHES_PX: Final = (1, 3, 5, 7, 9)
+SAMPLE_POINTS: Final = (10, 20, 30, 40, 50, 60, 80, 100)
+_DRAWS: Final = 16  # of the carpet's pixels, to see how much the scale depends on them
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthQuestions:
+    """Pictures, and what is asked of each."""
+
+    pictures: Sequence[Picture]
+    pairs: Sequence[PointPairs]
+    points: Sequence[MeasuredPoints]
+
+    @classmethod
+    def of(
+        cls,
+        pictures: Sequence[Picture],
+        *,
+        seed: int = 0,
+        pairs: PairConfig | None = None,
+        points: PointConfig | None = None,
+    ) -> DepthQuestions:
+        """Pick pairs and points in every picture."""
+        chosen, drawn = [], []
+        for number, picture in enumerate(pictures):
+            generator = np.random.default_rng((seed, number))
+            exact = (picture.ids, picture.depth_m, picture.camera)
+            chosen.append(pick_pairs(*exact, generator, pairs))
+            drawn.append(draw_points(*exact, generator, points))
+        return cls(pictures=pictures, pairs=chosen, points=drawn)
+
+    def edge_lengths(self) -> Floats:
+        """Return the true lengths of all edges, metres."""
+        return self._lengths([picture.depth_m for picture in self.pictures], across=False)
+
+    def pair_errors(
+        self, maps: Sequence[DepthMap], *, across: bool = False, patch_px: int = 1
+    ) -> ErrorSummary:
+        """Summarise the distances between the points of pairs.
+
+        Args:
+            maps: metric depth of every picture.
+            across: of pairs on two faces, else of edges.
+            patch_px: side of the median's square; the truth is that of the points themselves.
+        """
+        truth = self._lengths([picture.depth_m for picture in self.pictures], across=across)
+        estimated = self._lengths([map_.depth for map_ in maps], across=across, patch_px=patch_px)
+        return summarise_errors(estimated, truth)
+
+    def _lengths(
+        self, depths: Sequence[NDArray[np.float32]], *, across: bool, patch_px: int = 1
+    ) -> Floats:
+        lengths = [
+            pair_distances(depth, pairs, picture.camera, patch_px=patch_px)[pairs.across == across]
+            for depth, pairs, picture in zip(depths, self.pairs, self.pictures, strict=True)
+        ]
+        return np.concatenate(lengths)
+
+    def distance_errors(
+        self, maps: Sequence[DepthMap], *, obstacle: bool | None = None
+    ) -> ErrorSummary:
+        """Summarise distances from the camera: of obstacles, of the carpet, or of both (None)."""
+        estimated, truth = [], []
+        for map_, points, picture in zip(maps, self.points, self.pictures, strict=True):
+            counts = np.full(len(points), True) if obstacle is None else points.obstacle == obstacle
+            estimated.append(ranges_at(map_.depth, points, picture.camera)[counts])
+            truth.append(points.range_m[counts])
+        return summarise_errors(np.concatenate(estimated), np.concatenate(truth))
+
+
+# --- point pairs and distances --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairRow:
+    """One method's distances between two points, with one patch."""
+
+    method: str
+    patch_px: int
+    across: bool  # pairs on two faces; else edges, as in the paper
+    error: ErrorSummary
+
+
+def pair_table(
+    questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
+) -> list[PairRow]:
+    """Make the paper's table of point pairs; pairs across faces without a patch only."""
+    rows: list[PairRow] = []
+    for method, maps in _all_maps(questions, masks, "pairs", advance):
+        rows.extend(
+            PairRow(
+                method=method.name,
+                patch_px=patch_px,
+                across=across,
+                error=questions.pair_errors(maps, across=across, patch_px=patch_px),
+            )
+            for across, patches in ((False, PATCHES_PX), (True, PATCHES_PX[:1]))
+            for patch_px in patches
+        )
+    return sorted(rows, key=lambda row: (row.across, row.patch_px))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistanceRow:
+    """One method's distances of points from the camera."""
+
+    method: str
+    what: str  # "obstacles", "carpet" or "both"
+    error: ErrorSummary
+
+
+def distance_table(
+    questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
+) -> list[DistanceRow]:
+    """Make the paper's table of distances from the camera."""
+    rows: list[DistanceRow] = []
+    for method, maps in _all_maps(questions, masks, "distance", advance):
+        rows.extend(
+            DistanceRow(
+                method=method.name,
+                what=what,
+                error=questions.distance_errors(maps, obstacle=obstacle),
+            )
+            for what, obstacle in (("both", None), ("obstacles", True), ("carpet", False))
+        )
+    return sorted(rows, key=lambda row: ("both", "obstacles", "carpet").index(row.what))
+
+
+def _all_maps(
+    questions: DepthQuestions, masks: Masks, stage: str, advance: Advance
+) -> Iterator[tuple[Method, list[DepthMap]]]:
+    methods = methods_for(questions.pictures)
+    for done, method in enumerate(methods, start=1):
+        yield method, metric_maps(method, questions.pictures, masks)
+        advance(stage, done, len(methods))
+
+
+# --- sensitivity ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensitivityRow:
+    """What one thing that is wrong costs one method."""
+
+    change: str
+    method: str
+    pairs: ErrorSummary
+    distance: ErrorSummary
+
+
+_HEIGHTS_M: Final = (0.05, -0.05, 0.10, -0.10)
+_PITCHES_DEG: Final = (1.0, -1.0, 2.0, -2.0)
+
+
+def sensitivity_table(
+    questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
+) -> list[SensitivityRow]:
+    """Say what wrong height, wrong pitch and other masks cost the ways one would fly on."""
+    changes: list[tuple[str, Masks, Error]] = [
+        ("exact masks", "exact", Error()),
+        ("U-Net masks", "unet", Error()),
+    ]
+    changes += [(f"height {m:+.2f} m", masks, Error(height_m=m)) for m in _HEIGHTS_M]
+    changes += [
+        (f"pitch {deg:+.0f} deg", masks, Error(pitch_rad=math.radians(deg))) for deg in _PITCHES_DEG
+    ]
+    methods = [
+        method
+        for method in methods_for(questions.pictures)
+        if method.name in ("adaptive", "fused", "footing")
+    ]
+    rows = []
+    for done, (change, whose, error) in enumerate(changes, start=1):
+        for method in methods:
+            maps = metric_maps(method, questions.pictures, whose, error=error)
+            rows.append(
+                SensitivityRow(
+                    change=change,
+                    method=method.name,
+                    pairs=questions.pair_errors(maps),
+                    distance=questions.distance_errors(maps),
+                )
+            )
+        advance("sensitivity", done, len(changes))
+    return rows
+
+
+# --- how many points the scale needs --------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleRow:
+    """The adaptive scale from so many carpet points, without smoothing."""
+
+    points: int
+    distance: ErrorSummary  # of all points asked for
+    spread: float  # relative standard deviation of the scale over draws, mean over pictures
+
+
+def sample_table(
+    questions: DepthQuestions, masks: Masks, *, seed: int = 0, advance: Advance = silent
+) -> list[SampleRow]:
+    """Sweep the number of carpet points; empty without a network."""
+    if any(picture.relative is None for picture in questions.pictures):
+        return []
+    rows = []
+    for done, points in enumerate(SAMPLE_POINTS, start=1):
+        sampling = ScaleConfig(points=points, least_points=min(points, ScaleConfig.least_points))
+        maps, spreads = [], []
+        for number, picture in enumerate(questions.pictures):
+            draws = _scales(picture, masks, sampling, np.random.default_rng((seed, number)))
+            spreads.append(float(np.std(np.log(draws))) if draws.size else math.nan)
+            maps.append(_scaled(picture, draws[0] if draws.size else math.nan))
+        rows.append(
+            SampleRow(
+                points=points,
+                distance=questions.distance_errors(maps),
+                spread=_mean_known(spreads),
+            )
+        )
+        advance("sample points", done, len(SAMPLE_POINTS))
+    return rows
+
+
+def _scales(
+    picture: Picture, masks: Masks, sampling: ScaleConfig, generator: np.random.Generator
+) -> Floats:
+    view = view_of(picture.frame, picture.camera, MAP_SIZE_PX)
+    relative, ids = picture.relative_at_map_size(), picture.masks[masks].ids
+    samples = [sample_carpet(relative, ids, view, generator, sampling) for _ in range(_DRAWS)]
+    return np.array([fit_ratio(s.known_m, s.predicted) for s in samples if s is not None])
+
+
+def _scaled(picture: Picture, factor: float) -> DepthMap:
+    metres = np.float32(factor) * picture.relative_at_map_size()
+    return DepthMap(depth=metres, metric=True, captured_s=picture.frame.captured_s)
+
+
+def _mean_known(values: Sequence[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return float(np.mean(known)) if known else math.nan

@@ -1,0 +1,124 @@
+"""A record played to whatever follows a flight tick by tick: views, videos.
+
+playback = Playback(RecordReader(Path("flight.mcap")))
+for tick in playback.ticks():
+    video.on_tick(tick)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from uav_bt import board as keys
+from uav_bt.board.blackboard import Blackboard, Key
+from uav_bt.clock import ManualClock
+from uav_bt.mission.arbiter import Override
+from uav_bt.mission.runner import TickRecord
+from uav_bt.record.moment import Moment
+from uav_bt.record.reader import RecordReader
+from uav_bt.tree.status import IDLE, Status
+from uav_bt.types import Frame, Observation
+
+__all__ = ["Playback"]
+
+# What has a channel of its own, by its name in `Moment` and on the board.
+_VALUES: Final[tuple[Key[Any], ...]] = (
+    keys.CLASS_MAP,
+    keys.RELATIVE_DEPTH,
+    keys.METRIC_DEPTH,
+    keys.CORRIDOR,
+    keys.HELIPAD,
+    keys.OBSTACLES,
+)
+
+
+class Playback:
+    """One record, tick by tick, with the board and the statuses as they were after each tick.
+
+    Args:
+        reader: of the record.
+    """
+
+    def __init__(self, reader: RecordReader) -> None:
+        self._reader = reader
+        self._clock = ManualClock(reader.timeline.start_s)
+        self._paths = tuple(node.path for node in reader.tree.nodes)
+        self._statuses: tuple[str, ...] = ()
+        self._frame: Frame | None = None
+        self.board = Blackboard(self._clock, keys.MISSION_KEYS)
+
+    @property
+    def start_s(self) -> float:
+        """When the record began, of the mission clock."""
+        return self._reader.timeline.start_s
+
+    def statuses(self) -> Mapping[str, Status]:
+        """Return the nodes' statuses after the last tick, by path."""
+        return {
+            path: IDLE if status == "IDLE" else Status[status]
+            for path, status in zip(self._paths, self._statuses, strict=False)
+        }
+
+    def ticks(
+        self, *, from_s: float | None = None, to_s: float | None = None
+    ) -> Iterator[TickRecord]:
+        """Yield the ticks; the board is that of a tick until the next one is asked for.
+
+        Args:
+            from_s: seconds since the record's start.
+            to_s: likewise; not included.
+
+        Raises:
+            FileError: the record is damaged in a way that checksums do not show.
+        """
+        for moment in self._reader.moments(from_s=from_s, to_s=to_s):
+            self._clock.sleep_until(moment.tick.time_s)
+            self._statuses = moment.statuses
+            if moment.frame is not None and moment.frame.picture is not None:
+                self._frame = moment.frame.frame()
+            self._write_board(moment)
+            yield self._tick(moment)
+
+    def _tick(self, moment: Moment) -> TickRecord:
+        note, commands = moment.tick, moment.commands
+        return TickRecord(
+            index=note.index,
+            time_s=note.time_s,
+            observation=Observation(frame=self._frame, state=moment.state),
+            tree_status=Status[note.tree_status],
+            phase=note.phase,
+            active=note.active,
+            command=commands.sent,
+            proposed_by=commands.proposed_by,
+            override=None if commands.override is None else Override(commands.override),
+            compute_s=note.compute_s,
+            truth=moment.truth,
+            word=note.word,
+            decided=commands.decided,
+        )
+
+    def _write_board(self, moment: Moment) -> None:
+        board = self.board
+        for key in _VALUES:
+            entry = moment.board.get(key.name)
+            value = getattr(moment, key.name)
+            if entry is None or entry["value"] is None:
+                board.forget(key)
+            elif value is not None:
+                captured_s = _seconds(entry["captured_s"])
+                board.write(key, value, captured_s=captured_s)
+        for plain in (keys.ELAPSED, keys.PHASE):
+            entry = moment.board.get(plain.name)
+            if entry is not None:
+                board.write(plain, entry["value"], captured_s=_seconds(entry["captured_s"]))
+        board.write(keys.STATE, moment.state, captured_s=moment.state.captured_s)
+        board.write(keys.HEIGHT, moment.state.height_above_carpet_m)
+        board.write(keys.CAMERA, self._reader.camera)
+        if self._frame is not None:
+            board.write(keys.FRAME, self._frame, captured_s=self._frame.captured_s)
+
+
+def _seconds(plain: object) -> float:
+    """Return a number that JSON may have had no number for."""
+    return float(str(plain).replace("Infinity", "inf"))

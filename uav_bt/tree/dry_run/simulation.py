@@ -1,0 +1,204 @@
+"""Dry runs: a mission's tree ticked with leaves that answer what a script says.
+
+The tree is the real one, with its control nodes, decorators, conditions, scripts and timers; only
+the leaves that would fly are replaced. The format's own leaves (`Script`, `Sleep`, ...) do what
+they always do, unless the script has answers for them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from uav_bt.board import ELAPSED, MISSION_KEYS
+from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.context import MissionContext
+from uav_bt.board.proposals import Proposals
+from uav_bt.clock import ManualClock
+from uav_bt.errors import BoardAccessError, FileError, UnknownNameError, ValueRangeError
+from uav_bt.protocols import LeafPolicy
+from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Status
+from uav_bt.tree.dry_run.script_file import SimulationScript
+from uav_bt.tree.dry_run.scripted_tree import scripted_tree
+from uav_bt.tree.nodes.subtree import SubTree
+from uav_bt.tree.observer import Happening, watch_nodes
+from uav_bt.tree.status import RUNNING
+
+__all__ = ["Answer", "SimulatedTick", "Simulation", "status_name"]
+
+_PLAIN: Final = (bool, int, float, str)
+_ANSWERS: Final = {
+    Happening.SUCCEEDED: Status.SUCCESS,
+    Happening.FAILED: Status.FAILURE,
+    Happening.SKIPPED: Status.INVALID,
+}
+
+
+def status_name(status: Status) -> str:
+    """Return how an answer is written; `Status.INVALID` is that of a node that was skipped."""
+    return "SKIPPED" if status is Status.INVALID else status.name
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a leaf answered."""
+
+    leaf: str
+    status: Status
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedTick:
+    """What happened in a tick."""
+
+    tick: int  # counted from 1
+    time_s: float  # of the mission clock
+    status: Status  # of the root
+    answers: tuple[Answer, ...]  # in the order in which the leaves answered
+    halted: tuple[str, ...]  # leaves that were stopped while they ran
+    changed: Mapping[str, Any]  # variables (those of subtrees as `subtree.name`) and `@board_key`s
+
+
+class Simulation:
+    """A mission file with scripted leaves, ready to be ticked.
+
+    Args:
+        tree: the file.
+        script: what its leaves answer.
+        registry: the nodes that may occur; default: all installed.
+        tick_s: time between two ticks.
+
+    Raises:
+        TreeError: the tree was refused, or a leaf has no script.
+        FileError: the script does not fit the tree.
+        ValueRangeError: the time between two ticks is not positive.
+    """
+
+    def __init__(
+        self,
+        tree: Path,
+        script: SimulationScript,
+        registry: NodeRegistry | None = None,
+        *,
+        tick_s: float = 0.1,
+    ) -> None:
+        if not tick_s > 0.0:
+            raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
+        self.tree: Final = scripted_tree(tree, script, registry)
+        self._script = script
+        self._tick_s = tick_s
+        self._clock = ManualClock()
+        self._board = Blackboard(self._clock, MISSION_KEYS)
+        self._names = _short_names(self.tree)
+        self._answers: list[Answer] = []
+        self._halted: list[str] = []
+        self._given: dict[str, Any] = {}  # what the script wrote to the board
+        self.tree.setup(
+            MissionContext(
+                board=self._board,
+                clock=self._clock,
+                proposals=Proposals(),
+                policy=_no_policy,
+            )
+        )
+        for name, scalar in script.variables.items():
+            self.tree.variables[name] = scalar.value
+        self._write_board()
+        watch_nodes(self.tree, self._note)
+
+    def run(self, max_ticks: int) -> Iterator[SimulatedTick]:
+        """Tick until the root has ended, at most so many times, and yield each tick.
+
+        Raises:
+            NodeFailedError: a node raised: a script that fails, a node known from a palette only.
+        """
+        before = self._values()
+        for tick in range(1, max_ticks + 1):
+            if tick > 1:
+                self._clock.sleep_until((tick - 1) * self._tick_s)
+            self._write_board()
+            self._answers.clear()
+            self._halted.clear()
+            status = self.tree.tick()
+            now = self._values()
+            yield SimulatedTick(
+                tick=tick,
+                time_s=self._clock.now(),
+                status=status,
+                answers=tuple(self._answers),
+                halted=tuple(self._halted),
+                changed=_changes(before, now),
+            )
+            before = now
+            if status is not RUNNING:
+                return
+
+    # --- what leaves do ---------------------------------------------------------------------------
+
+    def _note(self, node: Node, happening: Happening) -> None:
+        if not isinstance(node, Leaf):
+            return
+        name = self._names[node.path]
+        if happening is Happening.HALTED:
+            self._halted.append(name)
+        elif happening in {Happening.STARTED, Happening.RAN}:
+            self._answers.append(Answer(name, RUNNING))  # until it says otherwise
+        elif happening in _ANSWERS:
+            answer = Answer(name, _ANSWERS[happening])
+            if self._answers and self._answers[-1] == Answer(name, RUNNING):
+                self._answers[-1] = answer
+            else:
+                self._answers.append(answer)
+
+    # --- values -----------------------------------------------------------------------------------
+
+    def _write_board(self) -> None:
+        self._board.write(ELAPSED, self._clock.now())
+        written = self._board.snapshot()
+        for name, scalar in self._script.board.items():
+            # What a leaf has written over it stays.
+            if name in self._given and written[name][0] is not self._given[name]:
+                continue
+            self._given[name] = scalar.value
+            try:
+                self._board.write(self._board.key(name), scalar.value)
+            except BoardAccessError as error:
+                raise FileError(self._script.path, str(error), scalar.line) from error
+
+    def _values(self) -> dict[str, Any]:
+        values = self.tree.variables.snapshot()
+        for node in self.tree.nodes():
+            if isinstance(node, SubTree):
+                inner = node.child.variables.snapshot()
+                values |= {f"{node.name}.{name}": value for name, value in inner.items()}
+        board = self._board.snapshot()
+        del board[ELAPSED.name]  # it changes every tick
+        return values | {f"@{name}": value for name, (value, _) in board.items()}
+
+
+def _no_policy(name: str) -> LeafPolicy:
+    raise UnknownNameError("policy", name, ())  # scripted leaves ask for none
+
+
+def _short_names(tree: MissionTree) -> dict[str, str]:
+    count = Counter(leaf.name for leaf in tree.leaves())
+    return {leaf.path: leaf.name if count[leaf.name] == 1 else leaf.path for leaf in tree.leaves()}
+
+
+def _changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
+    changed = {
+        name: value
+        for name, value in now.items()
+        if name not in before or _differs(before[name], value)
+    }
+    return changed | {name: None for name in before if name not in now}
+
+
+def _differs(before: Any, now: Any) -> bool:
+    if before is now:
+        return False
+    # Only plain values are compared: others may not know what it means to be equal.
+    return type(before) is not type(now) or not isinstance(now, _PLAIN) or before != now

@@ -1,1 +1,0 @@
-"""Watching a flight: the map, the video, the status line and the summary."""
