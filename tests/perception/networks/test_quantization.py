@@ -54,7 +54,7 @@ def test_a_unet_in_integers_agrees_with_the_one_in_floats(unets: tuple[Path, Pat
 def test_a_depth_network_in_integers_agrees_with_the_one_in_floats(tmp_path: Path) -> None:
     torch.manual_seed(5)
     net = network.DepthNet(network.DepthNetConfig(width_px=64, height_px=32, channels=(8, 12, 16)))
-    export.save_depth_net(tmp_path / "w.safetensors", _shaken(net), notes={})
+    depth_export.save_depth_net(tmp_path / "w.safetensors", _shaken(net), notes={})
     depths = []
     for pictures in (None, PICTURES):
         path = tmp_path / "net.onnx"

@@ -55,7 +55,7 @@ def test_another_seed_is_another_flight(first: str) -> None:
 
 def test_a_flight_repeats_in_another_process(first: str) -> None:
     """Nothing depends on the process: not hashing, not what ran before."""
-    code = "from test_twin_determinism import flight_digest; print(flight_digest(5))"
+    code = f"from {__name__} import flight_digest; print(flight_digest(5))"
     done = subprocess.run(  # noqa: S603  (our own code)
         [sys.executable, "-c", code],
         capture_output=True,
