@@ -37,11 +37,10 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.classes import CARPET
 from uav_bt.learning.scenes import VALIDATION_SCENES
-from uav_bt.types import Frame
+from uav_bt.types import PAD_HEIGHT_M, Frame
 
 STAGES = ("segmentation", "network", "metric", "corridor", "helipad")
 GIMBAL_RAD = math.radians(-28.0)
-PAD_HEIGHT_M = 0.4
 WARM_UP = 5  # frames that are not counted
 
 Result = TypeVar("Result")

@@ -2,7 +2,7 @@
 
 The classes are those of Mocanu et al. (arXiv 2510.16624): background, carpet, two for the helipad,
 one for each box and for each roof structure. The groups are the paper's four categories for mission
-planning. Everything else in the project speaks in these ids; a foreign network is translated into
+planning. Everything else in the project uses these ids; a foreign network's are translated into
 them (`perception.segmentation.mapping`).
 """
 
@@ -25,7 +25,6 @@ __all__ = [
     "CLASS_TO_GROUP",
     "GROUP_BACKGROUND",
     "GROUP_CARPET",
-    "GROUP_COLOURS",
     "GROUP_COUNT",
     "GROUP_HELIPAD",
     "GROUP_NAMES",
@@ -44,7 +43,7 @@ CARPET: Final = 1
 HELIPAD_H: Final = 2
 HELIPAD_BOX: Final = 3
 BOXES: Final = tuple(range(4, 12))  # the sides of boxes 1 to 8
-ROOFS: Final = tuple(range(12, 17))  # box k wears roof ((k - 1) mod 5) + 1
+ROOFS: Final = tuple(range(12, 17))  # box k carries roof ((k - 1) mod 5) + 1
 OBSTACLES: Final = BOXES + ROOFS
 
 CLASS_NAMES: Final = (
@@ -103,12 +102,7 @@ CLASS_COLOURS: Final = _frozen(
         dtype=np.uint8,
     )
 )
-"""(17, 3) uint8 RGB: for pictures of class maps."""
-
-GROUP_COLOURS: Final = _frozen(
-    np.array([(40, 40, 48), (126, 158, 120), (255, 196, 0), (214, 39, 40)], dtype=np.uint8)
-)
-"""(4, 3) uint8 RGB: for pictures of group maps."""
+"""(17, 3) uint8 RGB: for images of class maps."""
 
 # 256 entries, so that a bad id is found after the look-up instead of by a second pass over the map.
 _NO_GROUP: Final = 255
@@ -150,7 +144,7 @@ def group_of(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def colourise(ids: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the picture of a class map.
+    """Return a class map as a colour image.
 
     Args:
         ids: (H, W) uint8 class ids.

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 
-from uav_bt.types import DroneState, HelipadFix, ObstaclePoints
+from uav_bt.types import PAD_HEIGHT_M, DroneState, HelipadFix, ObstaclePoints
 
 __all__ = ["PadGaze", "shows_unplaced"]
 
 # The lowest pitch at which bases are still told from roofs.
 _LOWEST_RAD = math.radians(-50)
-_PAD_ROOF_M = 0.4
 # What has an unknown range this near to ahead is looked at from above, for so long.
 _NEAR_AHEAD_RAD = math.radians(45)
 _LOOK_DOWN_S = 1.0
@@ -43,7 +42,7 @@ class PadGaze:
             self._look_down_until_s = now_s + _LOOK_DOWN_S
         if now_s < self._look_down_until_s:
             return _LOWEST_RAD
-        above_m = max(state.height_above_carpet_m - _PAD_ROOF_M, 0.0)
+        above_m = max(state.height_above_carpet_m - PAD_HEIGHT_M, 0.0)
         pad_rad = -math.atan2(above_m, max(fix.range_m, 0.05))
         return min(flight_rad, max(pad_rad, _LOWEST_RAD))
 

@@ -9,12 +9,9 @@ from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import ClassMap
+from uav_bt.types import PAD_HEIGHT_M, ClassMap
 
 __all__ = ["FindHelipad", "RememberObstacles", "Segment", "StageTimer"]
-
-# Where the mask looks straight ahead the helipad's own box is 0.4 m high in every lab.
-_PAD_HEIGHT = Port("pad_height_m", float, default=0.4, doc="top of the helipad above the carpet, m")
 
 
 class StageTimer:
@@ -77,7 +74,13 @@ class Segment(Leaf):
 class FindHelipad(Leaf):
     """Find the helipad in each new class map and carry it through misses; SUCCESS always."""
 
-    ports = (_PAD_HEIGHT,)
+    ports = (
+        Port(
+            *("pad_height_m", float),
+            default=PAD_HEIGHT_M,
+            doc="top of the helipad above the carpet, m",
+        ),
+    )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (HELIPAD,)
 

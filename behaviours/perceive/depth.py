@@ -20,6 +20,7 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
+from uav_bt.classes import CARPET
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import CameraModel, DepthMap, DroneState, Frame
@@ -33,7 +34,6 @@ _FOOTING = "footing"
 _EVERY = 8  # pixels of two frames compared, to tell whether the picture is frozen
 _MOVING_MPS = 0.2  # faster than this two pictures cannot be the same
 _ASPECT_SLACK = 0.01  # 640x360 and 854x480 are both 16:9; more was cropped
-_CARPET = 1  # `uav_bt.classes.CARPET`: greater ids are things
 
 
 class EstimateDepth(Leaf):
@@ -196,7 +196,7 @@ class BuildCorridor(Leaf):
         self._last_s = depth.captured_s
         height_px, width_px = depth.depth.shape
         ids = class_map.ids
-        things = ids != _CARPET if self.port_value("background") else ids > _CARPET
+        things = ids != CARPET if self.port_value("background") else ids > CARPET
         with self._timer:
             corridor = self._builder.build(
                 depth,

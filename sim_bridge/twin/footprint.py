@@ -56,15 +56,3 @@ class Footprint:
                 if max(a) <= min(b) or max(b) <= min(a):
                     return False
         return True
-
-    def gap_m(self, other: Footprint) -> float:
-        """Return the distance between two rectangles; 0 when they overlap.
-
-        Two convex shapes apart are nearest at a corner of one of them.
-        """
-        if self.overlaps(other):
-            return 0.0
-        return min(
-            *(self.distance_m(*corner) for corner in other.corners()),
-            *(other.distance_m(*corner) for corner in self.corners()),
-        )

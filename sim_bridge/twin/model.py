@@ -24,10 +24,12 @@ from sim_bridge.twin.scene import (
     Scene,
     Vector3,
 )
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from uav_bt.types import BODY_SIZE_M
 
 __all__ = ["HULL_HALF_M", "HULL_MASS_KG", "PHYSICS_STEP_S", "LabModel", "build_model"]
 
-HULL_HALF_M = (0.12, 0.16, 0.05)  # half sizes of the ANAFI's body: forward, sideways, up
+HULL_HALF_M = tuple(side / 2 for side in BODY_SIZE_M)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # the ANAFI's
 PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s
 
@@ -136,14 +138,14 @@ class _Builder:
         for name, (size, position) in slabs.items():
             slab = _Solid(half_m=size, centre_m=position)
             kind = name.split("-")[0]
-            self._show(f"{name}/seen", slab, material=kind, class_id=0, tile_m=(5.0, 5.0))
+            self._show(f"{name}/seen", slab, material=kind, class_id=BACKGROUND, tile_m=(5.0, 5.0))
             self._hit(name, slab)
         self._texture("carpet", textures.carpet())
         carpet = _Solid(
             half_m=(CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2, -_FLOOR_M / 2),
             centre_m=(0.0, 0.0, _FLOOR_M / 2),
         )
-        self._show("carpet/seen", carpet, material="carpet", class_id=1, tile_m=CARPET_SIZE_M)
+        self._show("carpet/seen", carpet, material="carpet", class_id=CARPET, tile_m=CARPET_SIZE_M)
         self._hit("carpet", carpet)
         self._lights(scene.lighting)
 
@@ -176,8 +178,10 @@ class _Builder:
             half_m=(panel_m[0] / 2, panel_m[1] / 2, _PAINT_M),
             centre_m=(*pad.position_m, height),
         )
-        self._show("helipad/sides", whole, material="stripes", class_id=3, tile_m=(0.2, 0.2))
-        self._show("helipad/h", panel, material="h", class_id=2, tile_m=panel_m)
+        self._show(
+            "helipad/sides", whole, material="stripes", class_id=HELIPAD_BOX, tile_m=(0.2, 0.2)
+        )
+        self._show("helipad/h", panel, material="h", class_id=HELIPAD_H, tile_m=panel_m)
         self._hit("helipad", whole)
 
     def box(self, box: BoxSpec) -> None:
@@ -186,8 +190,10 @@ class _Builder:
         self._texture(roof, textures.roof(box.roof))
         whole, body, sheet = _stacked(box.position_m, box.size_m, math.radians(box.yaw_deg))
         tile = (textures.TILE_M, textures.TILE_M)
-        self._show(f"{name}/side", body, material=name, class_id=3 + box.pattern, tile_m=tile)
-        self._show(f"{name}/roof", sheet, material=roof, class_id=11 + box.roof, tile_m=tile)
+        self._show(
+            f"{name}/side", body, material=name, class_id=BOXES[box.pattern - 1], tile_m=tile
+        )
+        self._show(f"{name}/roof", sheet, material=roof, class_id=ROOFS[box.roof - 1], tile_m=tile)
         self._hit(name, whole)
 
     def _texture(self, name: str, image: NDArray[np.uint8]) -> None:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from sim_bridge.twin.footprint import Footprint
+from uav_bt.classes import BOXES, ROOFS
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import PAD_SIZE_M
 
 __all__ = [
     "CARPET_SIZE_M",
@@ -23,7 +25,7 @@ __all__ = [
 
 CARPET_SIZE_M = (5.0, 4.0)  # along x and y, centred on the origin
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # centred on the origin, the floor at z = 0
-PATTERN_COUNT = 8
+PATTERN_COUNT = len(BOXES)
 MAX_HEIGHT_M = 4.0  # a metre of air stays below the ceiling
 
 Vector2 = tuple[float, float]
@@ -72,7 +74,9 @@ class BoxSpec:
 
     def __post_init__(self) -> None:
         if not 1 <= self.pattern <= PATTERN_COUNT:
-            raise ValueRangeError(f"a box's pattern must be 1 to 8, got {self.pattern}")
+            raise ValueRangeError(
+                f"a box's pattern must be 1 to {PATTERN_COUNT}, got {self.pattern}"
+            )
         _check_item(f"box {self.pattern}", self.position_m, self.yaw_deg, self.size_m)
 
     @cached_property
@@ -83,7 +87,7 @@ class BoxSpec:
     @property
     def roof(self) -> int:
         """The roof pattern it wears, 1 to 5."""
-        return (self.pattern - 1) % 5 + 1
+        return (self.pattern - 1) % len(ROOFS) + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +100,7 @@ class Helipad:
 
     position_m: Vector2  # centre on the carpet, world x and y
     yaw_deg: float = 0.0  # counter-clockwise from +x
-    size_m: Vector3 = (0.5, 0.5, 0.4)  # along its own x and y, and upwards
+    size_m: Vector3 = PAD_SIZE_M  # along its own x and y, and upwards
 
     def __post_init__(self) -> None:
         _check_item("helipad", self.position_m, self.yaw_deg, self.size_m)

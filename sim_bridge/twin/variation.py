@@ -8,12 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from sim_bridge.twin.scene import BoxSpec, Helipad, Lighting, Scene, layout_problem
+from sim_bridge.twin.scene import CARPET_SIZE_M, BoxSpec, Helipad, Lighting, Scene, layout_problem
 from uav_bt.errors import ValueRangeError
 
 __all__ = ["varied_light", "varied_scene"]
 
-_HALF_LENGTH_M, _HALF_WIDTH_M = 2.5, 2.0  # of the carpet
 _FROM_EDGE_M: Final = 0.4  # of a box's centre: a drone does not fly round it there
 # Between the centres of two boxes, so that most gaps let the drone through, and from box to pad.
 _APART_M: Final = 1.05
@@ -71,7 +70,7 @@ def _placed(scene: Scene, rng: np.random.Generator) -> tuple[BoxSpec, ...]:
 def _drawn(pattern: int, rng: np.random.Generator) -> BoxSpec:
     high = rng.random() < _HIGH_SHARE
     heights = (_HIGH_M, _HEIGHTS_M[1]) if high else (_HEIGHTS_M[0], _HIGH_M)
-    across, along = _HALF_LENGTH_M - _FROM_EDGE_M, _HALF_WIDTH_M - _FROM_EDGE_M
+    across, along = (side / 2 - _FROM_EDGE_M for side in CARPET_SIZE_M)
     return BoxSpec(
         pattern=pattern,
         position_m=(_rounded(rng, -across, across), _rounded(rng, -along, along)),

@@ -20,6 +20,7 @@ from uav_bt.types.commands import (
 )
 from uav_bt.types.images import ClassMap, Corridor, DepthMap
 from uav_bt.types.observation import Observation, PastView, RecentViews
+from uav_bt.types.sizes import BODY_SIZE_M, PAD_HEIGHT_M, PAD_SIZE_M
 from uav_bt.types.surroundings import HeldTurn, HelipadFix, ObstaclePoints
 from uav_bt.types.telemetry import (
     Attitude,
@@ -33,7 +34,10 @@ from uav_bt.types.telemetry import (
 from uav_bt.types.truth import Pose, Truth
 
 __all__ = [
+    "BODY_SIZE_M",
     "HOVER",
+    "PAD_HEIGHT_M",
+    "PAD_SIZE_M",
     "Attitude",
     "BodyVelocity",
     "CameraModel",

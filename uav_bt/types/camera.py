@@ -25,7 +25,7 @@ class CameraModel:
     cx_px: float
     cy_px: float
     distortion: tuple[float, ...] = ()  # OpenCV's k1, k2, p1, p2, k3, ...; empty means none
-    forward_offset_m: float = 0.15  # camera ahead of the body's centre
+    forward_offset_m: float = 0.15  # lens ahead of the body's centre; the ANAFI's
 
     def __post_init__(self) -> None:
         if self.width_px <= 0 or self.height_px <= 0 or self.fx_px <= 0 or self.fy_px <= 0:

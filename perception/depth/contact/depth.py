@@ -26,6 +26,7 @@ from perception.depth.contact.contacts import Base, BaseConfig, Remembered, find
 from perception.depth.contact.panorama import Panorama, Unroller
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
+from uav_bt.types import PAD_HEIGHT_M
 
 __all__ = ["FootingConfig", "FootingDepth", "footing_depth"]
 
@@ -37,7 +38,7 @@ Indices = NDArray[np.intp]
 class FootingConfig:
     """What is known of the lab, and what is believed of a class map."""
 
-    pad_height_m: float = 0.4  # top of the helipad above the carpet, in every lab
+    pad_height_m: float = PAD_HEIGHT_M  # top of the helipad above the carpet
     farthest_m: float = 8.0  # across the carpet and its corners; further off is a speck of the mask
     deepest_m: float = 1.0  # no roof reaches further back from its front edge
     least_edge: int = 3  # columns in which a roof must meet its side before its height is believed

@@ -1,4 +1,4 @@
-"""Rotated rectangles: containment, overlap and gaps."""
+"""Rotated rectangles: containment, overlap and distances."""
 
 from __future__ import annotations
 
@@ -26,8 +26,6 @@ def test_known_distances() -> None:
     assert turned.distance_m(1.0, 0.0) == pytest.approx(1.0 - math.sqrt(0.5))
     assert turned.contains(0.7, 0.0)
     assert not turned.contains(0.5, 0.5)
-    beside = Footprint(x_m=1.5, y_m=0.0, half_x_m=0.5, half_y_m=2.0)
-    assert turned.gap_m(beside) == pytest.approx(1.0 - math.sqrt(0.5))
 
 
 def test_touching_is_no_overlap() -> None:
@@ -35,7 +33,6 @@ def test_touching_is_no_overlap() -> None:
     left = Footprint(x_m=0.0, y_m=0.0, half_x_m=0.5, half_y_m=0.5)
     right = Footprint(x_m=1.0, y_m=0.2, half_x_m=0.5, half_y_m=0.5)
     assert not left.overlaps(right)
-    assert left.gap_m(right) == 0.0
 
 
 def _outline(footprint: Footprint) -> np.ndarray:
@@ -46,11 +43,12 @@ def _outline(footprint: Footprint) -> np.ndarray:
 
 @settings(max_examples=60, deadline=None)
 @given(a=FOOTPRINTS, b=FOOTPRINTS)
-def test_the_gap_is_the_smallest_distance_of_the_outlines(a: Footprint, b: Footprint) -> None:
-    """Apart, brute force over the outlines finds the same gap; the gap is symmetric."""
-    gap = a.gap_m(b)
-    assert gap == pytest.approx(b.gap_m(a), abs=1e-9)
-    if gap > 0.0:
-        brute = min(b.distance_m(x, y) for x, y in _outline(a))
-        assert gap <= brute + 1e-9
-        assert brute <= gap + 0.03
+def test_rectangles_overlap_where_their_outlines_meet(a: Footprint, b: Footprint) -> None:
+    """Brute force over the outlines agrees, to the distance of its points; overlap is symmetric."""
+    assert a.overlaps(b) == b.overlaps(a)
+    pairs = ((a, b), (b, a))
+    nearest_m = min(one.distance_m(x, y) for one, other in pairs for x, y in _outline(other))
+    if nearest_m > 0.03:
+        assert not a.overlaps(b)
+    if any(one.contains(other.x_m, other.y_m) for one, other in pairs):
+        assert a.overlaps(b)

@@ -27,6 +27,7 @@ from uav_bt.classes import CARPET
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import (
+    PAD_HEIGHT_M,
     CameraModel,
     ClassMap,
     Corridor,
@@ -49,7 +50,7 @@ class PipelineConfig:
     source: str = "fused"  # of metric depth, where there is a network; footing without one
     scale: str = "adaptive"  # of the network's depth
     corridor: CorridorConfig = field(default_factory=CorridorConfig)
-    pad_height_m: float = 0.4  # top of the helipad above the carpet, in every lab
+    pad_height_m: float = PAD_HEIGHT_M  # top of the helipad above the carpet
     moving_mps: float = 0.2  # faster than this two pictures cannot be the same
     carried_s: float = 12.0  # a helipad that was not seen for longer is lost
 

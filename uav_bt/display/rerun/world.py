@@ -28,11 +28,10 @@ from uav_bt.display.rerun.entities import (
     WORLD,
 )
 from uav_bt.display.rerun.setting import CorridorSize, ViewSetting
-from uav_bt.types import CameraModel, Corridor, Frame, HelipadFix, ObstaclePoints, Pose
+from uav_bt.types import BODY_SIZE_M, CameraModel, Corridor, Frame, HelipadFix, ObstaclePoints, Pose
 
 __all__ = ["PoseHistory", "WorldView", "camera_axes", "corridor_planes"]
 
-_BODY_SIZE_M: Final = (0.24, 0.32, 0.10)  # drawn, about the ANAFI's: forward, left, up
 _CARPET: Final[Colour] = (52, 66, 54)
 _PLANE: Final = (120, 170, 255, 26)
 _INTRUDED: Final = (*ALARM, 110)
@@ -130,7 +129,7 @@ class WorldView:
         self._before: Pose | None = None
         self._drawn: set[str] = set()
         stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        half = [size_m / 2.0 for size_m in _BODY_SIZE_M]
+        half = [size_m / 2.0 for size_m in BODY_SIZE_M]
         body = rr.Boxes3D(half_sizes=[half], colors=[INK], fill_mode="solid")
         stream.log(f"{BODY}/hull", body, static=True)
         nose = rr.Arrows3D(

@@ -30,7 +30,7 @@ from uav_bt.display.canvas import (
 )
 from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.mission.runner import TickRecord
-from uav_bt.types import CameraModel, ClassMap, Frame, HelipadFix
+from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
 
 __all__ = [
     "Readings",
@@ -44,7 +44,6 @@ __all__ = [
     "resize_picture",
 ]
 
-_PAD_HEIGHT_M: Final = 0.4  # the landing box; only the mark on the picture depends on it
 _PAD_RADIUS_M: Final = 0.3
 _NEAR_M: Final = 0.3  # closer to the pad than this, a mark says nothing
 _BRANCH_ROW_PX: Final = 22
@@ -63,22 +62,19 @@ class Readings:
     distance_m: float  # travelled
 
 
-def project_fix(
-    fix: HelipadFix, frame: Frame, camera: CameraModel, pad_height_m: float = _PAD_HEIGHT_M
-) -> tuple[float, float, float]:
+def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[float, float, float]:
     """Return where a fix lies from the lens, in the camera's frame.
 
     Args:
         fix: where the helipad lies.
         frame: the picture with its telemetry.
         camera: how far ahead of the body's centre the lens sits.
-        pad_height_m: of the pad above the carpet.
 
     Returns:
         Metres right, down and forward along the optical axis; the gimbal keeps the horizon level.
     """
     forward_m = fix.forward_m - camera.forward_offset_m
-    below_m = frame.height_above_carpet_m - pad_height_m
+    below_m = frame.height_above_carpet_m - PAD_HEIGHT_M
     c, s = math.cos(frame.gimbal_pitch_rad), math.sin(frame.gimbal_pitch_rad)
     return fix.right_m, s * forward_m + c * below_m, c * forward_m - s * below_m
 
@@ -110,7 +106,7 @@ def resize_picture(picture: Image, size_px: tuple[int, int]) -> Image:
 
 def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
     """Ring the helipad on a frame's picture, or point to where it is beyond the border."""
-    if frame.height_above_carpet_m < _PAD_HEIGHT_M + _NEAR_M:
+    if frame.height_above_carpet_m < PAD_HEIGHT_M + _NEAR_M:
         return  # on the pad or about to be: it fills the view
     height_px, width_px = image.shape[:2]
     right_m, down_m, depth_m = project_fix(fix, frame, camera)
