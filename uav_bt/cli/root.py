@@ -29,7 +29,6 @@ _COMMANDS: Final = {
     "calibrate": "uav_bt.cli.calibrate:calibrate",
     "perceive": "uav_bt.cli.perceive:perceive",
     "pick": "uav_bt.cli.pick:pick",
-    "log": "uav_bt.cli.log:log",
     "record": "uav_bt.cli.record:record",
     "replay": "uav_bt.cli.replay:replay",
     "view": "uav_bt.cli.view:view",

@@ -37,7 +37,7 @@ train.add_command(student)
 @click.option(
     "--photographs",
     type=click.Path(path_type=Path),
-    help="The folder of the photographs that --picks is about; the twin's pictures if not given.",
+    help="The folder of the photographs that --picks is about.",
 )
 @views_option(60)
 @seed_option()
@@ -60,10 +60,9 @@ def teacher(
 ) -> None:
     """Train the teacher on picks: drawn from the twin, or clicked by a person."""
     weights = out or _RUNS / "teacher.safetensors"
-    if photographs is not None and picks is None:
-        raise click.UsageError("--photographs needs --picks: what was clicked on them")
+    if (photographs is None) != (picks is None):
+        raise click.UsageError("--picks and --photographs belong together")
     from perception.segmentation.teacher import TeacherConfig, save_teacher  # noqa: PLC0415
-    from perception.segmentation.training.picks import read_picks  # noqa: PLC0415 - late, for --help
     from uav_bt.learning import segmentation as training  # noqa: PLC0415
     from uav_bt.learning.scenes import TRAINING_SCENES  # noqa: PLC0415
     from uav_bt.learning.views import ViewPlan  # noqa: PLC0415
@@ -73,11 +72,9 @@ def teacher(
         trained = training.train_teacher_on_photographs(picks, photographs, config)
     else:
         plan = ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
-        chosen = read_picks(picks) if picks is not None else None
         with progress_bars() as advance:
-            if chosen is None:
-                chosen = training.draw_twin_picks(plan, config, total=total, advance=advance)
-            trained = training.train_teacher(chosen, plan, config, advance=advance)
+            drawn = training.draw_twin_picks(plan, config, total=total, advance=advance)
+            trained = training.train_teacher(drawn, plan, config, advance=advance)
     save_teacher(weights, trained)
     click.echo(f"teacher of {len(trained.known)} classes: {weights}")
 

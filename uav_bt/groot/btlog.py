@@ -182,11 +182,6 @@ class BtlogReader:
             yield transition
         self.partial_bytes = len(record)
 
-    @property
-    def offset(self) -> int:
-        """How many bytes of the file were read."""
-        return self._file.tell()
-
     def close(self) -> None:
         """Let go of the file; safe to call twice."""
         self._file.close()

@@ -141,7 +141,7 @@ def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
     path = reader.path
     if not reader.finished:
         raise FileError(
-            path, "the record was never finished; `uav-bt record repair` makes a whole one of it"
+            path, "the record was never finished; `mcap recover` makes a whole one of it"
         )
     builder, advices, frame = FlightBuilder(size_px), dict[int, Advice](), -1
     topics = (channels.ADVICE.topic, channels.CAMERA_FRAME.topic, channels.CAMERA_IMAGE.topic)

@@ -39,7 +39,7 @@ class RecordInfo:
     ticks: int
     channels: tuple[ChannelInfo, ...]
     metadata: dict[str, str]
-    end: dict[str, str] | None  # None when it is not finished
+    end: dict[str, str] | None  # None when the flight did not close it
     attachments: dict[str, int]  # bytes by name
     lost_ticks: int
     damages: tuple[str, ...]

@@ -118,7 +118,7 @@ class RecordReader:
 
     @property
     def end(self) -> Mapping[str, str] | None:
-        """How the flight ended, and what the record lacks; None in an unfinished record."""
+        """How the flight ended, and what the record lacks; None in one that was not closed."""
         if not self.finished:
             return None
         from mcap.records import Metadata  # noqa: PLC0415 - an extra
@@ -163,24 +163,17 @@ class RecordReader:
             if message.time_ns >= start_ns and (end_ns is None or message.time_ns < end_ns):
                 yield message
 
-    def raw_messages(self) -> Iterator[tuple[Any, Any, Any]]:
-        """Yield schema, channel and message, as the `mcap` package has them, in file order."""
-        from mcap.records import Channel, Message, Schema  # noqa: PLC0415 - an extra
-
-        schemas: dict[int, Any] = {}
-        found: dict[int, Any] = {}
-        for record in self._scan:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                found[record.id] = record
-            elif isinstance(record, Message):
-                channel = found[record.channel_id]
-                yield schemas[channel.schema_id], channel, record
-
     def _found_by_scan(self) -> Iterator[StoredMessage]:
-        for _, channel, message in self.raw_messages():
-            yield StoredMessage(topic=channel.topic, time_ns=message.log_time, data=message.data)
+        from mcap.records import Channel, Message  # noqa: PLC0415 - an extra
+
+        topics: dict[int, str] = {}
+        for record in self._scan:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                yield StoredMessage(
+                    topic=topics[record.channel_id], time_ns=record.log_time, data=record.data
+                )
 
     def _found_by_index(
         self, topics: Collection[str] | None, start_ns: int, end_ns: int | None
@@ -195,7 +188,7 @@ class RecordReader:
                     )
             except Exception as error:  # whatever damage makes of the parser
                 raise FileError(
-                    self.path, f"is damaged ({error}); `uav-bt record repair` saves what is whole"
+                    self.path, f"is damaged ({error}); `mcap recover` saves what is whole"
                 ) from error
 
     @staticmethod
@@ -227,7 +220,7 @@ class RecordReader:
             if found or message.topic == channels.TICK.topic:
                 found[message.topic] = message.data
             elif message.topic == channels.TREE_STATUS.topic:
-                statuses = _statuses(message)  # how it stood when a cut begins
+                statuses = _statuses(message)  # how it stood when a part begins
         if channels.STATE.topic in found and channels.COMMANDS.topic in found:
             yield self._moment(found, statuses)
 

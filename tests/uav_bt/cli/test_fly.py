@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import av
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 from uav_bt import app
 from uav_bt.errors import InputError
+from uav_bt.groot import BtlogReader, NodeStatus
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
@@ -244,3 +246,53 @@ def test_an_interrupt_lands_the_drone_and_writes_the_report(
     assert told["outcome"] == "aborted"
     assert number.name in told["reason"]
     assert told["duration_s"] < 100.0
+
+
+# --- logs and Groot2 ------------------------------------------------------------------------------
+
+
+def test_a_flight_leaves_a_log(tmp_path: Path) -> None:
+    path = tmp_path / "flight.btlog"
+    options = ("--image-size", "160x90", "--profile", "ideal")
+    result = run("fly", tree_file(tmp_path, HOP), *options, "--btlog", path)
+    assert result.exit_code == 0, result.output
+    assert f"btlog: {path}" in result.stdout
+    with BtlogReader(path) as log:
+        ended = [uid for _, uid, status in log if status is NodeStatus.SUCCESS]
+    assert ended == [2, 3, 1]  # take-off, landing, their sequence
+
+
+@pytest.mark.parametrize(
+    ("arguments", "port"),
+    [
+        (("land_only",), None),
+        (("land_only", "--groot"), 1667),
+        (("--groot", 2000, "land_only"), 2000),
+    ],
+)
+def test_groot2_is_served_only_when_asked(
+    arguments: tuple[str, ...], port: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def refuse(**options: Any) -> None:
+        asked.append(options)
+        raise InputError("enough")
+
+    monkeypatch.setattr("uav_bt.groot.watch.watched_live", refuse)
+    assert_refused(run("fly", *arguments), "enough")
+    (options,) = asked
+    assert options["btlog"] is None
+    assert (options["groot"] and options["groot"].port) == port
+
+
+@pytest.mark.parametrize("port", ["0", "65535", "x", "land_only"])
+def test_a_port_that_is_none_is_refused_with_a_hint(port: str) -> None:
+    result = run("fly", "--groot", port, "land_only")
+    assert_refused(result, f"got '{port}'", "--groot without a port after TREE")
+
+
+def test_a_log_of_another_name_is_refused_before_anything_flies(tmp_path: Path) -> None:
+    assert_refused(
+        run("fly", "land_only", "--btlog", tmp_path / "flight.log"), "only files named *.btlog"
+    )

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+from tests.uav_bt.record.record_world import copy_part
 from uav_bt.record import record_file
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
@@ -45,7 +46,7 @@ def test_info_is_for_machines_too(record: Path) -> None:
     assert {channel["dropped"] for channel in told["channels"]} == {0}
 
 
-def test_an_unfinished_record_says_so_and_is_repaired(record: Path, tmp_path: Path) -> None:
+def test_an_unfinished_record_says_so_and_can_be_recovered(record: Path, tmp_path: Path) -> None:
     data = record.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: len(data) * 2 // 3])
@@ -53,31 +54,11 @@ def test_an_unfinished_record_says_so_and_is_repaired(record: Path, tmp_path: Pa
     assert result.exit_code == 0, result.output
     assert "NOT WHOLE" in result.stdout
     assert "damage: byte " in result.stdout
-    assert "record repair" in result.stdout
-    repaired = run("record", "repair", cut)
-    assert repaired.exit_code == 0, repaired.output
-    assert "cut within a record" in repaired.stderr
-    whole = tmp_path / "cut.repaired.mcap"
-    assert f"written: {whole}" in repaired.stdout
-    assert ": whole, " in run("record", "info", whole).stdout
-    assert_refused(run("record", "repair", cut), "exists already", "--out")
-
-
-def test_a_part_is_cut_out(record: Path, tmp_path: Path) -> None:
-    out = tmp_path / "part.mcap"
-    result = run("record", "cut", record, "--from", 1, "--to", 2, "--out", out)
-    assert result.exit_code == 0, result.output
-    assert json.loads(run("record", "info", out, "--format", "json").stdout)["ticks"] == 10
-
-
-@pytest.mark.parametrize("span", [(2, 1), (-1, 1), (5_000, 6_000)])
-def test_a_part_that_is_none_is_refused(
-    span: tuple[int, int], record: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "part.mcap"
-    result = run("record", "cut", record, "--from", span[0], "--to", span[1], "--out", out)
-    assert_refused(result)
-    assert not out.exists()
+    assert "cut within a record" in result.stdout
+    assert "mcap recover" in result.stdout
+    recovered = tmp_path / "recovered.mcap"
+    copy_part(cut, recovered)
+    assert ": whole, " in run("record", "info", recovered).stdout
 
 
 def test_a_replay_of_the_same_is_the_same_and_exits_with_0(record: Path) -> None:
@@ -108,7 +89,7 @@ def test_all_differences_are_there_for_machines(record: Path, tmp_path: Path) ->
     assert told["differing_ticks"] == len(told["differences"]) > 0
 
 
-@pytest.mark.parametrize("command", [("record", "info"), ("record", "repair"), ("replay",)])
+@pytest.mark.parametrize("command", [("record", "info"), ("replay",)])
 def test_what_is_no_record_is_refused(command: tuple[str, ...], tmp_path: Path) -> None:
     text = tmp_path / "text.mcap"
     text.write_text("Once upon a time")

@@ -9,15 +9,13 @@ import pytest
 
 from tests.uav_bt.groot.groot_world import leaf, make_tree
 from uav_bt import app
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import InputError
 from uav_bt.groot import TreeNumbering
-from uav_bt.groot.logged_tree import LoggedNode, read_logged_tree
 from uav_bt.groot.numbering import MAX_UID
 from uav_bt.groot.tree_xml import tree_xml
 from uav_bt.tree import MissionTree
 from uav_bt.tree.nodes import AlwaysSuccess, Sequence
 
-LOG = Path("flight.btlog")
 INNER = f'<BehaviorTree ID="Inner">{leaf("in", "S")}</BehaviorTree>'
 OUTER = (
     '<BehaviorTree ID="Outer"><Sequence>'
@@ -125,43 +123,6 @@ def test_a_tree_with_too_many_nodes_is_refused(monkeypatch: pytest.MonkeyPatch) 
 )
 def test_every_shipped_mission_can_be_told_and_read_back(name: str) -> None:
     tree = app.check(name)
-    nodes = read_logged_tree(tree_xml(TreeNumbering(tree)), LOG)
-    assert [nodes[uid].name for uid in sorted(nodes)] == [node.name for node in tree.nodes()]
-
-
-# --- reading it back ------------------------------------------------------------------------------
-
-
-def test_a_logs_nodes_have_paths_from_their_tree_down() -> None:
-    xml = tree_xml(
-        TreeNumbering(make_tree('<Sequence><SubTree ID="Inner" name="n"/></Sequence>', INNER))
-    )
-    assert read_logged_tree(xml, LOG) == {
-        1: LoggedNode(uid=1, node_id="Sequence", name="Sequence", path="Main/Sequence"),
-        2: LoggedNode(uid=2, node_id="SubTree", name="n", path="Main/Sequence/n"),
-        3: LoggedNode(uid=3, node_id="Scripted", name="in", path="n/in"),
-    }
-
-
-def test_a_foreign_logs_explicit_elements_are_understood() -> None:
-    xml = '<root><BehaviorTree ID="M"><Action ID="Fly" name="go" _uid="9"/></BehaviorTree></root>'
-    assert read_logged_tree(xml, LOG)[9] == LoggedNode(uid=9, node_id="Fly", name="go", path="M/go")
-
-
-@pytest.mark.parametrize(
-    ("xml", "words"),
-    [
-        ("<root", "flight.btlog: its XML, line 1: "),
-        ("", "no element found"),
-        ("<root/>", "numbers no node"),
-        ('<root><A _uid="x"/></root>', "_uid of 'A' must be a number up to 65535, got 'x'"),
-        ('<root><A _uid="65536"/></root>', "got '65536'"),
-        ('<root><A _uid="1"/><B _uid="1"/></root>', "'B' and 'A' both have _uid 1"),
-        ("<a>" * 1001, "deeper than 1000"),
-        ('<!DOCTYPE r [<!ENTITY e "x">]><r>&e;</r>', "document type declarations are refused"),
-    ],
-)
-def test_a_logs_xml_that_cannot_be_is_refused(xml: str, words: str) -> None:
-    with pytest.raises(FileError, match=r"flight\.btlog") as error:
-        read_logged_tree(xml, LOG)
-    assert words in str(error.value)
+    root = ET.fromstring(tree_xml(TreeNumbering(tree)))  # noqa: S314  # our own
+    names = {int(node.attrib["_uid"]): node.attrib["name"] for node in root.iterfind(".//*[@_uid]")}
+    assert [names[uid] for uid in sorted(names)] == [node.name for node in tree.nodes()]

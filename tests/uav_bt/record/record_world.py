@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.writer import Writer
 
 from uav_bt import app
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import Drone
+from uav_bt.record.reader import RecordReader
+from uav_bt.record.scan import RecordScan
 from uav_bt.testing import ScriptedDrone
 from uav_bt.types import Observation
 
@@ -62,3 +67,37 @@ def fly_noisy(
     record = folder / "flight.mcap"
     options = replace(options or app.FlightOptions(seed=5), record=record)
     return record, app.fly(tree_file(folder, body), options)
+
+
+def copy_part(path: Path, out: Path, *, from_s: float = 0.0, to_s: float = math.inf) -> None:
+    """Write what is whole of a record, or a part of it, as `mcap recover` and `mcap filter` do."""
+    timeline = RecordReader(path).timeline
+    ids: dict[tuple[type, int], int] = {}
+    with out.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        for found in RecordScan(path):
+            if isinstance(found, Metadata):
+                writer.add_metadata(found.name, found.metadata)
+            elif isinstance(found, Attachment):
+                writer.add_attachment(
+                    found.create_time, found.log_time, found.name, found.media_type, found.data
+                )
+            elif isinstance(found, Schema):
+                ids[Schema, found.id] = writer.register_schema(
+                    found.name, found.encoding, found.data
+                )
+            elif isinstance(found, Channel):
+                ids[Channel, found.id] = writer.register_channel(
+                    found.topic, found.message_encoding, ids[Schema, found.schema_id]
+                )
+            elif (
+                isinstance(found, Message) and from_s <= timeline.since_start(found.log_time) < to_s
+            ):
+                writer.add_message(
+                    ids[Channel, found.channel_id],
+                    log_time=found.log_time,
+                    data=found.data,
+                    publish_time=found.publish_time,
+                )
+        writer.finish()

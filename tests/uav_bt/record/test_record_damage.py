@@ -11,10 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from tests.uav_bt.record.record_world import fly_noisy
+from tests.uav_bt.record.record_world import copy_part, fly_noisy
 from uav_bt.errors import FileError
-from uav_bt.record import channels
-from uav_bt.record.copying import cut_record, repair_record
 from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader
 
@@ -55,7 +53,7 @@ def moments_of(path: Path) -> list[float]:
 
 
 @pytest.mark.parametrize("tick", [35, 120, 301])
-def test_a_killed_flight_leaves_a_record_that_is_read_and_made_whole(
+def test_a_killed_flight_leaves_a_record_that_is_read_and_can_be_recovered(
     tick: int, tmp_path: Path
 ) -> None:
     code = KILLED.format(here=str(HERE), folder=str(tmp_path), tick=tick, realtime=False)
@@ -68,13 +66,11 @@ def test_a_killed_flight_leaves_a_record_that_is_read_and_made_whole(
     assert not info.finished
     assert info.end is None
     assert info.damages
-    repaired = tmp_path / "repaired.mcap"
-    assert repair_record(record, repaired).damages == info.damages
-    assert moments_of(repaired) == times
-    again = record_info(repaired)
-    assert (again.finished, again.damages) == (True, ())
-    assert again.end is not None
-    assert again.end["outcome"] == "unknown"
+    recovered = tmp_path / "recovered.mcap"
+    copy_part(record, recovered)
+    assert moments_of(recovered) == times
+    again = record_info(recovered)
+    assert (again.finished, again.damages, again.end) == (True, (), None)
 
 
 @settings(
@@ -166,52 +162,3 @@ def test_other_files_are_refused_by_what_they_are(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(FileError, match="an MCAP file, but no flight record"):
         RecordReader(foreign)
-
-
-def test_a_cut_has_its_part_and_what_a_viewer_needs(whole: Path, tmp_path: Path) -> None:
-    out = tmp_path / "part.mcap"
-    cut_record(whole, out, from_s=0.45, to_s=1.05)
-    reader = RecordReader(out)
-    moments = list(reader.moments())
-    assert [moment.tick.time_s for moment in moments] == pytest.approx(
-        [0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
-    )
-    assert reader.tree == RecordReader(whole).tree
-    originals = {moment.tick.index: moment for moment in RecordReader(whole).moments()}
-    for moment in moments:
-        assert moment.statuses == originals[moment.tick.index].statuses
-        assert moment.state == originals[moment.tick.index].state
-    assert float(reader.metadata["cut_from_s"]) == 0.45
-    assert channels.CALIBRATION.topic in {message.topic for message in reader.messages()}
-
-
-def test_a_cut_of_a_cut_knows_where_it_comes_from(whole: Path, tmp_path: Path) -> None:
-    one, two = tmp_path / "one.mcap", tmp_path / "two.mcap"
-    cut_record(whole, one, from_s=0.45, to_s=1.55)
-    cut_record(one, two, from_s=0.5, to_s=9.0)
-    assert float(RecordReader(two).metadata["cut_from_s"]) == pytest.approx(0.95)
-    assert moments_of(two) == pytest.approx([1.0, 1.1, 1.2, 1.3, 1.4, 1.5])
-
-
-def test_a_cut_without_a_tick_leaves_nothing(whole: Path, tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="no tick within that part"):
-        cut_record(whole, tmp_path / "none.mcap", from_s=500.0, to_s=600.0)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_record_is_not_written_over_itself(whole: Path) -> None:
-    with pytest.raises(FileError, match="is the record itself"):
-        repair_record(whole, whole)
-    assert RecordReader(whole).finished
-
-
-def test_a_copy_that_does_not_fit_leaves_nothing_behind(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def finish(_self: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Writer, "finish", finish)
-    with pytest.raises(FileError, match="cannot be written: No space left"):
-        repair_record(whole, tmp_path / "copy.mcap")
-    assert list(tmp_path.iterdir()) == []

@@ -129,12 +129,13 @@ class _Told:
 
 
 def _check_beginning(reader: RecordReader) -> None:
-    cut_s = float(reader.metadata.get("cut_from_s", "0"))
-    if cut_s > 0.0:
+    first = next(reader.moments(), None)
+    if first is not None and first.tick.index > 0:
+        begins_s = first.tick.time_s - reader.timeline.start_s
         raise FileError(
             reader.path,
-            f"was cut and begins {cut_s:.1f} s into its flight; what tree and perception remember "
-            "by then is not in it: replay the whole record, or a cut from its beginning",
+            f"begins {begins_s:.1f} s into its flight; what tree and perception remember by then "
+            "is not in it: replay the whole record",
         )
 
 

@@ -110,7 +110,7 @@ def read_flight_data(path: Path) -> FlightData:
     reader = RecordReader(path)
     if not reader.finished:
         raise FileError(
-            path, "the record was never finished; `uav-bt record repair` makes a whole one of it"
+            path, "the record was never finished; `mcap recover` makes a whole one of it"
         )
     collector = _Collector(reader)
     try:
@@ -123,7 +123,7 @@ def read_flight_data(path: Path) -> FlightData:
     if reader.damages:
         raise FileError(
             path,
-            f"is damaged ({reader.damages[0]}); `uav-bt record repair` saves what is whole",
+            f"is damaged ({reader.damages[0]}); `mcap recover` saves what is whole",
         )
     whole = min(len(collector.states), len(collector.kinds), len(collector.tick_s))
     frames = [frame for frame in collector.frames if frame[2] < whole]

@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
-from tests.uav_bt.record.record_world import FLIGHT, fly_noisy, tree_file
+from tests.uav_bt.record.record_world import FLIGHT, copy_part, fly_noisy, tree_file
 from uav_bt import app
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.app.replay.movement_ids import MovementIds
@@ -20,7 +20,6 @@ from uav_bt.mission.runner import MissionRunner, TickRecord
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.record import encoder
 from uav_bt.record.channels import Channel
-from uav_bt.record.copying import cut_record
 from uav_bt.tree import Status
 from uav_bt.types import (
     DroneState,
@@ -193,12 +192,12 @@ def test_limits_are_the_recorded_ones(tmp_path: Path, monkeypatch: pytest.Monkey
     assert replay(record).same
 
 
-def test_a_cut_from_the_beginning_replays_and_another_is_refused(
+def test_a_part_from_the_beginning_replays_and_another_is_refused(
     noisy: Path, tmp_path: Path
 ) -> None:
     head, tail = tmp_path / "head.mcap", tmp_path / "tail.mcap"
-    cut_record(noisy, head, from_s=0.0, to_s=1.0)
-    cut_record(noisy, tail, from_s=0.5, to_s=1.0)
+    copy_part(noisy, head, to_s=1.0)
+    copy_part(noisy, tail, from_s=0.5, to_s=1.0)
     report = replay(head)
     assert report.same
     assert report.ticks == 10

@@ -132,7 +132,7 @@ def test_a_folder_that_cannot_hold_an_index_costs_time_only(
 def test_an_unfinished_record_asks_to_be_repaired(record: Path) -> None:
     whole = record.read_bytes()
     record.write_bytes(whole[: len(whole) * 2 // 3])
-    with pytest.raises(FileError, match="record repair"):
+    with pytest.raises(FileError, match="mcap recover"):
         flight_data(record)
 
 
