@@ -276,7 +276,7 @@ class LoopbackServer:
             self._heard.set()
         for payload in commands:
             try:
-                self._anafi.obey(decode(payload, self._table))
+                self._anafi.handle(decode(payload, self._table))
             except (WireError, DroneError) as error:
                 _LOG.debug("ignored: %s", error)
 

@@ -1,4 +1,9 @@
-"""The twin as a loopback ANAFI's world: its physics by the wall clock, on a thread of its own."""
+"""The twin as a loopback ANAFI's world: its physics by the wall clock, on a thread of its own.
+
+Without a scene the drone flies in an open field. Scripts written for the ANAFI move it by ten
+metres and more, at some metres a second, and the lab's room is ten metres wide: so the field is the
+lab without boxes, walls and ceiling, on a wide floor, and its drone is as fast as one outdoors.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,12 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.scene import ROOM_SIZE_M, Scene
+from sim_bridge.twin.scene import ROOM_SIZE_M, Helipad, Scene, TakeOffSpec
 from sim_bridge.twin.start import start_pose
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock
@@ -19,47 +26,55 @@ from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose
 
 load_mujoco()  # before the modules below do: how it draws is settled at its import
 
-from sim_bridge.loopback.field import FIELD, build_field, field_profile  # noqa: E402
-from sim_bridge.twin.airframe import CONTROL_STEP_S  # noqa: E402
-from sim_bridge.twin.model import LabModel, build_model  # noqa: E402
-from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402
+import mujoco  # noqa: E402  (after load_mujoco)
+
+from sim_bridge.twin.airframe import CONTROL_STEP_S  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.model import LabModel, build_model  # noqa: E402  (after load_mujoco)
+from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 
 __all__ = ["TwinWorld"]
 
-_PERIOD_S: Final = 0.02  # s between two rounds of physics: two of the twin's control steps
-_MAX_LAG_S: Final = 0.25  # s that physics may be late before the lost time is given up
+_PERIOD_S: Final = 0.02  # s between two updates: two of the twin's control steps
+_MAX_LAG_S: Final = 0.25  # s that physics may be late before the lost time is left out
 _LIFTED_M: Final = 0.03  # m above where it stood: it flies
 _BELOW_CEILING_M: Final = 0.8  # m that a drone keeps from the lab's ceiling
 
+_FIELD: Final = Scene(
+    name="field",
+    helipad=Helipad(position_m=(0.0, 1.5)),
+    take_off=TakeOffSpec(position_m=(0.0, 0.0)),
+)
+_FIELD_HALF_M: Final = 1000.0  # half the side of its floor
+_HIDDEN_GROUP: Final = 5  # not drawn by default
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class _Base:
-    """What is measured from: where the drone stood last."""
+class _Zero:
+    """The zero of altitudes: where the drone stood last."""
 
     z_m: float  # true
-    altitude_m: float  # as the twin's sensors said
+    altitude_m: float  # measured by the twin's sensors
 
 
 class TwinWorld:
-    """A `World` of MuJoCo in real time; start it, fly, stop it."""
+    """A `World` of MuJoCo in real time, which stands still until `start`.
+
+    Args:
+        scene: the lab; None is the open field.
+        profile: limits and imperfections; in the field the limits are wider.
+        seed: of everything random.
+        clock: paces the physics.
+
+    Raises:
+        MissingDependencyError: MuJoCo or OpenGL does not work here.
+    """
 
     def __init__(self, scene: Scene | None, *, profile: Profile, seed: int, clock: Clock) -> None:
-        """Build the lab; time does not pass before `start`.
-
-        Args:
-            scene: the lab; None is the open field.
-            profile: limits and imperfections; in the field the limits are wider.
-            seed: of everything random.
-            clock: what paces the physics.
-
-        Raises:
-            MissingDependencyError: MuJoCo or OpenGL does not work here.
-        """
         # Computing takes real time here: none is charged for it.
         profile = replace(profile, compute_latency_s=0.0)
-        self.scene = FIELD if scene is None else scene
-        self.profile = field_profile(profile) if scene is None else profile
-        self.lab: LabModel = build_field() if scene is None else build_model(scene)
+        self.scene = _FIELD if scene is None else scene
+        self.profile = _field_profile(profile) if scene is None else profile
+        self.lab: LabModel = _build_field() if scene is None else build_model(scene)
         self.start_pose: Pose = start_pose(self.scene, seed)
         self._simulation = Simulation(self.scene, self.lab, self.profile, seed, self.start_pose)
         self._limits = WorldLimits(
@@ -75,13 +90,13 @@ class TwinWorld:
         self._clock = clock
         self._inbox: deque[Command] = deque()
         self._movement: Movement = Hover()
-        self._base = _Base(z_m=self.start_pose.z_m, altitude_m=0.0)
+        self._zero = _Zero(z_m=self.start_pose.z_m, altitude_m=0.0)
         self._offset_s = 0.0  # of the clock over the simulation's time
         self._lost_s = 0.0
         self._failure: Exception | None = None
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._state = self._look()
+        self._state = self._measure()
 
     @property
     def limits(self) -> WorldLimits:
@@ -90,7 +105,7 @@ class TwinWorld:
 
     @property
     def lost_s(self) -> float:
-        """How much time was given up because the machine was too slow."""
+        """Time that was left out because the machine was too slow, s."""
         return self._lost_s
 
     def start(self) -> None:
@@ -124,14 +139,14 @@ class TwinWorld:
 
     def point(self, pitch_rad: float) -> None:
         """Turn the camera."""
-        # The movement that is under way comes along; told again, it changes nothing.
+        # The movement under way comes along; repeated, it changes nothing.
         self._inbox.append(Command(movement=self._movement, gimbal=GimbalTo(pitch_rad=pitch_rad)))
 
     def newest_capture(self, age_s: float) -> tuple[Capture, float] | None:
-        """Return the newest picture to draw that is so old, and when it was taken by the clock.
+        """Return the newest camera frame that is old enough, and its capture time by the clock.
 
         Args:
-            age_s: how old at least; what a real camera takes to deliver.
+            age_s: its minimum age, s: the latency of a real camera.
         """
         limit = self._state.time_s - age_s
         for capture in reversed(self._simulation.frames.copy()):
@@ -143,7 +158,7 @@ class TwinWorld:
         try:
             while not self._stop.wait(_PERIOD_S):
                 self._catch_up()
-        except Exception as error:  # noqa: BLE001 - `state` raises it where somebody hears it
+        except Exception as error:  # noqa: BLE001 - `state` raises it on the caller's thread
             self._failure = error
 
     def _catch_up(self) -> None:
@@ -158,28 +173,63 @@ class TwinWorld:
             simulation.enqueue(self._inbox.popleft())
         # Steps are whole: round down, so that simulated time never runs ahead.
         simulation.run_until(target_s - target_s % CONTROL_STEP_S)
-        self._state = self._look()
+        self._state = self._measure()
 
-    def _look(self) -> WorldState:
+    def _measure(self) -> WorldState:
         simulation, start = self._simulation, self.start_pose
-        told, motion = simulation.state(), simulation.motion
-        if told.flying is FlyingState.LANDED:
+        measured, motion = simulation.state(), simulation.motion
+        if measured.flying is FlyingState.LANDED:
             # The drone's own zero: wherever it stands before it takes off.
-            self._base = _Base(z_m=motion.z_m, altitude_m=told.altitude_m)
-        taking_off = told.flying is FlyingState.TAKING_OFF
-        grounded = told.flying is FlyingState.LANDED or (
-            taking_off and motion.z_m - self._base.z_m < _LIFTED_M
+            self._zero = _Zero(z_m=motion.z_m, altitude_m=measured.altitude_m)
+        taking_off = measured.flying is FlyingState.TAKING_OFF
+        grounded = measured.flying is FlyingState.LANDED or (
+            taking_off and motion.z_m - self._zero.z_m < _LIFTED_M
         )
         return WorldState(
-            time_s=told.captured_s,
-            flying=told.flying,
+            time_s=measured.captured_s,
+            flying=measured.flying,
             lifting=not grounded,
-            attitude=told.attitude,
-            velocity=told.velocity,
+            attitude=measured.attitude,
+            velocity=measured.velocity,
             north_m=motion.x_m - start.x_m,
             east_m=start.y_m - motion.y_m,
-            altitude_m=told.altitude_m - self._base.altitude_m,
-            height_m=told.height_m,
-            gimbal_pitch_rad=told.gimbal_pitch_rad,
-            movement=told.movement,
+            altitude_m=measured.altitude_m - self._zero.altitude_m,
+            height_m=measured.height_m,
+            gimbal_pitch_rad=measured.gimbal_pitch_rad,
+            movement=measured.movement,
         )
+
+
+def _field_profile(profile: Profile) -> Profile:
+    """Return a profile with the speeds of an ANAFI outdoors; delays and imperfections are kept.
+
+    The speed is what the twin's autopilot still follows closely; the ANAFI itself reaches 15 m/s.
+    """
+    return replace(
+        profile,
+        max_speed_mps=4.0,
+        max_climb_mps=3.0,
+        max_acceleration_mps2=3.0,
+        max_climb_acceleration_mps2=3.0,
+        max_yaw_rate_radps=3.0,
+        max_yaw_acceleration_radps2=6.0,
+    )
+
+
+def _build_field() -> LabModel:
+    """Compile the field, in which the only obstacles are the ground and the pad."""
+    lab = build_model(_FIELD)
+    model = lab.model
+    for index in range(model.ngeom):
+        geom = model.geom(index)
+        name = geom.name.removesuffix("/seen")
+        if name == "ceiling" or name.startswith("wall-"):
+            geom.contype = geom.conaffinity = 0
+            geom.group = _HIDDEN_GROUP
+        elif geom.name == "floor":
+            geom.size[:2] = _FIELD_HALF_M
+            model.geom_rbound[index] = 2.0 * _FIELD_HALF_M
+            model.geom_aabb[index, 3:5] = _FIELD_HALF_M
+    # The tree of bounding boxes was made for the small floor.
+    model.opt.disableflags |= np.int32(mujoco.mjtDisableBit.mjDSBL_MIDPHASE.value)
+    return lab

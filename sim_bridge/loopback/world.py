@@ -1,18 +1,32 @@
-"""What the loopback ANAFI flies in: the protocol between its firmware and whatever moves the body.
+"""The world of the loopback ANAFI: the protocol between its firmware and what moves the body.
 
-The twin is one (`twin_world`); tests have a simple one of their own.
+Positions are metres north and east of the world's origin, which lies at `HOME` on earth. The twin
+is one world (`twin_world`); tests have a simple one.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, BodyVelocity, FlyingState, Movement, MovementStatus
 
-__all__ = ["World", "WorldLimits", "WorldState"]
+__all__ = [
+    "HOME",
+    "Location",
+    "World",
+    "WorldLimits",
+    "WorldState",
+    "location",
+    "offset_m",
+    "to_body",
+    "to_earth",
+]
+
+_EQUATOR_M: Final = 6_378_137.0  # WGS84's semi-major axis
+_ECCENTRICITY_2: Final = 0.00669437999014  # WGS84's first eccentricity, squared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +50,7 @@ class WorldLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class WorldState:
-    """What the drone's sensors say."""
+    """What the drone's sensors measure."""
 
     time_s: float = 0.0
     flying: FlyingState = FlyingState.LANDED
@@ -52,7 +66,7 @@ class WorldState:
 
 
 class World(Protocol):
-    """Moves a body as told; may be asked and told from another thread than its own."""
+    """Moves a body; may be called from another thread than its own."""
 
     @property
     def limits(self) -> WorldLimits:
@@ -64,9 +78,100 @@ class World(Protocol):
         ...
 
     def move(self, movement: Movement) -> None:
-        """Order a movement; it replaces the one before. A `MoveBy` is told once, by its id."""
+        """Order a movement; it replaces the one before. A `MoveBy` is ordered once, by its id."""
         ...
 
     def point(self, pitch_rad: float) -> None:
         """Turn the camera: 0 level, negative down; within -pi/2 and pi/2."""
         ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Location:
+    """A point on earth."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float = 0.0  # above the take-off point
+
+    @property
+    def arguments(self) -> dict[str, float]:
+        """The point as arguments of an ARSDK event."""
+        return {
+            "latitude": self.latitude_deg,
+            "longitude": self.longitude_deg,
+            "altitude": self.altitude_m,
+        }
+
+
+# Where Parrot's simulator Sphinx puts its drones: scripts that name a place were written for it.
+HOME: Final = Location(latitude_deg=48.878900, longitude_deg=2.367780)
+
+
+def _metres_per_degree(latitude_deg: float) -> tuple[float, float]:
+    """Return the lengths of a degree of latitude and of longitude (WGS84's radii of curvature)."""
+    latitude = math.radians(latitude_deg)
+    bulge = 1.0 - _ECCENTRICITY_2 * math.sin(latitude) ** 2
+    meridian_m = _EQUATOR_M * (1.0 - _ECCENTRICITY_2) / bulge**1.5
+    parallel_m = _EQUATOR_M / math.sqrt(bulge) * math.cos(latitude)
+    return math.radians(meridian_m), math.radians(parallel_m)
+
+
+def location(north_m: float, east_m: float, altitude_m: float = 0.0) -> Location:
+    """Return the point on earth at an offset from home; for distances of some kilometres.
+
+    Args:
+        north_m: m north of home.
+        east_m: m east of home.
+        altitude_m: m above the take-off point.
+    """
+    north, east = _metres_per_degree(HOME.latitude_deg)
+    return Location(
+        latitude_deg=HOME.latitude_deg + north_m / north,
+        longitude_deg=HOME.longitude_deg + east_m / east,
+        altitude_m=altitude_m,
+    )
+
+
+def offset_m(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """Return how far north and east of home a point lies, m.
+
+    Args:
+        latitude_deg: the point's latitude.
+        longitude_deg: the point's longitude.
+    """
+    north, east = _metres_per_degree(HOME.latitude_deg)
+    return (
+        (latitude_deg - HOME.latitude_deg) * north,
+        (longitude_deg - HOME.longitude_deg) * east,
+    )
+
+
+def to_earth(forward: float, right: float, heading_rad: float) -> tuple[float, float]:
+    """Turn a horizontal vector from the heading-aligned body frame into the earth's.
+
+    Args:
+        forward: ahead; any unit.
+        right: to the right; the same unit.
+        heading_rad: rad clockwise from north.
+
+    Returns:
+        The vector's north and east parts.
+    """
+    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+    return forward * cosine - right * sine, forward * sine + right * cosine
+
+
+def to_body(north: float, east: float, heading_rad: float) -> tuple[float, float]:
+    """Turn a horizontal vector from the earth's frame into the heading-aligned body frame.
+
+    Args:
+        north: to the north; any unit.
+        east: to the east; the same unit.
+        heading_rad: rad clockwise from north.
+
+    Returns:
+        The vector's parts ahead and to the right.
+    """
+    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+    return north * cosine + east * sine, east * cosine - north * sine

@@ -1,4 +1,4 @@
-"""What the ANAFI's own software does: commands in, a body's movements and events out.
+"""The ANAFI's firmware: commands in, movements of a body and events out.
 
-Every part takes the time with its calls, and moves a `World`; nothing here knows sockets.
+Every part gets the time with its calls and moves a `World`; nothing here knows sockets.
 """

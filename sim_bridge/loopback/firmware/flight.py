@@ -1,13 +1,13 @@
-"""Taking off, landing, cutting out, and the flying state that the drone tells."""
+"""Take-off, landing, emergency stop, and the flying state."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
-from sim_bridge.loopback.firmware.announcer import Announcer
-from sim_bridge.loopback.firmware.part import Handler, Values
-from sim_bridge.loopback.world import World, WorldState
+from sim_bridge.loopback.firmware.part import Core, Part
+from sim_bridge.loopback.firmware.publisher import Handler, Values
+from sim_bridge.loopback.world import WorldState
 from uav_bt.types import CutMotors, FlyingState, Land, TakeOff
 
 __all__ = ["AIRBORNE", "Flight"]
@@ -15,7 +15,8 @@ __all__ = ["AIRBORNE", "Flight"]
 AIRBORNE: Final = (FlyingState.HOVERING, FlyingState.FLYING)
 
 _EVENT: Final = "ardrone3.PilotingState.FlyingStateChanged"
-_EMERGENCY_S: Final = 0.5  # s for which a cut-out is told even where there was nothing to cut
+# s for which an emergency stop is published even on the ground: clients wait for the state.
+_EMERGENCY_S: Final = 0.5
 _NAMES: Final = {
     FlyingState.LANDED: "landed",
     FlyingState.TAKING_OFF: "takingoff",
@@ -26,75 +27,67 @@ _NAMES: Final = {
 }
 
 
-class Flight:
-    """Obeys what starts and ends a flight."""
+class Flight(Part):
+    """Starts and ends flights.
 
-    def __init__(self, announcer: Announcer, world: World, interrupt: Callable[[], None]) -> None:
-        """Stand on the ground.
+    Args:
+        core: what the parts share.
+    """
 
-        Args:
-            announcer: told the flying state.
-            world: what flies.
-            interrupt: ends whatever moves the drone now.
-        """
-        self._announcer = announcer
-        self._world = world
-        self._interrupt = interrupt
+    def __init__(self, core: Core) -> None:
+        super().__init__(core)
         self._emergency_until_s = 0.0
-        self.may_take_off = True  # no longer where the battery is empty
+        self.may_take_off = True  # False while the battery is critical
 
     def handlers(self) -> Mapping[str, Handler]:
-        """Return what obeys which command."""
+        """Return the commands it handles, by name."""
         return {
             "ardrone3.Piloting.TakeOff": self._take_off,
             "ardrone3.Piloting.UserTakeOff": self._user_take_off,
             "ardrone3.Piloting.Landing": self._land,
-            "ardrone3.Piloting.SmartTakeOffLand": self._either,
-            "ardrone3.Piloting.Emergency": self._cut_out,
+            "ardrone3.Piloting.SmartTakeOffLand": self._take_off_or_land,
+            "ardrone3.Piloting.Emergency": self._stop_motors,
         }
 
     def update(self, state: WorldState) -> None:
-        """Tell the flying state."""
+        """Publish the flying state."""
         if state.time_s < self._emergency_until_s:
             return
         name = _NAMES[state.flying]
         if state.flying is FlyingState.TAKING_OFF and not state.lifting:
             name = "motor_ramping"
-        self._announcer.state(_EVENT, state=name)
+        self._core.publisher.state(_EVENT, state=name)
 
     def land(self) -> None:
-        """Land where it is."""
-        self._interrupt()
-        self._world.move(Land())
+        """Land at the present position."""
+        self._core.interrupt()
+        self._core.world.move(Land())
 
-    def _take_off(self, values: Values, state: WorldState) -> None:
-        del values
+    def _take_off(self, _values: Values, state: WorldState) -> None:
         if state.flying is FlyingState.LANDING or (
             state.flying is FlyingState.LANDED and self.may_take_off
         ):
-            self._world.move(TakeOff())
+            self._core.world.move(TakeOff())
 
     def _user_take_off(self, values: Values, state: WorldState) -> None:
-        # Thrown from the hand it would start by itself; nobody throws this one.
+        # A real drone waits with spinning motors to be thrown; this one takes off at once.
         if values["state"]:
             self._take_off(values, state)
         elif state.flying is FlyingState.TAKING_OFF and not state.lifting:
             self.land()
 
-    def _land(self, values: Values, state: WorldState) -> None:
-        del values
+    def _land(self, _values: Values, state: WorldState) -> None:
         if state.flying not in (FlyingState.LANDED, FlyingState.EMERGENCY):
             self.land()
 
-    def _either(self, values: Values, state: WorldState) -> None:
+    def _take_off_or_land(self, values: Values, state: WorldState) -> None:
         if state.flying is FlyingState.LANDED:
             self._take_off(values, state)
         else:
             self._land(values, state)
 
-    def _cut_out(self, values: Values, state: WorldState) -> None:
-        del values
-        self._interrupt()
-        self._world.move(CutMotors())
-        self._announcer.state(_EVENT, state="emergency")
+    def _stop_motors(self, _values: Values, state: WorldState) -> None:
+        self._core.interrupt()
+        self._core.world.move(CutMotors())
+        self._core.publisher.state(_EVENT, state="emergency")
         self._emergency_until_s = state.time_s + _EMERGENCY_S

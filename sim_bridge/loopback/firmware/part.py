@@ -1,25 +1,48 @@
-"""What the firmware is made of."""
+"""What the firmware is made of, and what its parts share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from dataclasses import dataclass
 
-from sim_bridge.loopback.world import WorldState
+from sim_bridge.loopback.firmware.publisher import Handler, Publisher
+from sim_bridge.loopback.firmware.settings import Settings
+from sim_bridge.loopback.firmware.travel import Travel
+from sim_bridge.loopback.world import World, WorldState
 
-__all__ = ["Handler", "Part", "Values"]
-
-Values = Mapping[str, Any]
-Handler = Callable[[Values, WorldState], None]
+__all__ = ["Core", "Part"]
 
 
-class Part(Protocol):
-    """One part of the firmware."""
+@dataclass(frozen=True, kw_only=True)
+class Core:
+    """What the parts of the firmware share."""
+
+    publisher: Publisher
+    world: World
+    settings: Settings
+    travel: Travel  # carries relative movements out
+    interrupt: Callable[[], None]  # ends whatever moves the drone
+
+    @property
+    def ceiling_m(self) -> float:
+        """The greatest altitude, m above the take-off point: set by a client, or the world's."""
+        highest: float = self.settings.value("ardrone3.PilotingSettingsState.MaxAltitudeChanged")
+        return min(highest, self.world.limits.ceiling_m)
+
+
+class Part:
+    """One part of the firmware.
+
+    Args:
+        core: what it shares with the others.
+    """
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
 
     def handlers(self) -> Mapping[str, Handler]:
-        """Return what obeys which command, by the command's name."""
-        ...
+        """Return the commands it handles, by name."""
+        return {}
 
     def update(self, state: WorldState) -> None:
-        """Take notice of a new state and tell what it means; `state.time_s` is the time."""
-        ...
+        """React to a new state of the world; `state.time_s` is the time."""

@@ -1,26 +1,26 @@
-"""The sticks: percentages that come many times a second, and count for nothing once they stop."""
+"""Stick positions (PCMD): percentages that come many times a second, and expire."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from sim_bridge.loopback.firmware.flight import AIRBORNE
-from sim_bridge.loopback.firmware.part import Handler, Values
+from sim_bridge.loopback.firmware.part import Core, Part
+from sim_bridge.loopback.firmware.publisher import Handler, Values
 from sim_bridge.loopback.firmware.settings import Settings
-from sim_bridge.loopback.world import World, WorldLimits, WorldState
+from sim_bridge.loopback.world import WorldLimits, WorldState
 from uav_bt.types import Hover, Velocity
 
 __all__ = ["EXPIRY_S", "Piloting", "Sticks", "velocity_of"]
 
-EXPIRY_S: Final = 0.5  # s after which silent sticks count as centred; clients send every 25-50 ms
+EXPIRY_S: Final = 0.5  # s after which old stick positions count as centred; clients send at 20 Hz
 # m/s of steady flight at 45 degrees of tilt: at 40 degrees it makes the ANAFI's 15 m/s.
 _SPEED_PER_TILT_MPS: Final = 15.0 / math.tan(math.radians(40.0))
 _SPEED: Final = "ardrone3.SpeedSettingsState"
 _TILT: Final = "ardrone3.PilotingSettingsState.MaxTiltChanged"
-_ALTITUDE: Final = "ardrone3.PilotingSettingsState.MaxAltitudeChanged"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,19 +34,19 @@ class Sticks:
 
     @property
     def centred(self) -> bool:
-        """Whether nobody pushes."""
+        """Whether all are centred."""
         return not (self.roll or self.pitch or self.yaw or self.gaz)
 
 
 def velocity_of(sticks: Sticks, settings: Settings, limits: WorldLimits) -> Velocity:
-    """Return the velocity that sticks ask for.
+    """Return the velocity that stick positions ask for.
 
     Roll and pitch are shares of the greatest tilt, and a tilt makes a speed; yaw and gaz are shares
     of the greatest rates.
 
     Args:
         sticks: the percentages.
-        settings: what the client has set as the greatest.
+        settings: the greatest tilt and rates, as set by a client.
         limits: what the body can do.
     """
     tilt_rad = math.radians(settings.value(_TILT))
@@ -67,26 +67,23 @@ def velocity_of(sticks: Sticks, settings: Settings, limits: WorldLimits) -> Velo
     )
 
 
-class Piloting:
-    """Follows the sticks where nothing else moves the drone, or where they interrupt it."""
+class Piloting(Part):
+    """Follows the sticks where nothing else moves the drone, or where they interrupt it.
 
-    def __init__(self, world: World, settings: Settings, claims: Callable[[], bool]) -> None:
-        """Leave the sticks centred.
+    Args:
+        core: what the parts share.
+        claim: whether pushed sticks may move the drone now; ends what else moves it.
+    """
 
-        Args:
-            world: what flies.
-            settings: the greatest tilt, speeds and altitude.
-            claims: whether pushed sticks may move the drone now; ends what else moves it.
-        """
-        self._world = world
-        self._settings = settings
-        self._claims = claims
+    def __init__(self, core: Core, claim: Callable[[], bool]) -> None:
+        super().__init__(core)
+        self._claim = claim
         self._sticks = Sticks()
-        self._heard_s = -math.inf
+        self._received_s = -math.inf
         self._steering = False
 
     def handlers(self) -> Mapping[str, Handler]:
-        """Return what obeys which command."""
+        """Return the commands it handles, by name."""
         return {"ardrone3.Piloting.PCMD": self._pcmd}
 
     def release(self) -> None:
@@ -95,14 +92,13 @@ class Piloting:
         self._sticks = Sticks()
 
     def update(self, state: WorldState) -> None:
-        """Hover once the sticks fall silent; keep below the greatest altitude."""
+        """Hover once stick positions have expired; keep below the greatest altitude."""
         if not self._steering:
             return
         if state.flying not in AIRBORNE:
             self.release()
-        elif state.time_s - self._heard_s > EXPIRY_S:
-            self.release()
-            self._world.move(Hover())
+        elif state.time_s - self._received_s > EXPIRY_S:
+            self._hover()
         else:
             self._steer(state)
 
@@ -114,27 +110,25 @@ class Piloting:
             yaw=_percent(values["yaw"]),
             gaz=_percent(values["gaz"]),
         )
-        self._heard_s = state.time_s
+        self._received_s = state.time_s
         if state.flying not in AIRBORNE:
             return
         if sticks.centred:
             if self._steering:
-                self.release()
-                self._world.move(Hover())
-        elif self._steering or self._claims():
+                self._hover()
+        elif self._steering or self._claim():
             self._steering, self._sticks = True, sticks
             self._steer(state)
 
+    def _hover(self) -> None:
+        self.release()
+        self._core.world.move(Hover())
+
     def _steer(self, state: WorldState) -> None:
-        order = velocity_of(self._sticks, self._settings, self._world.limits)
-        ceiling = min(self._settings.value(_ALTITUDE), self._world.limits.ceiling_m)
-        if state.altitude_m >= ceiling and order.down_mps < 0.0:
-            order = Velocity(
-                forward_mps=order.forward_mps,
-                right_mps=order.right_mps,
-                yaw_rate_radps=order.yaw_rate_radps,
-            )
-        self._world.move(order)
+        order = velocity_of(self._sticks, self._core.settings, self._core.world.limits)
+        if state.altitude_m >= self._core.ceiling_m and order.down_mps < 0.0:
+            order = replace(order, down_mps=0.0)
+        self._core.world.move(order)
 
 
 def _percent(value: int) -> int:

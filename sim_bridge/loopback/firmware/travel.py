@@ -1,22 +1,22 @@
-"""One relative movement at a time, watched to its end: what moveBy, moveTo and RTH are made of."""
+"""Relative movements, one at a time: what moveBy, moveTo and the return to home are made of."""
 
 from __future__ import annotations
 
 import enum
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Final
 
-from sim_bridge.loopback.world import World, WorldState
+from sim_bridge.loopback.world import World, WorldState, to_body
 from uav_bt.types import Hover, MoveBy, MovementState, wrap_angle
 
-__all__ = ["Outcome", "Step", "Travel", "Travelled"]
+__all__ = ["Outcome", "Step", "Travel", "Travelled", "step_to"]
 
 _STUCK_S: Final = 3.0  # s without progress after which something is in the way
 _PROGRESS_M: Final = 0.05
 _PROGRESS_RAD: Final = 0.05
-_UNHEARD_S: Final = 1.0  # s after which an order that nobody answers is lost
+_UNANSWERED_S: Final = 1.0  # s after which an order without an answer is lost
 
 
 class Outcome(enum.Enum):
@@ -40,17 +40,43 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Travelled:
-    """What became of a movement."""
+    """The result of a movement."""
 
     outcome: Outcome
-    done: Step  # as far as it came, in the frame in which it began
+    done: Step  # what was flown, in the frame in which it began
 
 
 Ending = Callable[[Travelled, WorldState], None]
 
 
+def step_to(
+    state: WorldState, north_m: float, east_m: float, altitude_m: float, yaw_rad: float
+) -> Step:
+    """Return the relative movement that leads to a point.
+
+    Args:
+        state: the drone's at present.
+        north_m: the point, m north of the world's origin.
+        east_m: the point, m east of the world's origin.
+        altitude_m: the point, m above the take-off point.
+        yaw_rad: the heading at the end, rad clockwise from north.
+    """
+    heading = state.attitude.yaw_rad
+    forward, right = to_body(north_m - state.north_m, east_m - state.east_m, heading)
+    return Step(
+        forward_m=forward,
+        right_m=right,
+        down_m=state.altitude_m - altitude_m,
+        yaw_rad=wrap_angle(yaw_rad - heading),
+    )
+
+
 class Travel:
-    """Gives a world its `MoveBy`s and watches them."""
+    """Orders `MoveBy`s and watches them.
+
+    Args:
+        world: what flies.
+    """
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -71,7 +97,7 @@ class Travel:
         Args:
             step: the movement.
             state: the drone's at present.
-            ending: told once, when it is over.
+            ending: called once, when it is over.
         """
         self._close(Outcome.INTERRUPTED, state)
         self._count += 1
@@ -79,15 +105,7 @@ class Travel:
         self._start = self._mark = state
         self._turned_rad = self._marked_rad = 0.0
         self._yaw_rad = state.attitude.yaw_rad
-        self._world.move(
-            MoveBy(
-                id=self._count,
-                forward_m=step.forward_m,
-                right_m=step.right_m,
-                down_m=step.down_m,
-                yaw_rad=step.yaw_rad,
-            )
-        )
+        self._world.move(MoveBy(id=self._count, **asdict(step)))
 
     def interrupt(self, state: WorldState, *, hover: bool = False) -> None:
         """End the movement, if one runs.
@@ -104,14 +122,13 @@ class Travel:
         """Watch the movement."""
         if self._ending is None:
             return
-        turn = wrap_angle(state.attitude.yaw_rad - self._yaw_rad)
-        self._turned_rad += turn
+        self._turned_rad += wrap_angle(state.attitude.yaw_rad - self._yaw_rad)
         self._yaw_rad = state.attitude.yaw_rad
-        told = state.movement
-        if told is None or told.id != self._count:
-            if state.time_s - self._start.time_s > _UNHEARD_S:
+        status = state.movement
+        if status is None or status.id != self._count:
+            if state.time_s - self._start.time_s > _UNANSWERED_S:
                 self._close(Outcome.REFUSED, state)
-        elif told.state is MovementState.RUNNING:
+        elif status.state is MovementState.RUNNING:
             self._watch_progress(state)
         else:
             outcomes = {
@@ -119,7 +136,7 @@ class Travel:
                 MovementState.INTERRUPTED: Outcome.INTERRUPTED,
                 MovementState.REJECTED: Outcome.REFUSED,
             }
-            self._close(outcomes[told.state], state)
+            self._close(outcomes[status.state], state)
 
     def _watch_progress(self, state: WorldState) -> None:
         gone_m = math.dist(_position(state), _position(self._mark))
@@ -134,12 +151,12 @@ class Travel:
         if self._ending is None:
             return
         ending, self._ending = self._ending, None
-        north = state.north_m - self._start.north_m
-        east = state.east_m - self._start.east_m
-        heading = self._start.attitude.yaw_rad
+        north_m = state.north_m - self._start.north_m
+        east_m = state.east_m - self._start.east_m
+        forward_m, right_m = to_body(north_m, east_m, self._start.attitude.yaw_rad)
         done = Step(
-            forward_m=north * math.cos(heading) + east * math.sin(heading),
-            right_m=east * math.cos(heading) - north * math.sin(heading),
+            forward_m=forward_m,
+            right_m=right_m,
             down_m=self._start.altitude_m - state.altitude_m,
             yaw_rad=self._turned_rad,
         )

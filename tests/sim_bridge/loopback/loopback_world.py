@@ -157,7 +157,7 @@ class Bench:
 
     def send(self, name: str, /, **values: Any) -> None:
         message = message_table().named(name)
-        self.anafi.obey(Received(type=message, values=values))
+        self.anafi.handle(Received(type=message, values=values))
 
     def run(self, duration_s: float) -> None:
         for _ in range(round(duration_s / STEP_S)):

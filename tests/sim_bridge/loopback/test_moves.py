@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from sim_bridge.loopback.earth import HOME, offset_m, place
+from sim_bridge.loopback.world import HOME, location, offset_m
 from tests.sim_bridge.loopback.loopback_world import Bench
 from uav_bt.types import FlyingState
 
@@ -31,7 +31,7 @@ def move_by(
 
 
 def move_to(bench: Bench, north_m: float, east_m: float, altitude_m: float, **how: Any) -> None:
-    there = place(north_m, east_m)
+    there = location(north_m, east_m)
     bench.send(
         "ardrone3.Piloting.moveTo",
         latitude=there.latitude_deg,
@@ -235,7 +235,7 @@ def test_the_way_home_can_be_called_off(bench: Bench) -> None:
 
 
 def test_home_may_be_somewhere_else_and_hovered_over(bench: Bench) -> None:
-    there = place(2.0, 2.0)
+    there = location(2.0, 2.0)
     bench.send(
         "rth.set_custom_location",
         latitude=there.latitude_deg,
@@ -252,6 +252,6 @@ def test_home_may_be_somewhere_else_and_hovered_over(bench: Bench) -> None:
 
 
 def test_places_and_offsets_are_inverse() -> None:
-    there = place(120.0, -340.0)
+    there = location(120.0, -340.0)
     assert offset_m(there.latitude_deg, there.longitude_deg) == pytest.approx((120.0, -340.0))
-    assert place(0.0, 0.0) == HOME
+    assert location(0.0, 0.0) == HOME

@@ -1,4 +1,4 @@
-"""What the drone has told: each event goes to the client, and states are kept for the next one."""
+"""Commands in, events out: each event goes to the client, and states are kept for the next one."""
 
 from __future__ import annotations
 
@@ -7,17 +7,24 @@ from typing import Any, Final
 
 from sim_bridge.loopback.codec import encode
 from sim_bridge.loopback.messages import Memory, MessageTable, MessageType
+from sim_bridge.loopback.world import WorldState
 
-__all__ = ["Announcer", "Sink"]
+__all__ = ["Handler", "Publisher", "Sink", "Values"]
 
+Values = Mapping[str, Any]
+Handler = Callable[[Values, WorldState], None]  # carries one command out
 Sink = Callable[[MessageType, bytes], None]
 
 _SETTINGS: Final = "SettingsState"  # how classes are named whose states are settings
 _FLAGS: Final = "list_flags"
 
 
-class Announcer:
-    """Encodes events, sends them where there is a client, and remembers the states."""
+class Publisher:
+    """Encodes events, sends them where there is a client, and remembers the states.
+
+    Args:
+        table: the messages that it speaks.
+    """
 
     def __init__(self, table: MessageTable) -> None:
         self._table = table
@@ -25,27 +32,47 @@ class Announcer:
         self.sink: Sink | None = None  # None while no client is connected
 
     def state(self, name: str, /, **values: Any) -> None:
-        """Tell a state where it is news."""
+        """Publish a state if it differs from the last one published.
+
+        Args:
+            name: the event.
+            values: all its arguments, by name.
+        """
         message = self._table.named(name)
         payload, key = encode(message, values), _key(message, values)
         if self._memory.get(key) != payload:
             self._memory[key] = payload
             self._send(message, payload)
 
-    def repeat(self, name: str, /, **values: Any) -> None:
-        """Tell a state, news or not: it comes regularly, or a client has just asked for it."""
+    def refresh(self, name: str, /, **values: Any) -> None:
+        """Publish a state even if nothing has changed: it is periodic, or answers a command.
+
+        Args:
+            name: the event.
+            values: all its arguments, by name.
+        """
         message = self._table.named(name)
         payload = encode(message, values)
         self._memory[_key(message, values)] = payload
         self._send(message, payload)
 
-    def note(self, name: str, /, **values: Any) -> None:
-        """Tell what has happened; nobody is told later."""
+    def notify(self, name: str, /, **values: Any) -> None:
+        """Publish an occurrence, which is not kept for later clients.
+
+        Args:
+            name: the event.
+            values: all its arguments, by name.
+        """
         message = self._table.named(name)
         self._send(message, encode(message, values))
 
-    def entries(self, name: str, entries: Iterable[Mapping[str, Any]]) -> None:
-        """Tell all entries of a list or a map, or that there are none."""
+    def entries(self, name: str, entries: Iterable[Values]) -> None:
+        """Publish all entries of a list or a map in place of earlier ones.
+
+        Args:
+            name: the event.
+            entries: the arguments of each, without the flags that mark the first and the last.
+        """
         message = self._table.named(name)
         for old in [key for key in self._memory if key[0] == name]:
             del self._memory[old]
@@ -60,7 +87,7 @@ class Announcer:
             self._send(message, payload)
 
     def replay(self, *, settings: bool) -> None:
-        """Tell a newcomer all states that are settings, or all that are not."""
+        """Send a new client all states that are settings, or all that are not."""
         for (name, _), payload in self._memory.items():
             parts = name.split(".")
             if (len(parts) == 3 and parts[1].endswith(_SETTINGS)) is settings:
@@ -71,7 +98,7 @@ class Announcer:
             self.sink(message, payload)
 
 
-def _key(message: MessageType, values: Mapping[str, Any]) -> tuple[str, Any]:
+def _key(message: MessageType, values: Values) -> tuple[str, Any]:
     if message.memory is Memory.MAP and message.key is not None:
         return message.name, values[message.key]
     return message.name, None
