@@ -5,6 +5,7 @@ from __future__ import annotations
 from behaviours.fly.steering import FLOWING, SteeringLeaf
 from uav_bt.board import PHASE
 from uav_bt.tree import Status
+from uav_bt.types import MissionPhase
 
 __all__ = ["Explore"]
 
@@ -16,7 +17,7 @@ class Explore(SteeringLeaf):
 
     def initialise(self) -> None:
         """Say what the mission is doing; only what is seen from now on counts."""
-        self.write(PHASE, "explore")
+        self.write(PHASE, MissionPhase.EXPLORE)
         self.look_afresh()
 
     def update(self) -> Status:

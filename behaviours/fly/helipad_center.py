@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 from behaviours.fly.movement import MovingLeaf
-from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board import CAMERA, FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Port, Status
-from uav_bt.types import DroneState, GimbalTo, HelipadFix
+from uav_bt.types import CameraModel, DroneState, GimbalTo, HelipadFix, MissionPhase
 
 __all__ = ["HelipadCenter"]
 
@@ -31,14 +31,13 @@ class HelipadCenter(MovingLeaf):
         Port("low_m", float, default=1.1, doc="height above the carpet of the second look, m"),
         Port("tolerance_m", float, default=0.04, doc="largest offset that counts as centred, m"),
         Port("give_up_s", float, default=20.0, doc="seconds until the pad counts as lost"),
-        Port("camera_forward_m", float, default=0.15, doc="camera ahead of the body's centre, m"),
     )
-    reads = (STATE, FRAME, HELIPAD)
+    reads = (STATE, FRAME, CAMERA, HELIPAD)
     writes = (PHASE,)
 
     def initialise(self) -> None:
         """Climb first."""
-        self.write(PHASE, "center")
+        self.write(PHASE, MissionPhase.CENTER)
         self._started_s = self.clock.now()
         self._climb_next_m = self.port_value("climb_m")
         self._confirmed = 0
@@ -66,9 +65,9 @@ class HelipadCenter(MovingLeaf):
         if now_s - self._started_s > self.port_value("give_up_s"):
             self.feedback_message = "helipad lost"
             return Status.FAILURE
-        fix = self._fix_from_above()
-        if fix is not None:
-            return self._centre(state, fix)
+        fix, camera = self._fix_from_above(), self.read(CAMERA).value
+        if fix is not None and camera is not None:
+            return self._centre(state, fix, camera)
         return self._look_from_higher(state, now_s)
 
     def _fix_from_above(self) -> HelipadFix | None:
@@ -81,9 +80,9 @@ class HelipadCenter(MovingLeaf):
         looks_down = frame.gimbal_pitch_rad < _LOOKS_DOWN_RAD
         return fix if looks_down and fix.captured_s >= self._mover.ended_s else None
 
-    def _centre(self, state: DroneState, fix: HelipadFix) -> Status:
+    def _centre(self, state: DroneState, fix: HelipadFix, camera: CameraModel) -> Status:
         self._judged_s = fix.captured_s
-        forward_m = fix.forward_m - self.port_value("camera_forward_m")
+        forward_m = fix.forward_m - camera.forward_offset_m
         offset_m = math.hypot(forward_m, fix.right_m)
         self.feedback_message = f"{100 * offset_m:.0f} cm off"
         if offset_m > self.port_value("tolerance_m"):

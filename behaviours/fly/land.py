@@ -12,7 +12,7 @@ from perception.camera.geometry import ground_points
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
 from uav_bt.tree import Port, Status
-from uav_bt.types import CameraModel, ClassMap, FlyingState, Frame, GimbalTo
+from uav_bt.types import CameraModel, ClassMap, FlyingState, Frame, GimbalTo, MissionPhase
 from uav_bt.types import Land as LandCommand
 
 __all__ = ["EmergencyLand", "Land", "LandingSpot", "nearest_landing_spot"]
@@ -24,13 +24,12 @@ _LOOKS_DOWN_RAD = math.radians(-85)
 class Land(MovingLeaf):
     """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground."""
 
-    ports = (Port("forward_m", float, default=0.15, doc="camera ahead of the body's centre, m"),)
-    reads = (STATE,)
+    reads = (STATE, CAMERA)
     writes = (PHASE,)
 
     def initialise(self) -> None:
         """The forward step comes first."""
-        self.write(PHASE, "land")
+        self.write(PHASE, MissionPhase.LAND)
         self._moved = False
 
     def update(self) -> Status:
@@ -40,10 +39,10 @@ class Land(MovingLeaf):
             return Status.RUNNING
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
-        forward_m = self.port_value("forward_m")
-        if not self._moved and forward_m != 0.0:
+        camera = self.read(CAMERA).value
+        if not self._moved and camera is not None and camera.forward_offset_m != 0.0:
             self._moved = True
-            self.start_move(forward_m=forward_m)
+            self.start_move(forward_m=camera.forward_offset_m)
             return Status.RUNNING
         if self.moving(state):
             return Status.RUNNING
@@ -101,7 +100,7 @@ class EmergencyLand(MovingLeaf):
 
     def initialise(self) -> None:
         """Look down first."""
-        self.write(PHASE, "emergency landing")
+        self.write(PHASE, MissionPhase.EMERGENCY_LANDING)
         self._started_s = self.clock.now()
         self._above_spot = False
 

@@ -7,7 +7,7 @@ import math
 from behaviours.fly.movement import MovingLeaf, Progress
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import GimbalTo, Hover
+from uav_bt.types import GimbalTo, Hover, MissionPhase
 
 __all__ = ["HelipadKnown", "HoverFor", "Hovering", "PointCamera", "Turn"]
 
@@ -22,7 +22,7 @@ class HoverFor(Leaf):
 
     def initialise(self) -> None:
         """Note when it began."""
-        self.write(PHASE, "hover")
+        self.write(PHASE, MissionPhase.HOVER)
         self._until_s = self.clock.now() + self.port_value("seconds")
 
     def update(self) -> Status:
@@ -58,7 +58,7 @@ class Turn(MovingLeaf):
 
     def initialise(self) -> None:
         """Begin the turn."""
-        self.write(PHASE, "look")
+        self.write(PHASE, MissionPhase.LOOK)
         yaw_rad = math.radians(self.port_value("degrees"))
         self._mover.start(self.mission.proposals, self.clock.now(), yaw_rad=yaw_rad)
 

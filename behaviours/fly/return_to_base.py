@@ -6,7 +6,7 @@ import enum
 import math
 
 from behaviours.fly.heading import HeadingController
-from behaviours.fly.steering import FLIGHT_HEIGHT, FLOWING, POLICY, SteeringLeaf
+from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
 from behaviours.path.gimbal_pointing import PadGaze, shows_unplaced
 from behaviours.path.path_to_pad import WayToPad
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE
@@ -14,7 +14,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import Decision
 from uav_bt.tree import Port, Status
-from uav_bt.types import DroneState, GimbalTo, HelipadFix, Velocity
+from uav_bt.types import DroneState, GimbalTo, HelipadFix, MissionPhase, Velocity
 
 __all__ = ["ReturnToBase"]
 
@@ -73,7 +73,6 @@ class ReturnToBase(SteeringLeaf):
 
     ports = (
         POLICY,
-        FLIGHT_HEIGHT,
         FLOWING,
         Port("gimbal_deg", float, default=-30.0, doc="camera pitch while searching, degrees"),
         Port("arrive_m", float, default=0.12, doc="horizontal distance that counts as above, m"),
@@ -149,7 +148,7 @@ class ReturnToBase(SteeringLeaf):
         self._heading.reset()
         self.look_afresh()
         searching = phase in {_Phase.SEARCH, _Phase.GLANCE}
-        self.write(PHASE, "search" if searching else "approach")
+        self.write(PHASE, MissionPhase.SEARCH if searching else MissionPhase.APPROACH)
 
     # --- search -----------------------------------------------------------------------------------
 

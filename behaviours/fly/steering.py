@@ -15,17 +15,16 @@ import numpy as np
 
 from behaviours.fly.movement import MovingLeaf
 from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
-from uav_bt.board import FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
+from uav_bt.board import FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy
 from uav_bt.tree import Port
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
 
-__all__ = ["FLIGHT_HEIGHT", "FLOWING", "POLICY", "SteeringLeaf"]
+__all__ = ["FLOWING", "POLICY", "SteeringLeaf"]
 
 POLICY = Port("policy", str, default="segmentation", doc="leaf policy that chooses the way")
-FLIGHT_HEIGHT = Port("height_m", float, default=1.5, doc="flight height above the carpet, m")
 FLOWING = Port(
     "flowing", bool, default=False, doc="look ahead during a step: lengthen it, or break it off"
 )
@@ -55,8 +54,8 @@ _FURTHER_M = 0.2
 class SteeringLeaf(MovingLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
-    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, FLIGHT_HEIGHT)
-    reads: ClassVar[tuple[Key[Any], ...]] = (STATE, *VIEW_KEYS)
+    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY,)
+    reads: ClassVar[tuple[Key[Any], ...]] = (STATE, FLIGHT_HEIGHT, *VIEW_KEYS)
     writes = (PHASE, HELD_TURN)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -86,7 +85,9 @@ class SteeringLeaf(MovingLeaf):
     def move(self, state: DroneState, decision: Decision) -> None:
         """Start an advance, correcting the altitude on the way."""
         self.write(HELD_TURN, HeldTurn())
-        error_m = state.height_above_carpet_m - self.port_value("height_m")
+        flight_height_m = self.read(FLIGHT_HEIGHT).value
+        # Where no leaf has set a flight height, the drone keeps the height it has.
+        error_m = 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
         self._advancing = True
         self._step_ends_m = decision.forward_m
         self._stepped_s = self.clock.now()

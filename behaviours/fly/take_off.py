@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from behaviours.fly.movement import MovingLeaf
-from uav_bt.board import FRAME, PHASE, STATE
+from uav_bt.board import FLIGHT_HEIGHT, FRAME, PHASE, STATE
 from uav_bt.tree import Port, Status
-from uav_bt.types import DroneState, FlyingState, GimbalTo
+from uav_bt.types import DroneState, FlyingState, GimbalTo, MissionPhase
 from uav_bt.types import TakeOff as TakeOffCommand
 
 __all__ = ["TakeOff"]
@@ -26,11 +26,12 @@ class TakeOff(MovingLeaf):
         Port("give_up_s", float, default=20.0, doc="seconds until the take-off has failed"),
     )
     reads = (STATE, FRAME)
-    writes = (PHASE,)
+    writes = (PHASE, FLIGHT_HEIGHT)
 
     def initialise(self) -> None:
-        """Note when it began."""
-        self.write(PHASE, "take-off")
+        """Set the height that the whole mission flies at, and note the time."""
+        self.write(PHASE, MissionPhase.TAKE_OFF)
+        self.write(FLIGHT_HEIGHT, self.port_value("height_m"))
         self._started_s = self.clock.now()
 
     def update(self) -> Status:

@@ -25,6 +25,7 @@ __all__ = [
     "CLASS_MAP",
     "CORRIDOR",
     "ELAPSED",
+    "FLIGHT_HEIGHT",
     "FRAME",
     "HEIGHT",
     "HELD_TURN",
@@ -104,9 +105,16 @@ OBSTACLES: Final = Key(
 )
 PHASE: Final = Key(
     "phase",
-    str,
+    str,  # a `Phase`, or its value where text is all there is (scripts, records)
     "what the mission is doing: explore, search, approach, ...",
     writer="mission leaves",
+)
+FLIGHT_HEIGHT: Final = Key(
+    "flight_height_m",
+    float,
+    "height above the carpet that the mission flies at",
+    unit="m",
+    writer="TakeOff",
 )
 
 HELD_TURN: Final = Key(
@@ -144,6 +152,7 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     HELIPAD,
     OBSTACLES,
     PHASE,
+    FLIGHT_HEIGHT,
     HELD_TURN,
     RECENT_VIEWS,
     ADVICE,

@@ -13,7 +13,7 @@ import numpy as np
 
 from uav_bt.mission.judge import Verdict
 from uav_bt.mission.runner import TickRecord
-from uav_bt.types import FlyingState, TakeOff, Truth
+from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
 
 __all__ = ["FlightLog", "FlightReport", "Percentiles", "write_report"]
 
@@ -104,9 +104,12 @@ class FlightLog:
         if marks.take_off_s is None:
             return
         self._travel(record)
-        if marks.explored_s is None and record.phase in {"search", "approach"}:
+        if marks.explored_s is None and record.phase in {
+            MissionPhase.SEARCH,
+            MissionPhase.APPROACH,
+        }:
             marks.explored_s = record.time_s
-        if marks.found_s is None and record.phase == "approach":
+        if marks.found_s is None and record.phase == MissionPhase.APPROACH:
             marks.found_s = record.time_s
         truth = record.truth
         if truth is not None:

@@ -20,6 +20,7 @@ from uav_bt.types.commands import (
 )
 from uav_bt.types.images import ClassMap, Corridor, DepthMap
 from uav_bt.types.observation import Observation, PastView, RecentViews
+from uav_bt.types.phase import MissionPhase, Phase
 from uav_bt.types.sizes import BODY_SIZE_M, PAD_HEIGHT_M, PAD_SIZE_M
 from uav_bt.types.surroundings import HeldTurn, HelipadFix, ObstaclePoints
 from uav_bt.types.telemetry import (
@@ -54,6 +55,7 @@ __all__ = [
     "HelipadFix",
     "Hover",
     "Land",
+    "MissionPhase",
     "MoveBy",
     "Movement",
     "MovementState",
@@ -61,6 +63,7 @@ __all__ = [
     "Observation",
     "ObstaclePoints",
     "PastView",
+    "Phase",
     "Pose",
     "RecentViews",
     "Release",

@@ -14,7 +14,7 @@ from tests.behaviours.leaf_world import (
     show,
     steering_bench,
 )
-from uav_bt.board import CLASS_MAP, FRAME, HELD_TURN, PHASE, STATE
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, FRAME, HELD_TURN, PHASE, STATE
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
@@ -87,12 +87,22 @@ def test_a_view_from_before_the_step_does_not_count() -> None:
 )
 def test_a_step_corrects_the_height(height_m: float, down_m: float) -> None:
     """Off the flight height by more than the altimeter's noise, the step leads back to it."""
-    bench = steering_bench(Explore, Says(ADVANCE), height_m=1.5)
+    bench = steering_bench(Explore, Says(ADVANCE))
+    bench.board[FLIGHT_HEIGHT] = 1.5
     live(bench, height_m=height_m)
     live(bench, seconds=0.3, height_m=height_m)
 
     assert isinstance(bench.proposed, MoveBy)
     assert bench.proposed.down_m == pytest.approx(down_m)
+
+
+def test_without_a_flight_height_the_drone_keeps_its_height() -> None:
+    """A mission that begins in the air has no TakeOff that says how high it flies."""
+    bench = steering_bench(Explore, Says(ADVANCE))
+    live(bench, height_m=0.9)
+    live(bench, seconds=0.3, height_m=0.9)
+
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
 
 
 def test_a_blocked_way_is_a_failure() -> None:

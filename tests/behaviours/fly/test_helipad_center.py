@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -70,6 +71,15 @@ def test_moves_by_what_the_camera_is_off() -> None:
 
     move = moved(bench)
     assert (move.forward_m, move.right_m, move.down_m) == pytest.approx((0.3, -0.2, 0.0))
+
+
+def test_where_the_lens_sits_is_the_cameras_business() -> None:
+    """A calibrated camera's offset counts, not the nominal one."""
+    bench = climbed()
+    bench.camera = replace(bench.camera, forward_offset_m=CAMERA_FORWARD_M - 0.08)
+    look(bench, (0.3, 0.0), seconds=1.0, ended=1)
+
+    assert moved(bench).forward_m == pytest.approx(0.38)
 
 
 def test_centred_twice_then_lower_then_centred_again() -> None:

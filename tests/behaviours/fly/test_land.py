@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -31,9 +32,15 @@ DOWN = GimbalTo(pitch_rad=-math.pi / 2)
 # --- Land -----------------------------------------------------------------------------------------
 
 
+def bench_with_lens(forward_offset_m: float) -> LeafBench:
+    bench = LeafBench(Land)
+    bench.camera = replace(bench.camera, forward_offset_m=forward_offset_m)
+    return bench
+
+
 def test_steps_forward_then_lands() -> None:
     """The camera hangs over the pad's centre, the body behind it: forward, then down."""
-    bench = LeafBench(Land, forward_m=0.15)
+    bench = bench_with_lens(0.15)
     assert live(bench) is Status.RUNNING
     step = bench.proposed
     assert step == MoveBy(id=1, forward_m=0.15)
@@ -53,10 +60,18 @@ def test_steps_forward_then_lands() -> None:
 
 def test_without_an_offset_it_lands_at_once() -> None:
     """A camera under the centre needs no step."""
-    bench = LeafBench(Land, forward_m=0.0)
+    bench = bench_with_lens(0.0)
     live(bench)
 
     assert bench.proposed == LandCommand()
+
+
+def test_the_step_is_as_long_as_the_camera_is_ahead() -> None:
+    """A calibrated camera says where its lens sits; no other number is asked."""
+    bench = bench_with_lens(0.07)
+    live(bench)
+
+    assert bench.proposed == MoveBy(id=1, forward_m=0.07)
 
 
 @pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])

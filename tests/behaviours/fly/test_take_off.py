@@ -8,7 +8,7 @@ import pytest
 
 from behaviours.fly.take_off import TakeOff
 from tests.behaviours.leaf_world import halted_proposals, live
-from uav_bt.board import PHASE, STATE
+from uav_bt.board import FLIGHT_HEIGHT, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import FlyingState, GimbalTo, MoveBy, MovementState, MovementStatus
@@ -41,6 +41,14 @@ def test_from_the_ground_to_the_flight_height() -> None:
     done = MovementStatus(id=climb.id, state=MovementState.DONE)
     assert live(bench, seconds=1.0, height_m=1.52, movement=done) is Status.SUCCESS
     assert (bench.proposed, bench.pointed) == (None, None)
+
+
+def test_the_height_holds_for_the_whole_mission() -> None:
+    """What steers afterwards reads it from the board, whatever the tree calls the leaf."""
+    bench = LeafBench(TakeOff, height_m=1.2)
+    live(bench, flying=FlyingState.LANDED, height_m=0.45)
+
+    assert bench.board[FLIGHT_HEIGHT] == 1.2
 
 
 def test_near_enough_needs_no_climb() -> None:
