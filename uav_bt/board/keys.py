@@ -114,7 +114,7 @@ FLIGHT_HEIGHT: Final = Key(
     float,
     "height above the carpet that the mission flies at",
     unit="m",
-    writer="TakeOff",
+    writer="the take-off",
 )
 
 HELD_TURN: Final = Key(
