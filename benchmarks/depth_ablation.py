@@ -1,8 +1,7 @@
 r"""What teaches the depth network: telemetry, a pose network, labels without truth, or exact depth.
 
-    uav-bt fly explore_and_land_segmentation --scene train-a --seed 101 \
-        --footage F/train-a-101.npz --truth F/train-a-101.truth.npz      # and more, other scenes
-    python benchmarks/depth_ablation.py F/train-?-10[12].npz --steps 300 --run runs/ablation
+    python benchmarks/depth_training.py fly F/train-a-101.mcap --scene train-a --seed 101
+    python benchmarks/depth_ablation.py F/train-?-10[12].mcap --steps 300 --run runs/ablation
 
 Every variant begins with the same random weights and sees the same clips for equally many steps;
 each is scored on pictures of the validation scenes. Exact depth is the upper bound: nothing else
@@ -20,13 +19,13 @@ from typing import Literal
 import numpy as np
 import torch
 
+from benchmarks.depth_training import read_truth
 from perception.depth.evaluation.scores import DepthScore
 from perception.depth.runtime import OnnxDepthEstimator
 from perception.depth.training.clips import ClipConfig, Flight
 from perception.depth.training.config import DepthTrainingConfig
 from perception.depth.training.labelling import exact_labels
 from perception.depth.training.network import DepthNetConfig
-from perception.footage.file import read_truth
 from perception.segmentation.runtime import shipped_unet
 from uav_bt.learning.depth import (
     DepthViewPlan,
@@ -92,8 +91,7 @@ def teach(name: str, paths: Sequence[Path], steps: int, run: Path, views: DepthV
 
 
 def _exact(path: Path, flight: Flight) -> Flight:
-    truth = read_truth(path.with_name(f"{path.stem}.truth.npz"))
-    return Flight(footage=flight.footage, labels=exact_labels(flight.footage, truth))
+    return Flight(footage=flight.footage, labels=exact_labels(read_truth(path).depth_m))
 
 
 def main() -> None:

@@ -1,22 +1,22 @@
 """How good the depth network, its labels and its camera movements are, against the twin's truth.
 
+python benchmarks/depth_training.py fly flights/train-a-101.mcap --scene train-a --seed 101
 python benchmarks/depth_training.py networks                        # the shipped one
 python benchmarks/depth_training.py networks runs/a.onnx runs/b.onnx --scene val-a
-python benchmarks/depth_training.py flight runs/a.onnx flight.npz flight.truth.npz
-python benchmarks/depth_training.py labels flight.npz flight.truth.npz
-python benchmarks/depth_training.py motion flight.npz flight.truth.npz
-python benchmarks/depth_training.py speed --threads 2
+python benchmarks/depth_training.py flight runs/a.onnx flights/train-a-101.mcap
+python benchmarks/depth_training.py labels flights/train-a-101.mcap
+python benchmarks/depth_training.py motion flights/train-a-101.mcap
 
-Footage comes from `uav-bt fly explore_and_land_segmentation --footage flight.npz
---truth flight.truth.npz`.
+`fly` writes the flight's record and, beside it, the truth: exact depth and ids of its frames.
 """
 
 from __future__ import annotations
 
 import argparse
-import time
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import cast
 
 import cv2
 import numpy as np
@@ -33,15 +33,68 @@ from perception.depth.training.labelling import (
     footing_labels,
     frames_of,
 )
-from perception.footage.file import Footage, FootageTruth, read_footage, read_truth
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.odometry.camera_track import camera_track, measured_motion
+from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage
 from perception.segmentation.runtime import shipped_unet
+from uav_bt import app
+from uav_bt.board.context import MissionContext
 from uav_bt.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
+from uav_bt.learning.dataset import footage_of
 from uav_bt.learning.depth import DepthViewPlan, depth_views, score_depth_on
 from uav_bt.learning.scenes import VALIDATION_SCENES
+from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.protocols import Drone, Referee
 
 _SHIPPED = SHIPPED_WEIGHTS / "depth.onnx"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the simulator knows about the frames of a footage."""
+
+    depth_m: NDArray[np.float16]  # (N, 256, 320) along the optical axis; 2 mm fine at 4 m
+    ids: NDArray[np.uint8]  # (N, 256, 320)
+
+
+class _TruthKeeper:
+    """A tick listener that keeps exact depth and ids of every frame."""
+
+    def __init__(self) -> None:
+        self.kept: dict[int, tuple[NDArray[np.float16], NDArray[np.uint8]]] = {}  # by frame number
+
+    def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+        del context
+        self._referee = cast("Referee", drone.referee)  # the twin has one
+        return [self]
+
+    def on_tick(self, record: TickRecord) -> None:
+        frame = record.observation.frame
+        if frame is not None and frame.index not in self.kept:
+            depth = self._referee.depth(frame, *FOOTAGE_SIZE_PX).astype(np.float16)
+            self.kept[frame.index] = depth, self._referee.class_ids(frame, *FOOTAGE_SIZE_PX)
+
+
+def fly(path: Path, scene: str, seed: int) -> None:
+    """Fly a mission; keep its record, and exact depth and ids of its footage's frames."""
+    keeper = _TruthKeeper()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    options = app.FlightOptions(scene=scene, seed=seed, record=path)
+    flown = app.fly("explore_and_land_segmentation", options, listeners=keeper)
+    depth, ids = zip(*(keeper.kept[int(at)] for at in footage_of(path).index), strict=True)
+    np.savez_compressed(truth_path(path), depth_m=np.stack(depth), ids=np.stack(ids))
+    print(f"{flown.outcome}: {path} and {truth_path(path)}")
+
+
+def truth_path(record: Path) -> Path:
+    """Return where the truth about a record's frames is kept."""
+    return record.with_suffix(".truth.npz")
+
+
+def read_truth(record: Path) -> Truth:
+    """Read the truth about a record's frames."""
+    with np.load(truth_path(record), allow_pickle=False) as arrays:
+        return Truth(depth_m=arrays["depth_m"], ids=arrays["ids"])
 
 
 def networks(paths: list[Path], scenes: tuple[str, ...], views: int) -> None:
@@ -55,10 +108,10 @@ def networks(paths: list[Path], scenes: tuple[str, ...], views: int) -> None:
         print(f"{path}: " + ", ".join(f"{name} {value:.4f}" for name, value in score.items()))
 
 
-def flight(path: Path, footage: Footage, truth: FootageTruth, every: int) -> None:
+def flight(path: Path, footage: Footage, truth: Truth, every: int) -> None:
     """Print how far a network is from the truth on the frames of a flight, by distance."""
     estimator = OnnxDepthEstimator(path)
-    exact = exact_labels(footage, truth).depth_m.astype(np.float32)
+    exact = exact_labels(truth.depth_m).depth_m.astype(np.float32)
     camera = footage.camera.resized(*LABEL_SIZE_PX)
     ids = truth.ids[:, 1::2, 1::2]
     samples, rows = [], []
@@ -91,9 +144,9 @@ def flight(path: Path, footage: Footage, truth: FootageTruth, every: int) -> Non
             )
 
 
-def labels(footage: Footage, truth: FootageTruth, every: int) -> None:
+def labels(footage: Footage, truth: Truth, every: int) -> None:
     """Print how far labels are from the truth, by group and source."""
-    exact = exact_labels(footage, truth).depth_m.astype(np.float32)
+    exact = exact_labels(truth.depth_m).depth_m.astype(np.float32)
     by_footing = footing_labels(footage, shipped_unet())
     both = add_parallax(footage, by_footing)
     groups = CLASS_TO_GROUP[truth.ids[:, 1::2, 1::2]]
@@ -120,7 +173,7 @@ def _without(all_: DepthLabels, some: DepthLabels) -> NDArray[np.float32]:
     return np.asarray(rest, dtype=np.float32)
 
 
-def motion(footage: Footage, truth: FootageTruth, pairs: int) -> None:
+def motion(footage: Footage, truth: Truth, pairs: int) -> None:
     """Print how well frames match when warped with exact depth and each kind of movement."""
     import torch  # noqa: PLC0415 - only this needs it
 
@@ -129,7 +182,7 @@ def motion(footage: Footage, truth: FootageTruth, pairs: int) -> None:
 
     track = camera_track(footage)
     source = ClipSource(
-        [Flight(footage=footage, labels=exact_labels(footage, truth))],
+        [Flight(footage=footage, labels=exact_labels(truth.depth_m))],
         ClipConfig(odometry=False, pitch_rad=0.0, roll_rad=0.0, flip=0.0, brightness=0.0, tint=0.0),
     )
     rng = np.random.default_rng(0)
@@ -166,28 +219,13 @@ def motion(footage: Footage, truth: FootageTruth, pairs: int) -> None:
     )
 
 
-def speed(path: Path, threads: int, rounds: int) -> None:
-    """Print milliseconds a frame, picture in and depth out."""
-    estimator = OnnxDepthEstimator(path, threads=threads)
-    rgb = np.random.default_rng(0).integers(0, 255, (360, 640, 3), dtype=np.uint8)
-    for _ in range(10):
-        estimator.depth(rgb)
-    times = []
-    for _ in range(rounds):
-        began = time.perf_counter()
-        estimator.depth(rgb)
-        times.append(1e3 * (time.perf_counter() - began))
-    print(
-        f"{path.name}, {threads} threads: {np.median(times):.2f} ms median, {min(times):.2f} least"
-    )
-
-
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("networks", "flight", "labels", "motion", "speed"))
+    parser.add_argument("what", choices=("fly", "networks", "flight", "labels", "motion"))
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--scene", action="append", default=None)
+    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--views", type=int, default=40)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--count", type=int, default=60)
@@ -195,21 +233,20 @@ def main() -> None:
     cv2.setNumThreads(given.threads)
     if given.what == "networks":
         networks(given.files, tuple(given.scene or VALIDATION_SCENES), given.views)
-    elif given.what == "speed":
-        speed(given.files[0] if given.files else _SHIPPED, given.threads, given.count)
-    elif given.what == "flight":
-        if len(given.files) != 3:
-            parser.error("give a network, the footage and its truth")
-        network, *films = given.files
-        flight(network, read_footage(films[0]), read_truth(films[1]), every=10)
-    elif len(given.files) != 2:
-        parser.error("give the footage and its truth")
+        return
+    if len(given.files) != (2 if given.what == "flight" else 1):
+        parser.error("give the flight's record, and before it a network for `flight`")
+    record = given.files[-1]
+    if given.what == "fly":
+        fly(record, (given.scene or ["train-a"])[0], given.seed)
+        return
+    footage, truth = footage_of(record), read_truth(record)
+    if given.what == "flight":
+        flight(given.files[0], footage, truth, every=10)
+    elif given.what == "labels":
+        labels(footage, truth, every=3)
     else:
-        footage, truth = read_footage(given.files[0]), read_truth(given.files[1])
-        if given.what == "labels":
-            labels(footage, truth, every=3)
-        else:
-            motion(footage, truth, given.count)
+        motion(footage, truth, given.count)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ from uav_bt import campaign as campaigns
 from uav_bt.campaign.intervals import wilson
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.learning import student
+from uav_bt.learning.dataset import split_records
 from uav_bt.learning.segmentation import SHIPPED_UNET
 
 TREE: Final = "explore_and_land_student"
@@ -63,7 +64,7 @@ def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapp
     weights = home / "student.safetensors"
     if not weights.with_suffix(".onnx").is_file():
         folders = arguments.records if variant.aggregated else arguments.records[:1]
-        records, held_out = student.split_records(folders, arguments.validate)
+        records, held_out = split_records(folders, arguments.validate)
         kept = arguments.views_kept or arguments.out / "views"
         config = ControlTrainingConfig(
             steps=arguments.steps, samples=SampleConfig(near_weight=variant.near_weight)

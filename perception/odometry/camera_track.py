@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.geometry import camera_axes
-from perception.footage.file import Footage
+from perception.odometry.footage import Footage
 from perception.odometry.planar_flow import GroundMotion, GroundView, OdometryConfig, ground_motion
 from uav_bt.errors import ValueRangeError
 

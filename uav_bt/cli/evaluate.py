@@ -168,11 +168,12 @@ def student(
         OnnxControlStudent,
     )
     from uav_bt.learning import student as training  # noqa: PLC0415
+    from uav_bt.learning.dataset import records_of  # noqa: PLC0415
 
     flies = OnnxControlStudent(model or SHIPPED_STUDENT, threads=2)
     with tempfile.TemporaryDirectory() as folder, progress_bars() as advance:
         flights = training.read_advised_flights(
-            training.records_of(records), flies.config, views_kept or Path(folder), advance=advance
+            records_of(records), flies.config, views_kept or Path(folder), advance=advance
         )
         score = training.evaluate_student(flights, flies, most=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")

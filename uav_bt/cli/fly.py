@@ -87,8 +87,6 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     callback=groot_port,
     help=f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
 )
-@output_option("--footage", "Keep frames and telemetry for `uav-bt train depth`: an npz file.")
-@output_option("--truth", "Keep exact depth of the footage's frames (simulated drones): npz.")
 @click.option("--realtime", is_flag=True, help="Let the twin keep pace with the clock on the wall.")
 @image_size_option()
 @threads_option()
@@ -112,8 +110,6 @@ def fly(
     view: Literal["window", "web"] | None,
     btlog: Path | None,
     groot: int | None,
-    footage: Path | None,
-    truth: Path | None,
     realtime: bool,
     image_size: tuple[int, int],
     threads: int,
@@ -131,8 +127,6 @@ def fly(
         "record": record,
         "video": video,
         "btlog": btlog,
-        "footage": footage,
-        "truth": truth,
     }
     files = {what: path for what, path in written.items() if path is not None}
     _refuse_clashes(files)
@@ -141,7 +135,6 @@ def fly(
 
     from uav_bt import app  # noqa: PLC0415
     from uav_bt.app import film  # noqa: PLC0415
-    from uav_bt.app.footage import flight_footage  # noqa: PLC0415
     from uav_bt.app.site import load_site  # noqa: PLC0415
     from uav_bt.app.view.live import live_view  # noqa: PLC0415
     from uav_bt.cli.keys import pilot_keys  # noqa: PLC0415
@@ -176,8 +169,6 @@ def fly(
             # Of the command, not of the flight: a browser still looks when the summary is printed.
             viewed = ctx.with_resource(live_view(web=view == "web", title=title, told=click.echo))
             watchers.append(viewed)
-        if footage is not None:
-            watchers.append(stack.enter_context(flight_footage(footage, truth=truth)))
         tree_watchers: list[film.TreeListeners] = [
             stack.enter_context(
                 watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
@@ -208,12 +199,10 @@ def fly(
 
 
 def _refuse_clashes(files: Mapping[str, Path]) -> None:
-    """Refuse two files that are one, and a truth about nothing."""
+    """Refuse two files that are one."""
     for one, other in combinations(files, 2):
         if files[one] == files[other]:
             raise click.UsageError(f"--{one} and --{other} name the same file")
-    if "truth" in files and "footage" not in files:
-        raise click.UsageError("--truth needs --footage: the frames it is about")
 
 
 def _wait_for(viewed: ViewListeners) -> None:

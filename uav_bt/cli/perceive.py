@@ -47,7 +47,7 @@ _INTERRUPTED: Final = 1
     "--telemetry",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Footage of the same flight, from `uav-bt fly --footage`: height and gimbal by frame.",
+    help="Record of the same flight, from `uav-bt fly --record`: height and gimbal by frame.",
 )
 @click.option(
     "--model",
@@ -101,8 +101,8 @@ def perceive(
     """Show what perception makes of a video: masks, depth in metres, corridor, helipad.
 
     SOURCE is a video file, a folder of pictures, a picture, a live camera such as camera:0, or a
-    footage file of `uav-bt fly --footage`, which brings its camera and telemetry along. Ctrl-C
-    keeps what was written and exits with 1.
+    record of `uav-bt fly --record`, which brings its camera and telemetry along. Ctrl-C keeps what
+    was written and exits with 1.
     """
     if out is not None and out == json:
         raise click.UsageError("--out and --json name the same file")

@@ -34,7 +34,6 @@ _COMMANDS: Final = {
     "view": "uav_bt.cli.view:view",
     "campaign": "uav_bt.cli.campaign:campaign",
     "report": "uav_bt.cli.report:report",
-    "dataset": "uav_bt.cli.dataset:dataset",
     "collect": "uav_bt.cli.collect:collect",
     "train": "uav_bt.cli.train:train",
     "export": "uav_bt.cli.export:export",

@@ -232,8 +232,8 @@ def depth(
 ) -> None:
     """Train the depth network on flights, without the true depth.
 
-    FLIGHTS are files that `uav-bt fly` wrote with --record (mcap) or --footage (npz). Writes a
-    safetensors file and, beside it, the ONNX file made from it, which a tree file may name.
+    FLIGHTS are records of `uav-bt fly --record`. Writes a safetensors file and, beside it, the ONNX
+    file made from it, which a tree file may name.
     """
     need("train", "torch", "onnx")
     weights = out or _RUNS / "depth.safetensors"

@@ -111,6 +111,7 @@ def student(
     from perception.control.samples import SampleConfig  # noqa: PLC0415
     from perception.control.training import ControlTrainingConfig  # noqa: PLC0415
     from uav_bt.learning import student as training  # noqa: PLC0415
+    from uav_bt.learning.dataset import split_records  # noqa: PLC0415
     from uav_bt.learning.segmentation import SHIPPED_UNET  # noqa: PLC0415
     from uav_bt.learning.student_diary import StudentDiary  # noqa: PLC0415
 
@@ -119,7 +120,7 @@ def student(
         steps=steps, batch=batch, seed=seed, samples=SampleConfig(near_weight=near_weight)
     )
     kept = views_kept or run / "views"
-    learnt, others = training.split_records(records, held_out)
+    learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
         score = training.train_student(
             training.read_advised_flights(learnt, net, kept, advance=advance),

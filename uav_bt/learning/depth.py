@@ -23,10 +23,10 @@ from perception.depth.training.labelling import (
     read_labels,
     write_labels,
 )
-from perception.footage.file import Footage, shrink
 from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.odometry.footage import Footage, shrink
 from uav_bt.errors import FileError
-from uav_bt.learning.dataset.footage import footage_of
+from uav_bt.learning.dataset import footage_of
 from uav_bt.learning.scenes import VALIDATION_SCENES
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Segmenter
@@ -59,10 +59,10 @@ def read_flights(
     *,
     advance: Advance = silent,
 ) -> list[Flight]:
-    """Read footage and, where there is a segmenter, label it; labels already made are kept.
+    """Read records and, where there is a segmenter, label it; labels already made are kept.
 
     Args:
-        paths: footage files or records.
+        paths: of the records.
         segmenter: gives the masks that labels are made from; None for no labels.
         folder: where labels are kept, so that a broken-off run goes on.
         advance: told of every frame that is labelled, and when a flight is done.

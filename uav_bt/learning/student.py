@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -25,16 +23,14 @@ from perception.control.samples import (
 from perception.control.scoring import ControlScore, score_control
 from perception.networks.onnx_runtime import shrunk
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from uav_bt.errors import FileError, InputError, WeightsError
-from uav_bt.learning.dataset.index_file import fingerprint
+from uav_bt.errors import FileError, WeightsError
+from uav_bt.learning.dataset import fingerprint, image_of
 from uav_bt.learning.student_diary import StudentDiary
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Advice
-from uav_bt.record import channels
-from uav_bt.record.images import decode_image, image_bytes
-from uav_bt.record.notes import FrameNote
+from uav_bt.record.footage import flight_record, footage
+from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
-from uav_bt.record.values import decode
 from uav_bt.types import CameraModel
 
 __all__ = [
@@ -42,8 +38,6 @@ __all__ = [
     "evaluate_student",
     "first_weights",
     "read_advised_flights",
-    "records_of",
-    "split_records",
     "train_student",
 ]
 
@@ -54,42 +48,6 @@ _BLIND: Final = "no depth"
 
 
 # --- records --------------------------------------------------------------------------------------
-
-
-def records_of(paths: Sequence[Path]) -> list[Path]:
-    """Return the records that paths stand for: files, and all below folders, each once.
-
-    Raises:
-        FileError: a path is neither, or a folder has none.
-    """
-    found: dict[Path, None] = {}
-    for path in paths:
-        records = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
-        if not records:
-            raise FileError(path, "there is no flight record in this folder")
-        found |= dict.fromkeys(records)
-    return list(found)
-
-
-def split_records(paths: Sequence[Path], held_out: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Return the records to learn from, and those to measure on.
-
-    Args:
-        paths: files and folders; what is also held out is not learnt from.
-        held_out: files and folders.
-
-    Raises:
-        FileError: a path is neither, or a folder has none.
-        InputError: nothing is left to learn from.
-    """
-    others = records_of(held_out)
-    learnt = [record for record in records_of(paths) if record not in others]
-    if not learnt:
-        raise InputError(
-            f"all records to learn from are held out to measure on ({len(others)} records): name "
-            "others to learn from"
-        )
-    return learnt, others
 
 
 def read_advised_flights(
@@ -113,7 +71,7 @@ def read_advised_flights(
     flights: list[ControlFlight] = []
     camera: CameraModel | None = None
     for done, path in enumerate(records, start=1):
-        reader = RecordReader(path)
+        reader = flight_record(path)
         camera = camera or reader.camera
         if reader.camera != camera:
             raise FileError(
@@ -128,7 +86,7 @@ def read_advised_flights(
 
 def _kept(reader: RecordReader, net: ControlNetConfig, folder: Path) -> ControlFlight:
     size_px = (net.width_px, net.height_px)
-    state = hashlib.sha256(fingerprint(reader.path).encode()).hexdigest()[:12]
+    state = fingerprint(reader.path)
     file = folder / f"{reader.path.stem}-{state}-{size_px[0]}x{size_px[1]}.npz"
     if file.is_file():
         return read_flight(file)
@@ -138,28 +96,20 @@ def _kept(reader: RecordReader, net: ControlNetConfig, folder: Path) -> ControlF
 
 
 def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
-    path = reader.path
-    if not reader.finished:
-        raise FileError(
-            path, "the record was never finished; `mcap recover` makes a whole one of it"
-        )
-    builder, advices, frame = FlightBuilder(size_px), dict[int, Advice](), -1
-    topics = (channels.ADVICE.topic, channels.CAMERA_FRAME.topic, channels.CAMERA_IMAGE.topic)
-    try:
-        for message in reader.messages(topics):
-            if message.topic == channels.ADVICE.topic:
-                advice = decode(Advice, json.loads(message.data))
-                advices = {advice.frame_index: advice}
-            elif message.topic == channels.CAMERA_FRAME.topic:
-                frame = decode(FrameNote, json.loads(message.data)).index
-            elif frame in advices and advices[frame].decision.reason != _BLIND:
-                image = decode_image(image_bytes(message.data))
-                builder.add(shrunk(image, size_px), advices[frame])
-    except (InputError, ValueError) as error:
-        raise FileError(path, f"a message of the record is damaged: {error}") from error
+    builder, advice = FlightBuilder(size_px), None
+    for item in footage(reader):
+        if isinstance(item, Advice):
+            advice = item
+        elif (
+            isinstance(item, StoredFrame)
+            and advice is not None
+            and advice.frame_index == item.note.index
+            and advice.decision.reason != _BLIND
+        ):
+            builder.add(shrunk(image_of(item, reader.path), size_px), advice)
     if not len(builder):
         raise FileError(
-            path,
+            reader.path,
             "nobody advised in this flight, so there is nothing to learn from it: fly "
             "explore_and_land_advised, or put <Advise/> into the tree",
         )

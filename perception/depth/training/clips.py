@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.depth.training.clip import Clip, mirrored, recoloured, turned
-from perception.footage.file import Footage
 from perception.odometry.camera_track import CameraTrack, camera_track, measured_motion
+from perception.odometry.footage import Footage
 from uav_bt.errors import ShapeError, ValueRangeError
 
 __all__ = ["ClipConfig", "ClipSource", "DepthLabels", "Flight"]

@@ -7,6 +7,7 @@ moves most from frame to frame (`perception.depth.training.parallax`).
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,15 +23,9 @@ from perception.depth.contact.panorama import Unroller
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
-from perception.footage.file import (
-    FOOTAGE_SIZE_PX,
-    Footage,
-    FootageTruth,
-    read_arrays,
-    write_arrays,
-)
 from perception.obstacles.memory import ObstacleMemory
 from perception.odometry.camera_track import CameraTrack, camera_track, measured_motion
+from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
@@ -47,8 +42,6 @@ __all__ = [
 ]
 
 LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
-
-_KIND: Final = "uav-bt-depth-labels-1"
 
 Image = NDArray[np.uint8]
 Advance = Callable[[int, int], None]
@@ -82,7 +75,7 @@ class LabelConfig:
 
 
 def frames_of(footage: Footage) -> Iterator[Frame]:
-    """Give the frames of a footage file back as the drone sent them, but for their size."""
+    """Give footage's frames back as the drone sent them, but for their size."""
     for place in range(len(footage)):
         roll, pitch, yaw = (float(angle) for angle in footage.attitude_rad[place])
         yield Frame(
@@ -187,22 +180,24 @@ def add_parallax(
     return DepthLabels(depth_m=depth, at_most_m=labels.at_most_m)
 
 
-def exact_labels(footage: Footage, truth: FootageTruth) -> DepthLabels:
+def exact_labels(depth_m: NDArray[np.floating]) -> DepthLabels:
     """Label a flight with a simulator's exact depth: the upper bound to compare with.
 
-    Raises:
-        ValueRangeError: the truth is about other frames.
+    Args:
+        depth_m: (N, H, W) along the optical axis, metres, of each frame.
     """
-    if not np.array_equal(footage.index, truth.index):
-        raise ValueRangeError("the truth is about other frames than the footage; fly both anew")
-    depth = [_small(exact.astype(np.float32)) for exact in truth.depth_m]
-    return DepthLabels(depth_m=np.stack(depth).astype(np.float16))
+    small = [_small(exact.astype(np.float32)) for exact in depth_m]
+    return DepthLabels(depth_m=np.stack(small).astype(np.float16))
 
 
 def write_labels(path: Path, labels: DepthLabels) -> None:
-    """Write a flight's labels, compressed."""
-    bound = {} if labels.at_most_m is None else {"at_most_m": labels.at_most_m}
-    write_arrays(path, _KIND, {"depth_m": labels.depth_m, **bound}, compressed=True)
+    """Write a flight's labels, compressed; the file appears whole or not at all."""
+    arrays = {"depth_m": labels.depth_m}
+    if labels.at_most_m is not None:
+        arrays["at_most_m"] = labels.at_most_m
+    partial = path.with_suffix(".part.npz")
+    np.savez_compressed(partial, **arrays)  # type: ignore[arg-type]  # numpy's stub
+    partial.replace(path)
 
 
 def read_labels(path: Path) -> DepthLabels:
@@ -211,12 +206,13 @@ def read_labels(path: Path) -> DepthLabels:
     Raises:
         FileError: the file is absent, damaged or something else.
     """
-    cure = "delete the file to have it made anew"
-    arrays = read_arrays(path, _KIND, cure=cure)
     try:
-        return DepthLabels(depth_m=arrays["depth_m"], at_most_m=arrays.get("at_most_m"))
-    except (KeyError, ShapeError) as error:
-        raise FileError(path, f"holds no whole labels ({error}); {cure}") from error
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            # Opened by ourselves: numpy leaves a damaged file open.
+            return DepthLabels(depth_m=arrays["depth_m"], at_most_m=arrays.get("at_most_m"))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, ShapeError) as error:
+        remedy = "delete the file to have it made anew"
+        raise FileError(path, f"holds no whole labels ({error}); {remedy}") from error
 
 
 def _parallax_of(

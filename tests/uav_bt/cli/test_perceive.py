@@ -75,8 +75,9 @@ def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
     assert_refused(run("perceive", tmp_path, *FOOTING), "holds no pictures")
     (tmp_path / "broken.mp4").write_bytes(b"no video" * 100)
     assert_refused(run("perceive", tmp_path / "broken.mp4", *FOOTING), "is no video that can be")
-    (tmp_path / "broken.npz").write_bytes(b"no footage")
-    assert_refused(run("perceive", tmp_path / "broken.npz", *FOOTING), "damaged or no npz file")
+    (tmp_path / "broken.mcap").write_bytes(b"no record")
+    assert_refused(run("perceive", tmp_path / "broken.mcap", *FOOTING), "broken.mcap")
+    assert_refused(run("perceive", "flight.npz", *FOOTING), "uav-bt fly ... --record FILE.mcap")
     assert_refused(run("perceive", "camera:x", *FOOTING), "expected a camera such as camera:0")
     assert_refused(run("perceive", "camera:99", *FOOTING), "camera 99 does not open")
 
@@ -89,7 +90,8 @@ def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
         (("--out", "seen.avi"), "a video's name must end in .mp4"),
         (("--out", "seen.mp4", "--json", "seen.mp4"), "name the same file"),
         (("--camera", "no.yaml"), "there is no such camera file"),
-        (("--telemetry", "no.npz"), "there is no such file"),
+        (("--telemetry", "no.npz"), "uav-bt fly ... --record FILE.mcap"),
+        (("--telemetry", "no.mcap"), "no.mcap"),
         (("--model", "no.onnx"), "no.onnx: there is no such network"),
         (("--segmentation", "no.onnx"), "no.onnx: there is no such network"),
         (("--classes", "classes.yaml"), "belongs to an ONNX segmentation network"),

@@ -1,8 +1,7 @@
-"""`uav-bt view` and `uav-bt dataset info`: what they make of records, and what they refuse."""
+"""`uav-bt view`: what it makes of records, and what it refuses."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -58,16 +57,12 @@ def test_a_flight_cannot_be_shown_without_a_display(tmp_path: Path) -> None:
     assert not report.exists()
 
 
-@pytest.mark.parametrize("command", [("view", "--web"), ("dataset", "info")])
-def test_what_is_no_record_is_refused(command: tuple[str, str], tmp_path: Path) -> None:
+def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
     text = tmp_path / "flight.mcap"
     text.write_text("no record at all")
-    name, then = command
-    order = (name, text, then) if name == "view" else (name, then, text)
-    assert_refused(run(*order), str(text))
+    assert_refused(run("view", text, "--web"), str(text))
     absent = tmp_path / "absent.mcap"
-    order = (name, absent, then) if name == "view" else (name, then, absent)
-    assert_refused(run(*order), str(absent))
+    assert_refused(run("view", absent, "--web"), str(absent))
 
 
 @pytest.mark.parametrize(
@@ -100,18 +95,3 @@ def test_a_newer_record_is_refused(
 ) -> None:
     monkeypatch.setattr("uav_bt.record.reader.SCHEMA_VERSION", 0)
     assert_refused(run("view", record, "--save", tmp_path / "x.rrd"), "update uav-bt")
-    assert_refused(run("dataset", "info", record, "--index", tmp_path), "update uav-bt")
-
-
-def test_what_records_hold_is_counted(record: Path, tmp_path: Path) -> None:
-    told = run("dataset", "info", record, record, "--index", tmp_path / "indices")
-    assert told.exit_code == 0, told.output
-    assert "flights   2" in told.stdout
-    assert "scenes    val-a 2" in told.stdout
-    assert "outcomes  success 2" in told.stdout
-    plain = run("dataset", "info", record, "--index", tmp_path / "indices", "--format", "json")
-    found = json.loads(plain.stdout)
-    assert (found["flights"], found["cameras"]) == (1, 1)
-    assert sum(found["commands"].values()) == found["ticks"]
-    assert set(found["commands"]) >= {"take_off", "land"}
-    assert [file.suffix for file in (tmp_path / "indices").iterdir()] == [".npz"]

@@ -19,14 +19,12 @@ from perception.segmentation.training.export import save_unet
 from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt import app
 from uav_bt.cli.root import uav_bt
-from uav_bt.errors import FileError, InputError, WeightsError
+from uav_bt.errors import FileError, WeightsError
 from uav_bt.learning import student as student_training
 from uav_bt.learning.student import (
     evaluate_student,
     first_weights,
     read_advised_flights,
-    records_of,
-    split_records,
     train_student,
 )
 from uav_bt.learning.student_diary import StudentDiary
@@ -134,21 +132,7 @@ def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
         read_advised_flights([tmp_path / "empty.mcap"], NET, tmp_path)
 
 
-def test_a_folder_stands_for_all_records_below_it(record: Path, tmp_path: Path) -> None:
-    assert records_of([record.parent, record]) == [record]
-    with pytest.raises(FileError, match="no flight record in this folder"):
-        records_of([tmp_path])
-
-
 # --- training -------------------------------------------------------------------------------------
-
-
-def test_what_is_held_out_is_not_learnt_from(record: Path, tmp_path: Path) -> None:
-    other = tmp_path / "other.mcap"
-    other.write_bytes(record.read_bytes())
-    assert split_records([tmp_path, record], [record]) == ([other], [record])
-    with pytest.raises(InputError, match=r"are held out to measure on \(1 records\): name others"):
-        split_records([record], [record.parent])
 
 
 def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Path) -> None:

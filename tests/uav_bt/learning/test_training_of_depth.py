@@ -1,4 +1,4 @@
-"""From footage to a network that flies, in small: labels kept, scores and pictures written."""
+"""From a record to a network that flies, in small: labels kept, scores and images written."""
 
 import json
 from collections.abc import Iterator
@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 from perception.depth.runtime import load_depth_estimator
 from perception.depth.training.config import DepthTrainingConfig
-from perception.footage.file import Footage, write_footage
 from sim_bridge.anafi import anafi_camera
+from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.cli.root import uav_bt
 from uav_bt.learning import depth as depth_training
 from uav_bt.types import ClassMap, Frame
@@ -31,30 +31,14 @@ def _one_thread() -> Iterator[None]:
 
 @pytest.fixture
 def film(tmp_path: Path) -> Path:
-    """Footage that shows nothing but stripes: quick to make, and enough to run on."""
-    line = 0.1 * np.arange(COUNT)
-    frames = np.zeros((COUNT, 256, 320, 3), np.uint8)
+    """Return a record that shows nothing but stripes: quick to make, and enough to run on."""
+    frames = []
     for place in range(COUNT):
-        frames[place, :, 4 * place :: 16] = 200
-    path = tmp_path / "stripes.npz"
-    write_footage(
-        path,
-        Footage(
-            frames=frames,
-            index=np.arange(COUNT, dtype=np.int64),
-            captured_s=line,
-            gimbal_pitch_rad=np.full(COUNT, -0.5),
-            attitude_rad=np.zeros((COUNT, 3)),
-            altitude_m=np.full(COUNT, 1.0),
-            height_m=np.full(COUNT, 1.5),
-            height_above_carpet_m=np.full(COUNT, 1.5),
-            state_s=line,
-            state_attitude_rad=np.zeros((COUNT, 3)),
-            velocity_mps=np.tile([0.5, 0.0, 0.0], (COUNT, 1)),
-            camera=anafi_camera(640, 360).resized(320, 256),
-        ),
-    )
-    return path
+        image = np.zeros((180, 320, 3), np.uint8)
+        image[:, 4 * place :: 16] = 200
+        frames.append(frame(image, place, 0.1 * place))
+    states = [state(one.captured_s) for one in frames]
+    return write_record(tmp_path / "stripes.mcap", anafi_camera(320, 180), frames, states)
 
 
 class _Carpet:
@@ -111,7 +95,7 @@ def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) ->
     assert estimator.depth(np.zeros((360, 640, 3), np.uint8)).shape == (128, 160)
 
 
-def test_the_command_trains_on_footage(film: Path, tmp_path: Path) -> None:
+def test_the_command_trains_on_a_record(film: Path, tmp_path: Path) -> None:
     out = tmp_path / "mine.safetensors"
     result = CliRunner().invoke(
         uav_bt,
@@ -128,9 +112,10 @@ def test_the_command_trains_on_footage(film: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["none.npz"], "there is no such file; `uav-bt fly"),
-        (["x.npz", "--out", "depth.onnx"], "must end in .safetensors"),
-        (["x.npz", "--labels", "none", "--no-photometric"], "nothing to learn from"),
+        (["none.mcap"], "none.mcap"),
+        (["old.npz"], "uav-bt fly ... --record FILE.mcap"),
+        (["x.mcap", "--out", "depth.onnx"], "must end in .safetensors"),
+        (["x.mcap", "--labels", "none", "--no-photometric"], "nothing to learn from"),
         ([], "FLIGHTS"),
     ],
 )

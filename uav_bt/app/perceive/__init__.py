@@ -5,6 +5,6 @@ summary = perceiving.perceive("flight.mp4", out=Path("seen.mp4"))
 
 from uav_bt.app.perceive.inputs import Look, PerceiveOptions
 from uav_bt.app.perceive.outputs import PerceiveSummary
-from uav_bt.app.perceive.run import Advance, perceive
+from uav_bt.app.perceive.run import perceive
 
-__all__ = ["Advance", "Look", "PerceiveOptions", "PerceiveSummary", "perceive"]
+__all__ = ["Look", "PerceiveOptions", "PerceiveSummary", "perceive"]

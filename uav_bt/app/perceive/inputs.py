@@ -12,21 +12,26 @@ import numpy as np
 
 from perception.camera.camera_file import load_camera
 from perception.depth.runtime import SHIPPED_DEPTHS, load_depth_estimator
-from perception.footage.file import Footage, read_footage
-from perception.footage.telemetry import FixedTelemetry, FootageTelemetry, Telemetry
 from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
 from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.app.perceive.sources import ArraySource, Picture, Pictures, PictureSource, open_source
+from uav_bt.app.perceive.sources import (
+    Picture,
+    Pictures,
+    PictureSource,
+    RecordSource,
+    open_source,
+)
+from uav_bt.app.perceive.telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record
 from uav_bt.types import CameraModel
 
 __all__ = ["Look", "PerceiveOptions"]
 
 _FOOTING: Final = "footing"
-_FOOTAGE: Final = ".npz"
 _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
 
 
@@ -34,10 +39,10 @@ _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a vi
 class PerceiveOptions:
     """What is known about the pictures, and what they are looked at with."""
 
-    camera: Path | None = None  # a camera file; None: the footage's, or the ANAFI's
+    camera: Path | None = None  # a camera file; None: the record's, or the ANAFI's
     height_m: float = 1.5  # of the camera above the carpet, where no telemetry tells
     gimbal_pitch_rad: float = math.radians(-30)  # likewise
-    telemetry: Path | None = None  # footage file of the same flight
+    telemetry: Path | None = None  # record of the same flight
     model: str = "depth"  # a shipped one's name, an ONNX file, or "footing" (no network)
     segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
     classes: Path | None = None  # class-mapping file of a foreign segmentation
@@ -62,7 +67,7 @@ class Look:
     """One source with its camera, telemetry and pipeline.
 
     Args:
-        text: a video file, a folder of pictures, a picture, `camera:N`, or a footage file.
+        text: a video file, a folder of pictures, a picture, `camera:N`, or a flight record.
         options: what is known about the pictures.
 
     Raises:
@@ -71,9 +76,18 @@ class Look:
 
     def __init__(self, text: str, options: PerceiveOptions) -> None:
         self._options = options
-        footage = self._footage(text)
+        recorded = Path(text).suffix.lower() in FLIGHT_SUFFIXES
+        if recorded and (options.camera is not None or options.telemetry is not None):
+            raise InputError(
+                f"{text} knows its own camera and telemetry; leave the other files away, or give "
+                "the video"
+            )
+        flown = Path(text) if recorded else options.telemetry
         self.telemetry: Telemetry
-        if footage is None:
+        self.source: PictureSource
+        self.camera_words = ""  # whose intrinsics; known once it has begun
+        self._recorded_camera: CameraModel | None = None
+        if flown is None:
             self.telemetry = FixedTelemetry(
                 height_m=options.height_m, gimbal_pitch_rad=options.gimbal_pitch_rad
             )
@@ -81,33 +95,17 @@ class Look:
                 f"{options.height_m:g} m above the carpet, camera at "
                 f"{math.degrees(options.gimbal_pitch_rad):g} deg, assumed for all frames"
             )
+            self.source = open_source(text)
+            return
+        reader = flight_record(flown)
+        flight = FlightTelemetry(reader)
+        self.telemetry, self.telemetry_words = flight, f"of {flown}"
+        self._recorded_camera = reader.camera
+        if recorded:
+            self.source = RecordSource(reader, flight.times_s)
         else:
-            self.telemetry = FootageTelemetry(footage)
-            self.telemetry_words = f"of {options.telemetry or text}"
-        self.source = self._open(text, footage)
-        self._footage_camera = None if footage is None else footage.camera
-        self._is_footage = isinstance(self.source, ArraySource)
-        self.camera_words = ""  # whose intrinsics; known once it has begun
-
-    def _footage(self, text: str) -> Footage | None:
-        is_footage = Path(text).suffix.lower() == ".npz"
-        if is_footage and self._options.camera is not None:
-            raise InputError(
-                f"{text} knows its own camera; leave the camera file away, or give the video"
-            )
-        path = self._options.telemetry or (Path(text) if is_footage else None)
-        return None if path is None else read_footage(path)
-
-    def _open(self, text: str, footage: Footage | None) -> PictureSource:
-        if Path(text).suffix.lower() == ".npz":
-            own = footage if self._options.telemetry is None else read_footage(Path(text))
-            if own is None:
-                raise InputError(f"{text} is no footage file")
-            return ArraySource(text, own.frames, own.captured_s - own.captured_s[0])
-        if footage is None or not isinstance(self.telemetry, FootageTelemetry):
-            return open_source(text)
-        # Pictures of a folder tell no times: they are the flight's frames, one by one.
-        return open_source(text, times_s=list(self.telemetry.times_s))
+            # Images of a folder have no times: they are the flight's frames, one by one.
+            self.source = open_source(text, times_s=list(flight.times_s))
 
     def begin(self) -> tuple[Pipeline, Pictures]:
         """Return what perceives the pictures, made for their size, and the pictures.
@@ -145,10 +143,10 @@ class Look:
         if options.camera is not None:
             camera = load_camera(options.camera, size_px=(width_px, height_px))
             return camera, f"of {options.camera}"
-        if self._footage_camera is not None:
-            camera = self._footage_camera.resized(width_px, height_px)
-            # Footage is resized to the network's size: only square pixels tell the aspect.
-            if not self._is_footage and abs(camera.fx_px / camera.fy_px - 1.0) > _SQUARE_SLACK:
+        if self._recorded_camera is not None:
+            camera = self._recorded_camera.resized(width_px, height_px)
+            # Only square pixels show that the aspect is the flight's.
+            if abs(camera.fx_px / camera.fy_px - 1.0) > _SQUARE_SLACK:
                 raise ValueRangeError(
                     f"{options.telemetry} was filmed with a camera of another aspect than "
                     f"{width_px}x{height_px}; the pictures must be whole, not cropped"

@@ -12,11 +12,9 @@ from uav_bt.app.perceive.outputs import Film, PerceiveSummary, Tally, as_json
 from uav_bt.app.perceive.pipeline import Perceived
 from uav_bt.app.perceive.sources import Picture
 from uav_bt.errors import FileError, InputError
+from uav_bt.progress import Advance, silent
 
-__all__ = ["Advance", "perceive"]
-
-Advance = Callable[[str, int, int], None]
-"""Told of the progress: a text, pictures done, pictures in all."""
+__all__ = ["perceive"]
 
 _Write = Callable[[Picture, Perceived], None]
 
@@ -27,12 +25,12 @@ def perceive(
     *,
     out: Path | None = None,
     lines: Path | None = None,
-    advance: Advance = lambda _text, _done, _total: None,
+    advance: Advance = silent,
 ) -> PerceiveSummary:
     """Perceive every picture of a source; Ctrl-C ends it and keeps what was written.
 
     Args:
-        source: a video file, a folder of pictures, a picture, `camera:N`, or a footage file.
+        source: a video file, a folder of pictures, a picture, `camera:N`, or a flight record.
         options: what is known about the pictures.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.

@@ -13,7 +13,6 @@ from perception.depth.training.clip import turned as turned_clip
 from perception.depth.training.labelling import exact_labels
 from perception.depth.training.losses import photometric_error
 from perception.depth.training.warping import warp
-from perception.footage.file import FootageTruth
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.errors import ShapeError, ValueRangeError
 
@@ -27,10 +26,7 @@ def known() -> KnownFlight:
 
 @pytest.fixture(scope="module")
 def flight(known: KnownFlight) -> clips.Flight:
-    truth = FootageTruth(
-        index=known.footage.index, depth_m=known.depth_m.astype(np.float16), ids=known.ids
-    )
-    return clips.Flight(footage=known.footage, labels=exact_labels(known.footage, truth))
+    return clips.Flight(footage=known.footage, labels=exact_labels(known.depth_m))
 
 
 def _draw(flight: clips.Flight, config: clips.ClipConfig = PLAIN, seed: int = 0) -> Clip:

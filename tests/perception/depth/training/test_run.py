@@ -11,7 +11,7 @@ import torch
 
 from perception.depth.training import clips, export, network, run
 from perception.depth.training.labelling import exact_labels
-from perception.footage.file import Footage, FootageTruth
+from perception.odometry.footage import Footage
 from tests.perception.depth.depth_flight import known_flight
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 
@@ -38,8 +38,7 @@ def flight() -> clips.Flight:
     footage: Footage = replace(
         whole, frames=np.stack(frames).astype(np.uint8), camera=whole.camera.resized(*SIZE)
     )
-    truth = FootageTruth(index=whole.index, depth_m=known.depth_m.astype(np.float16), ids=known.ids)
-    labels = exact_labels(whole, truth).depth_m[:, 2::4, 2::5]
+    labels = exact_labels(known.depth_m).depth_m[:, 2::4, 2::5]
     return clips.Flight(footage=footage, labels=clips.DepthLabels(depth_m=labels))
 
 

@@ -1,4 +1,4 @@
-"""A small lab, drawn, as pictures, as a video and as footage, for the tests of perceiving."""
+"""A small lab, drawn, as images, as a video and as a record, for the tests of perceiving."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.footage.file import Footage, write_footage
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
+from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.types import CameraModel
 
@@ -62,27 +62,14 @@ def write_video(path: Path, images: list[Image]) -> Path:
     return path
 
 
-def write_flight(path: Path, images: list[Image], *, size_px: tuple[int, int] = (160, 128)) -> Path:
-    """Write the flight's footage, its frames resized as footage is."""
-    count = len(images)
-    times_s = 5.0 + np.arange(count) / RATE
-    zeros = np.zeros(count)
-    footage = Footage(
-        frames=np.stack([cv2.resize(one, size_px, interpolation=cv2.INTER_AREA) for one in images]),
-        index=np.arange(count, dtype=np.int64),
-        captured_s=times_s,
-        gimbal_pitch_rad=np.full(count, PITCH_RAD),
-        attitude_rad=np.zeros((count, 3)),
-        altitude_m=np.full(count, 1.1),
-        height_m=np.full(count, 1.5),
-        height_above_carpet_m=np.full(count, 1.5),
-        state_s=times_s,
-        state_attitude_rad=np.zeros((count, 3)),
-        velocity_mps=np.stack([np.full(count, SPEED_MPS), zeros, zeros], axis=1),
-        camera=camera().resized(*size_px),
-    )
-    write_footage(path, footage)
-    return path
+def write_flight(path: Path, images: list[Image]) -> Path:
+    """Write the flight's record, which begins at second 5."""
+    frames = [
+        frame(image, index, 5.0 + index / RATE, gimbal_pitch_rad=PITCH_RAD)
+        for index, image in enumerate(images)
+    ]
+    states = [state(one.captured_s, SPEED_MPS) for one in frames]
+    return write_record(path, camera(), frames, states)
 
 
 def camera() -> CameraModel:

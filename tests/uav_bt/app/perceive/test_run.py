@@ -73,13 +73,13 @@ def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list
     assert lines[0]["refusal"] is None
 
 
-def test_footage_brings_its_camera_and_its_telemetry(tmp_path: Path, images: list[Image]) -> None:
-    source = write_flight(tmp_path / "flight.npz", images)
+def test_a_record_brings_its_camera_and_its_telemetry(tmp_path: Path, images: list[Image]) -> None:
+    source = write_flight(tmp_path / "flight.mcap", images)
     summary = perceive.perceive(
         str(source), FOOTING, out=tmp_path / "seen.mp4", lines=tmp_path / "seen.jsonl"
     )
     assert summary.camera == summary.telemetry == f"of {source}"
-    assert facts(tmp_path / "seen.mp4")[0] == (1280, 720), "footage is squeezed, the film is not"
+    assert facts(tmp_path / "seen.mp4")[0] == (1280, 720)
     first = rows(tmp_path / "seen.jsonl")[0]["corridor"]
     assert first["free_distance_m"] == pytest.approx(1.90, abs=0.15)
     assert first["time_to_impact_s"] == pytest.approx((first["free_distance_m"] - 0.12) / 0.5, 0.01)
@@ -89,7 +89,7 @@ def test_a_video_is_looked_at_with_the_telemetry_of_its_flight(
     tmp_path: Path, images: list[Image]
 ) -> None:
     source = write_video(tmp_path / "flight.mp4", images)
-    flown = write_flight(tmp_path / "flight.npz", images[:2])
+    flown = write_flight(tmp_path / "flight.mcap", images[:2])
     options = replace(FOOTING, telemetry=flown, height_m=9.0)
     summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
     assert summary.camera == f"of {flown}"
@@ -101,7 +101,7 @@ def test_a_video_is_looked_at_with_the_telemetry_of_its_flight(
 
 def test_moments_without_telemetry_have_no_depth(tmp_path: Path, images: list[Image]) -> None:
     source = write_video(tmp_path / "flight.mp4", images * 2)
-    flown = write_flight(tmp_path / "flight.npz", images[:2])
+    flown = write_flight(tmp_path / "flight.mcap", images[:2])
     summary = perceive.perceive(str(source), replace(FOOTING, telemetry=flown))
     assert summary.without_depth == {"telemetry is not finite": 4}
 
@@ -110,8 +110,8 @@ def test_a_folder_needs_as_many_pictures_as_its_telemetry_has_entries(
     tmp_path: Path, images: list[Image]
 ) -> None:
     folder = write_pictures(tmp_path / "views", images)
-    whole = write_flight(tmp_path / "whole.npz", images)
-    half = write_flight(tmp_path / "half.npz", images[:2])
+    whole = write_flight(tmp_path / "whole.mcap", images)
+    half = write_flight(tmp_path / "half.mcap", images[:2])
     assert perceive.perceive(str(folder), replace(FOOTING, telemetry=whole)).without_depth == {}
     with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 4"):
         perceive.perceive(str(folder), replace(FOOTING, telemetry=half))
@@ -185,15 +185,15 @@ def test_pictures_cropped_out_of_the_flight_are_refused(
     tmp_path: Path, images: list[Image]
 ) -> None:
     folder = write_pictures(tmp_path / "views", [image[:, 40:280] for image in images])
-    flown = write_flight(tmp_path / "flight.npz", images)
+    flown = write_flight(tmp_path / "flight.mcap", images)
     with pytest.raises(ValueRangeError, match="whole, not cropped"):
         perceive.perceive(str(folder), replace(FOOTING, telemetry=flown))
 
 
-def test_footage_and_a_camera_file_contradict_each_other(
+def test_a_record_and_a_camera_file_contradict_each_other(
     tmp_path: Path, images: list[Image]
 ) -> None:
-    source = write_flight(tmp_path / "flight.npz", images[:1])
+    source = write_flight(tmp_path / "flight.mcap", images[:1])
     file = camera_file(tmp_path / "camera.yaml", 640, 360)
     with pytest.raises(InputError, match="knows its own camera"):
         perceive.perceive(str(source), replace(FOOTING, camera=file))

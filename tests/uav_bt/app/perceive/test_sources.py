@@ -12,16 +12,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.uav_bt.record.footage_world import frame, write_record
 from uav_bt.app.perceive.sources import (
-    ArraySource,
     CameraSource,
     FolderSource,
+    RecordSource,
     VideoSource,
     open_source,
 )
 from uav_bt.clock import ManualClock
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import FileError, InputError, ShapeError
+from uav_bt.record.reader import RecordReader
+from uav_bt.types import CameraModel
 
 RED = (200, 30, 40)
 
@@ -144,16 +147,17 @@ def test_an_absent_file_is_refused_with_what_a_source_can_be() -> None:
         open_source("nowhere.mp4")
 
 
-# --- arrays ---------------------------------------------------------------------------------------
+# --- records --------------------------------------------------------------------------------------
 
 
-def test_pictures_in_memory_keep_their_times() -> None:
+def test_a_records_frames_keep_their_times(tmp_path: Path) -> None:
+    model = CameraModel(width_px=32, height_px=18, fx_px=25.0, fy_px=25.0, cx_px=15.5, cy_px=8.5)
     images = np.zeros((3, 18, 32, 3), np.uint8)
-    source = ArraySource("flight", images, np.array([0.0, 0.2, 0.4]))
+    frames = [frame(image, 3 * place, 0.2 * place) for place, image in enumerate(images)]
+    reader = RecordReader(write_record(tmp_path / "flight.mcap", model, frames, []))
+    source = RecordSource(reader, np.array([0.0, 0.2, 0.4]))
     assert source.rate_per_s == pytest.approx(5.0)
     assert [one.time_s for one in source.pictures(every=2)] == [0.0, 0.4]
-    with pytest.raises(ShapeError, match="times of pictures"):
-        ArraySource("flight", images, np.array([0.0]))
 
 
 # --- cameras --------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uav_bt.app.perceive.sources.camera import CAMERA, CameraSource
-from uav_bt.app.perceive.sources.images import PICTURE_SUFFIXES, ArraySource, FolderSource
+from uav_bt.app.perceive.sources.images import PICTURE_SUFFIXES, FolderSource, RecordSource
 from uav_bt.app.perceive.sources.picture import Picture, Pictures, PictureSource
 from uav_bt.app.perceive.sources.video import VideoSource
 from uav_bt.clock import WallClock
@@ -16,12 +16,12 @@ from uav_bt.protocols import Clock
 
 __all__ = [
     "PICTURE_SUFFIXES",
-    "ArraySource",
     "CameraSource",
     "FolderSource",
     "Picture",
     "PictureSource",
     "Pictures",
+    "RecordSource",
     "VideoSource",
     "open_source",
 ]

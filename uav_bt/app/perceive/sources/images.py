@@ -12,45 +12,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.app.perceive.sources.picture import FOLDER_RATE, Image, Picture, Pictures
-from uav_bt.errors import FileError, ShapeError
+from uav_bt.errors import FileError, InputError, ShapeError
+from uav_bt.record.footage import footage
+from uav_bt.record.moment import StoredFrame
+from uav_bt.record.reader import RecordReader
 
-__all__ = ["PICTURE_SUFFIXES", "ArraySource", "FolderSource"]
+__all__ = ["PICTURE_SUFFIXES", "FolderSource", "RecordSource"]
 
 PICTURE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 
 
-class ArraySource:
-    """Pictures that are in memory already.
+class RecordSource:
+    """The frames of a flight record.
 
     Args:
-        name: for messages.
-        images: (N, H, W, 3) uint8 RGB.
-        times_s: (N,) rising.
-
-    Raises:
-        ShapeError: the numbers differ.
+        reader: of the record.
+        times_s: (N,) of its frames, rising.
     """
 
-    def __init__(self, name: str, images: Image, times_s: NDArray[np.float64]) -> None:
-        if images.ndim != 4 or times_s.shape != images.shape[:1]:
-            expected = f"{len(images)} (one for each picture)"
-            raise ShapeError("times of pictures", expected=expected, actual=times_s.shape)
-        self._images, self._times_s = images, times_s
-        self.name = name
-        self.total: int | None = len(images)
-        between_s = float(np.median(np.diff(times_s))) if len(images) > 1 else 0.0
+    def __init__(self, reader: RecordReader, times_s: NDArray[np.float64]) -> None:
+        self._reader, self._times_s = reader, times_s
+        self.name = str(reader.path)
+        self.total: int | None = len(times_s)
+        between_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
         self.rate_per_s = 1.0 / between_s if between_s > 0.0 else FOLDER_RATE
         self.skipped: list[str] = []
 
     def pictures(self, every: int = 1) -> Pictures:
-        """Iterate over every n-th picture."""
-        for index in range(0, len(self._images), every):
-            yield Picture(
-                image=self._images[index],
-                index=index,
-                time_s=float(self._times_s[index]),
-                name=f"picture {index}",
-            )
+        """Iterate over every n-th frame."""
+        frames = (item for item in footage(self._reader) if isinstance(item, StoredFrame))
+        for index, stored in enumerate(frames):
+            if index % every:
+                continue
+            try:
+                image = stored.frame().image
+            except InputError as error:
+                self.skipped.append(f"frame {stored.note.index}: {error}")
+                continue
+            time_s = float(self._times_s[index])
+            yield Picture(image=image, index=index, time_s=time_s, name=f"frame {index}")
 
 
 class FolderSource:

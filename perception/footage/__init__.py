@@ -1,1 +1,0 @@
-"""Frames with telemetry, as training takes them."""

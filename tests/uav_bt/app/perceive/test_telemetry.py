@@ -1,0 +1,84 @@
+"""Where the frames of a video were taken from."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.uav_bt.record.footage_world import frame, state, write_record
+from uav_bt.app.perceive.telemetry import FixedTelemetry, FlightTelemetry
+from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.record.reader import RecordReader
+from uav_bt.types import CameraModel
+
+CAMERA = CameraModel(width_px=32, height_px=24, fx_px=25.0, fy_px=20.0, cx_px=15.5, cy_px=11.5)
+IMAGE = np.zeros((24, 32, 3), np.uint8)
+
+
+@pytest.fixture
+def flown(tmp_path: Path) -> FlightTelemetry:
+    """Three frames from second 10 on, climbing and turning through the back."""
+    frames = [
+        frame(
+            IMAGE,
+            place,
+            10.0 + place,
+            gimbal_pitch_rad=-0.5 - 0.1 * place,
+            height_above_carpet_m=1.4 + place,
+            yaw_rad=yaw_rad,
+        )
+        for place, yaw_rad in enumerate((3.0, -3.2, -3.1))
+    ]
+    states = [state(*one) for one in ((9.8, 0.1), (10.1, 0.2), (10.9, 0.3), (11.5, 0.4))]
+    path = write_record(tmp_path / "flight.mcap", CAMERA, frames, states)
+    return FlightTelemetry(RecordReader(path))
+
+
+def test_a_fixed_camera_has_the_same_pose_in_every_frame_and_no_states() -> None:
+    fixed = FixedTelemetry(height_m=1.2, gimbal_pitch_rad=-0.6)
+    frame = fixed.frame(IMAGE, 7, 3.5)
+    assert (frame.index, frame.captured_s) == (7, 3.5)
+    assert (frame.height_above_carpet_m, frame.gimbal_pitch_rad) == (1.2, -0.6)
+    assert fixed.states(10.0) == []
+
+
+@pytest.mark.parametrize("pose", [(0.0, -0.5), (math.nan, -0.5), (1.5, -2.0), (1.5, math.nan)])
+def test_a_pose_that_cannot_be_is_refused(pose: tuple[float, float]) -> None:
+    with pytest.raises(ValueRangeError):
+        FixedTelemetry(height_m=pose[0], gimbal_pitch_rad=pose[1])
+
+
+def test_a_flights_telemetry_begins_with_its_video(flown: FlightTelemetry) -> None:
+    assert flown.times_s == pytest.approx([0.0, 1.0, 2.0])
+    assert flown.frame(IMAGE, 0, 0.0).height_above_carpet_m == pytest.approx(1.4)
+
+
+def test_between_two_frames_telemetry_is_interpolated(flown: FlightTelemetry) -> None:
+    between = flown.frame(IMAGE, 0, 0.5)
+    assert between.gimbal_pitch_rad == pytest.approx(-0.55)
+    assert between.height_above_carpet_m == pytest.approx(1.9)
+    # From 3.0 to -3.2 is 0.08 rad through the back, not 6.2 rad through the front.
+    assert math.cos(between.attitude.yaw_rad) < -0.99
+
+
+@pytest.mark.parametrize("time_s", [-0.5, 2.5])
+def test_beyond_the_flights_ends_the_height_is_unknown(
+    flown: FlightTelemetry, time_s: float
+) -> None:
+    assert math.isnan(flown.frame(IMAGE, 0, time_s).height_above_carpet_m)
+
+
+def test_states_come_once_and_up_to_the_time_asked_for(flown: FlightTelemetry) -> None:
+    assert [state.captured_s for state in flown.states(0.1)] == pytest.approx([-0.2, 0.1])
+    assert flown.states(0.1) == []
+    later = flown.states(5.0)
+    assert [state.velocity.forward_mps for state in later] == [0.3, 0.4]
+
+
+def test_a_record_without_a_frame_is_refused(tmp_path: Path) -> None:
+    path = write_record(tmp_path / "flight.mcap", CAMERA, [], [state(0.0)])
+    with pytest.raises(FileError, match="no frame with an image"):
+        FlightTelemetry(RecordReader(path))

@@ -1,0 +1,107 @@
+"""Records as what networks learn from: which files, which frames, footage in memory."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.odometry.footage import shrink
+from sim_bridge.anafi import anafi_camera
+from tests.uav_bt.record.footage_world import frame, state, write_record
+from uav_bt.errors import FileError, InputError
+from uav_bt.learning.dataset import fingerprint, footage_of, records_of, split_records
+from uav_bt.types import Frame
+
+CAMERA = anafi_camera(64, 36)
+
+
+def frames(times_s: list[float], *, indices: list[int] | None = None) -> list[Frame]:
+    rng = np.random.default_rng(0)
+    places = range(len(times_s)) if indices is None else indices
+    return [
+        frame(rng.integers(0, 256, (36, 64, 3), np.uint8), index, time_s, yaw_rad=0.1 * index)
+        for index, time_s in zip(places, times_s, strict=True)
+    ]
+
+
+def test_frames_and_telemetry_are_kept_with_their_own_times(tmp_path: Path) -> None:
+    flown = frames([0.05, 0.15, 0.25])
+    states = [state(0.1 * tick, 0.4) for tick in range(4)]
+    found = footage_of(write_record(tmp_path / "a.mcap", CAMERA, flown, states))
+    assert found.index.tolist() == [0, 1, 2]
+    np.testing.assert_allclose(found.captured_s, [0.05, 0.15, 0.25])
+    np.testing.assert_allclose(found.state_s, [0.0, 0.1, 0.2, 0.3])
+    np.testing.assert_allclose(found.velocity_mps, [[0.4, 0.0, 0.0]] * 4)
+    np.testing.assert_allclose(found.attitude_rad[2], [0.0, 0.0, 0.2])
+    np.testing.assert_array_equal(found.frames[1], shrink(flown[1].image))
+    assert found.camera == CAMERA.resized(320, 256)
+
+
+def test_frames_that_come_faster_than_ten_a_second_are_left_out(tmp_path: Path) -> None:
+    path = write_record(
+        tmp_path / "a.mcap", CAMERA, frames([0.05 * at for at in range(9)]), [state(0.0)]
+    )
+    assert footage_of(path).index.tolist() == [0, 2, 4, 6, 8]
+
+
+def test_a_repeated_frame_and_a_repeated_state_are_kept_once(tmp_path: Path) -> None:
+    flown = frames([0.1, 0.3, 0.5], indices=[7, 7, 8])
+    path = write_record(tmp_path / "a.mcap", CAMERA, flown, [state(0.1), state(0.1), state(0.2)])
+    found = footage_of(path)
+    assert found.index.tolist() == [7, 8]
+    assert found.state_s.tolist() == [0.1, 0.2]
+
+
+def test_what_is_no_flight_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"absent\.mcap"):
+        footage_of(tmp_path / "absent.mcap")
+    with pytest.raises(FileError, match=r"kept as records.*--record FILE\.mcap"):
+        footage_of(tmp_path / "old.npz")
+    with pytest.raises(FileError, match="no frame with an image"):
+        footage_of(write_record(tmp_path / "blind.mcap", CAMERA, [], [state(0.0)]))
+
+
+def test_an_unfinished_record_says_what_makes_a_whole_one(tmp_path: Path) -> None:
+    path = write_record(tmp_path / "cut.mcap", CAMERA, frames([0.0]), [], finished=False)
+    with pytest.raises(FileError, match="never finished; `mcap recover`"):
+        footage_of(path)
+
+
+def test_a_damaged_record_is_refused(tmp_path: Path) -> None:
+    path = write_record(tmp_path / "a.mcap", CAMERA, frames([0.0, 0.1]), [state(0.0)])
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(FileError, match=r"a\.mcap.*damaged"):
+        footage_of(path)
+
+
+def test_a_folder_stands_for_all_records_below_it(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    record = write_record(tmp_path / "a" / "flight.mcap", CAMERA, [], [])
+    assert records_of([tmp_path, record]) == [record]
+    (tmp_path / "b").mkdir()
+    with pytest.raises(FileError, match="no flight record in this folder"):
+        records_of([tmp_path / "b"])
+
+
+def test_what_is_held_out_is_not_learnt_from(tmp_path: Path) -> None:
+    record, other = tmp_path / "held" / "a.mcap", tmp_path / "b.mcap"
+    record.parent.mkdir()
+    record.touch()
+    other.touch()
+    assert split_records([tmp_path], [record]) == ([other], [record])
+    with pytest.raises(InputError, match=r"are held out to measure on \(1 records\): name others"):
+        split_records([record], [record.parent])
+
+
+def test_a_changed_record_has_another_fingerprint(tmp_path: Path) -> None:
+    path = write_record(tmp_path / "a.mcap", CAMERA, [], [state(0.0)])
+    copy = Path(shutil.copy2(path, tmp_path / "b.mcap"))
+    assert fingerprint(copy) == fingerprint(path)
+    os.utime(copy, (0, 0))
+    assert fingerprint(copy) != fingerprint(path)

@@ -1,0 +1,64 @@
+"""Records written by hand: the frames and states that a test gives, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.record import channels, messages
+from uav_bt.record.channels import SCHEMA_VERSION, START
+from uav_bt.record.notes import FrameNote
+from uav_bt.record.record_file import RecordFile
+from uav_bt.record.values import dump, encode
+from uav_bt.types import Attitude, BodyVelocity, CameraModel, DroneState, FlyingState, Frame
+
+
+def frame(image: NDArray[np.uint8], index: int, captured_s: float, **changes: float) -> Frame:
+    """Return a frame from 1.5 m above the carpet; `yaw_rad` may be given, too."""
+    yaw_rad = changes.pop("yaw_rad", 0.0)
+    pose = {"gimbal_pitch_rad": -0.5, "altitude_m": 1.1, "height_m": 1.5} | changes
+    pose.setdefault("height_above_carpet_m", pose["height_m"])
+    attitude = Attitude(yaw_rad=yaw_rad)
+    return Frame(image=image, index=index, captured_s=captured_s, attitude=attitude, **pose)
+
+
+def state(captured_s: float, forward_mps: float = 0.5) -> DroneState:
+    return DroneState(
+        captured_s=captured_s,
+        flying=FlyingState.FLYING,
+        velocity=BodyVelocity(forward_mps=forward_mps),
+    )
+
+
+def write_record(
+    path: Path,
+    camera: CameraModel,
+    frames: Sequence[Frame],
+    states: Sequence[DroneState],
+    *,
+    finished: bool = True,
+) -> Path:
+    """Write a record of frames (lossless) and states, and return its path."""
+    file = RecordFile(path)
+    file.metadata(
+        START,
+        {
+            "schema_version": str(SCHEMA_VERSION),
+            "start_ns": "0",
+            "start_s": "0.0",
+            "camera_model": dump(encode(camera)).decode(),
+        },
+    )
+    for item in sorted((*states, *frames), key=lambda one: one.captured_s):
+        at_ns = round(1e9 * item.captured_s)
+        if isinstance(item, DroneState):
+            file.write(channels.STATE, at_ns, dump(encode(item)))
+        else:
+            file.write(channels.CAMERA_FRAME, at_ns, dump(encode(FrameNote.of(item))))
+            picture = messages.camera_image(item.image, at_ns, "lossless")
+            file.write(channels.CAMERA_IMAGE, at_ns, picture)
+    file.finish() if finished else file.abandon()
+    return path

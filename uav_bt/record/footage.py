@@ -1,0 +1,81 @@
+"""What perception and training read of a record: its frames and the drone's states.
+
+for item in footage(flight_record(Path("flight.mcap"))):
+    ...
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from uav_bt.errors import FileError, InputError
+from uav_bt.protocols import Advice
+from uav_bt.record import channels
+from uav_bt.record.images import image_bytes
+from uav_bt.record.moment import StoredFrame
+from uav_bt.record.notes import FrameNote
+from uav_bt.record.reader import RecordReader
+from uav_bt.record.values import decode
+from uav_bt.types import DroneState
+
+__all__ = ["FLIGHT_SUFFIXES", "flight_record", "footage"]
+
+FLIGHT_SUFFIXES: Final = (".mcap", ".npz")  # the latter is refused with what to do
+
+_DECODED: Final[dict[str, type[Any]]] = {
+    channels.ADVICE.topic: Advice,
+    channels.CAMERA_FRAME.topic: FrameNote,
+    channels.STATE.topic: DroneState,
+}
+
+
+def flight_record(path: Path) -> RecordReader:
+    """Open a finished record.
+
+    Raises:
+        FileError: it is no flight record, or was never finished.
+        MissingDependencyError: the extra `record` is not installed.
+    """
+    if path.suffix.lower() == ".npz":
+        raise FileError(
+            path,
+            "flights are kept as records: fly it again with `uav-bt fly ... --record FILE.mcap`",
+        )
+    reader = RecordReader(path)
+    if not reader.finished:
+        raise FileError(path, "the record was never finished; `mcap recover` makes a whole one")
+    return reader
+
+
+def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]:
+    """Yield frames that have an image, states and advice, in the order of time.
+
+    Args:
+        reader: of the record; nothing else of it is decoded, and images only when asked for.
+
+    Raises:
+        FileError: the record is damaged.
+    """
+    note: FrameNote | None = None
+    try:
+        for message in reader.messages((*_DECODED, channels.CAMERA_IMAGE.topic)):
+            if message.topic != channels.CAMERA_IMAGE.topic:
+                found = decode(_DECODED[message.topic], json.loads(message.data))
+                if isinstance(found, FrameNote):
+                    note = found
+                else:
+                    yield found
+            elif note is not None:
+                yield StoredFrame(note=note, picture=image_bytes(message.data))
+                note = None
+    except FileError:
+        raise
+    except (InputError, ValueError) as error:
+        raise FileError(reader.path, f"a message of the record is damaged: {error}") from error
+    if reader.damages:
+        raise FileError(
+            reader.path, f"is damaged ({reader.damages[0]}); `mcap recover` saves what is whole"
+        )
