@@ -18,7 +18,17 @@ ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 # Vocabulary: the flat files of the framework, and its values.
 FLOOR_ONE = {
     f"uav_bt.{name}"
-    for name in ("types", "classes", "clock", "errors", "plugins", "progress", "protocols")
+    for name in (
+        "types",
+        "classes",
+        "clock",
+        "errors",
+        "files",
+        "plugins",
+        "progress",
+        "protocols",
+        "yaml_file",
+    )
 }
 # What composes everything: it may import all, and only its own kind may import it.
 FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "campaign", "cli", "learning")}

@@ -70,7 +70,7 @@ class ShapeError(InputError):
         super().__init__(f"{name} must be {expected}, got {got}")
 
 
-class ValueRangeError(InputError):
+class ValueRangeError(InputError, ValueError):
     """A number lies outside the range it must keep."""
 
 
@@ -108,7 +108,7 @@ class TreeError(FileError):
         super().__init__(path, "\n  ".join([head, *self.findings]))
 
 
-class UnknownNameError(InputError):
+class UnknownNameError(InputError, ValueError):
     """A name that nothing was registered under."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:

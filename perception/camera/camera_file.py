@@ -17,21 +17,21 @@ how far the lens is ahead of the drone's centre.
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
-import numpy as np
 import yaml
+from pydantic import Field
 
 from perception.camera.calibration import LayoutTrial
-from uav_bt.errors import FileError, ValueRangeError, did_you_mean
+from uav_bt.errors import ValueRangeError
+from uav_bt.files import write_whole
 from uav_bt.types import CameraModel
+from uav_bt.yaml_file import read_yaml
 
 __all__ = ["fitted_camera", "load_camera", "write_camera"]
 
-_NEEDED: Final = ("width_px", "height_px", "K", "distortion")
-_KNOWN: Final = (*_NEEDED, "reprojection_error_px", "corners", "images_used", "forward_offset_m")
 _DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # how many numbers OpenCV's models have
 _ASPECT_SLACK: Final = 0.01  # of the aspect: 1280x720 and 854x480 are both 16:9
 
@@ -57,10 +57,7 @@ def write_camera(path: Path, trial: LayoutTrial) -> None:
         "corners": [trial.columns, trial.rows],
         "images_used": len(trial.images),
     }
-    try:
-        path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror}") from error
+    write_whole(path, yaml.safe_dump(content, sort_keys=False))
 
 
 def load_camera(
@@ -81,16 +78,57 @@ def load_camera(
         FileError: the file is absent or malformed.
         ValueRangeError: it was calibrated at another aspect than that of the pictures.
     """
-    content = _read(path)
-    unknown = [str(key) for key in content if key not in _KNOWN]
-    if unknown:
-        hint = did_you_mean(unknown[0], _KNOWN)
-        raise FileError(path, f"unknown key '{unknown[0]}'{hint} (known: {', '.join(_KNOWN)})")
-    missing = [key for key in _NEEDED if key not in content]
-    if missing:
-        raise FileError(path, f"a camera file needs {', '.join(missing)}")
-    camera = _camera(path, {"forward_offset_m": forward_offset_m} | content)
+    file = read_yaml(path, _CameraFile, "camera file", remedy="`uav-bt calibrate` makes one").value
+    camera = file.camera(forward_offset_m)
     return camera if size_px is None else fitted_camera(camera, *size_px, source=str(path))
+
+
+_Row = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CameraFile:
+    width_px: Annotated[int, Field(gt=0)]
+    height_px: Annotated[int, Field(gt=0)]
+    K: tuple[_Row, _Row, _Row]
+    distortion: tuple[float, ...]
+    forward_offset_m: float | None = None
+    # Where it comes from, for people:
+    reprojection_error_px: Any = None
+    corners: Any = None
+    images_used: Any = None
+
+    def __post_init__(self) -> None:
+        (fx, skew, cx), (zero, fy, cy), last = self.K
+        if skew != 0.0 or zero != 0.0 or last != (0.0, 0.0, 1.0):
+            raise ValueRangeError("K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], without skew")
+        if not (
+            fx > 0.0 and fy > 0.0 and 0.0 <= cx <= self.width_px and 0.0 <= cy <= self.height_px
+        ):
+            raise ValueRangeError(
+                "K must have positive focal lengths and its centre within the image, got "
+                f"f = ({fx}, {fy}), c = ({cx}, {cy}) for {self.width_px}x{self.height_px}"
+            )
+        if len(self.distortion) not in _DISTORTIONS:
+            known = ", ".join(map(str, _DISTORTIONS))
+            raise ValueRangeError(
+                f"distortion must hold {known} numbers, got {len(self.distortion)}"
+            )
+
+    def camera(self, forward_offset_m: float) -> CameraModel:
+        (fx, _, cx), (_, fy, cy), _ = self.K
+        return CameraModel(
+            width_px=self.width_px,
+            height_px=self.height_px,
+            fx_px=fx,
+            fy_px=fy,
+            cx_px=cx,
+            cy_px=cy,
+            distortion=self.distortion,
+            forward_offset_m=(
+                forward_offset_m if self.forward_offset_m is None else self.forward_offset_m
+            ),
+        )
 
 
 def fitted_camera(
@@ -110,74 +148,3 @@ def fitted_camera(
             "calibrate with pictures of the video that is flown with"
         )
     return camera.resized(width_px, height_px)
-
-
-def _read(path: Path) -> dict[Any, Any]:
-    if not path.is_file():
-        raise FileError(path, "there is no such camera file; `uav-bt calibrate` makes one")
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, f"cannot be read as UTF-8 text: {error}") from error
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else None
-        raise FileError(path, f"not valid YAML: {error.problem}", line) from error
-    except (yaml.YAMLError, RecursionError) as error:
-        raise FileError(path, f"not valid YAML: {error}") from error
-    if not isinstance(content, dict):
-        raise FileError(path, "a camera file is a mapping with width_px, height_px, K, distortion")
-    return content
-
-
-def _camera(path: Path, content: dict[Any, Any]) -> CameraModel:
-    width_px, height_px = (_whole(path, content, key) for key in ("width_px", "height_px"))
-    matrix = _numbers(path, content["K"], "K", "a list of three lists of three finite numbers")
-    if matrix.shape != (3, 3):
-        raise FileError(path, f"K must be 3x3, got {'x'.join(map(str, matrix.shape))}")
-    (fx, skew, cx), (zero, fy, cy), last = matrix
-    if skew != 0.0 or zero != 0.0 or tuple(last) != (0.0, 0.0, 1.0):
-        raise FileError(path, "K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]: there is no skew")
-    if not (fx > 0.0 and fy > 0.0 and 0.0 <= cx <= width_px and 0.0 <= cy <= height_px):
-        raise FileError(
-            path,
-            "the focal lengths must be positive and the centre within the picture, got "
-            f"f = ({fx}, {fy}), c = ({cx}, {cy}) for {width_px}x{height_px}",
-        )
-    distortion = _numbers(path, content["distortion"], "distortion", "a list of finite numbers")
-    if distortion.ndim != 1 or distortion.size not in _DISTORTIONS:
-        known = ", ".join(map(str, _DISTORTIONS))
-        raise FileError(path, f"distortion must hold {known} numbers, got {distortion.size}")
-    offset_m = content["forward_offset_m"]
-    if not _is_number(offset_m):
-        raise FileError(path, f"forward_offset_m must be a finite number, got {offset_m!r}")
-    return CameraModel(
-        width_px=width_px,
-        height_px=height_px,
-        fx_px=float(fx),
-        fy_px=float(fy),
-        cx_px=float(cx),
-        cy_px=float(cy),
-        distortion=tuple(float(value) for value in distortion),
-        forward_offset_m=float(offset_m),
-    )
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _whole(path: Path, content: dict[Any, Any], key: str) -> int:
-    value = content[key]
-    if isinstance(value, bool) or not isinstance(value, int) or value <= 0:
-        raise FileError(path, f"{key} must be a positive whole number, got {value!r}")
-    return value
-
-
-def _numbers(path: Path, value: object, key: str, expected: str) -> np.ndarray[Any, Any]:
-    flat = value if isinstance(value, list) else [None]
-    rows = [row if isinstance(row, list) else [row] for row in flat]
-    if not all(_is_number(number) for row in rows for number in row):
-        raise FileError(path, f"{key} must be {expected}, got {value!r}")
-    if len({len(row) for row in rows}) > 1:
-        raise FileError(path, f"{key} must be {expected}; its rows differ in length")
-    return np.array(flat, dtype=np.float64)

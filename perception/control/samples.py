@@ -16,6 +16,7 @@ from perception.control.config import ControlNetConfig
 from perception.control.situation import Standing, situation
 from perception.odometry.dead_reckoning import OdometryPose
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.files import whole_file
 from uav_bt.protocols import Advice, Decision
 
 __all__ = [
@@ -132,10 +133,8 @@ def _label(decision: Decision) -> tuple[float, ...]:
 def write_flight(path: Path, flight: ControlFlight) -> None:
     """Write a flight's views; the file is replaced in one step."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.part")
-    with partial.open("wb") as file:
+    with whole_file(path) as partial, partial.open("wb") as file:
         np.savez(file, **{item.name: getattr(flight, item.name) for item in fields(ControlFlight)})
-    partial.replace(path)
 
 
 def read_flight(path: Path) -> ControlFlight:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import MissingDependencyError
+from uav_bt.files import write_whole
 
 __all__ = ["GraphWriter", "Tensors", "import_onnx", "write_onnx"]
 
@@ -51,9 +52,7 @@ def write_onnx(model: Any, path: Path, weights: Path, notes: Mapping[str, str]) 
     digest = hashlib.sha256(weights.read_bytes()).hexdigest()
     onnx.helper.set_model_props(model, {**notes, "weights_sha256": digest})
     onnx.checker.check_model(model, full_check=True)
-    partial = path.with_name(path.name + ".part")
-    partial.write_bytes(model.SerializeToString(deterministic=True))
-    partial.replace(path)
+    write_whole(path, model.SerializeToString(deterministic=True))
 
 
 class GraphWriter:

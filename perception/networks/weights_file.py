@@ -13,6 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from uav_bt.errors import WeightsError
+from uav_bt.files import write_whole
 
 __all__ = ["SHIPPED_WEIGHTS", "read_weights", "write_weights"]
 
@@ -40,9 +41,7 @@ def write_weights(
         metadata={"kind": kind, "details": json.dumps(details, sort_keys=True)},
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".part")
-    partial.write_bytes(content)
-    partial.replace(path)
+    write_whole(path, content)
 
 
 def read_weights(

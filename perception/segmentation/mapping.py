@@ -22,14 +22,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
+from pydantic import PlainValidator
 
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, CLASS_NAMES, HELIPAD_BOX, class_id
-from uav_bt.errors import FileError, UavBtError, ValueRangeError, did_you_mean
+from uav_bt.errors import ValueRangeError
+from uav_bt.yaml_file import read_yaml
 
 __all__ = ["GROUP_ALIASES", "ClassMapping", "InputFormat", "read_mapping"]
 
@@ -45,6 +46,14 @@ GROUP_ALIASES: Final[Mapping[str, int]] = MappingProxyType(
 
 _MOST_CLASSES: Final = 65536  # a class number beyond this is a mistake, not a network
 _Triple = tuple[float, float, float]
+
+
+def _class_of(name: object) -> int:
+    alias = GROUP_ALIASES.get(name) if isinstance(name, str) else None
+    return class_id(str(name)) if alias is None else alias
+
+
+_OurClass = Annotated[int, PlainValidator(_class_of)]  # files have names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +82,8 @@ class InputFormat:
 class ClassMapping:
     """A network's class numbers in our class ids."""
 
-    classes: Mapping[int, int]  # theirs to ours
-    default: int = BACKGROUND  # ours, for theirs that are not listed
+    classes: Mapping[int, _OurClass]  # theirs to ours
+    default: _OurClass = BACKGROUND  # ours, for theirs that are not listed
     input: InputFormat = field(default_factory=InputFormat)
 
     def __post_init__(self) -> None:
@@ -112,61 +121,4 @@ def read_mapping(path: Path) -> ClassMapping:
     Raises:
         FileError: the file is absent or malformed; the message says what was expected.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-        content = yaml.safe_load(text)
-    except FileNotFoundError as error:
-        raise FileError(path, "there is no such class mapping") from error
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else None
-        raise FileError(path, f"is not YAML: {error.problem}", line=line) from error
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise FileError(path, f"cannot be read as a class mapping ({error})") from error
-    try:
-        return _parse(content)
-    except UavBtError as error:
-        raise FileError(path, str(error)) from error
-
-
-def _parse(content: Any) -> ClassMapping:
-    top = _section(content, "a class mapping", {"input", "default", "classes"})
-    classes = top.get("classes")
-    if not isinstance(classes, dict):
-        raise ValueRangeError("'classes' must list class numbers and their names")
-    ours: dict[int, int] = {}
-    for theirs, name in classes.items():
-        # JSON has no numbers as keys, so digits in quotes are as good.
-        number = int(theirs) if isinstance(theirs, str) and theirs.isdecimal() else theirs
-        if not isinstance(number, int) or isinstance(number, bool):
-            raise ValueRangeError(f"a class number must be whole, got '{theirs}'")
-        ours[number] = _named(name)
-    return ClassMapping(
-        classes=ours,
-        default=_named(top.get("default", "background")),
-        input=_input(top.get("input", {})),
-    )
-
-
-def _input(content: Any) -> InputFormat:
-    section = _section(content, "'input'", {"mean", "scale", "colours", "layout"})
-    for key in ("mean", "scale"):
-        if key in section:
-            values = section[key]
-            if not isinstance(values, list) or not all(isinstance(v, int | float) for v in values):
-                raise ValueRangeError(f"'{key}' must be a list of three numbers, got {values}")
-            section[key] = tuple(float(value) for value in values)
-    return InputFormat(**section)
-
-
-def _section(content: Any, name: str, known: set[str]) -> dict[str, Any]:
-    if not isinstance(content, dict):
-        raise ValueRangeError(f"{name} must be a YAML mapping, got {type(content).__name__}")
-    for key in content:
-        if key not in known:
-            raise ValueRangeError(f"{name} knows no '{key}'{did_you_mean(str(key), known)}")
-    return dict(content)
-
-
-def _named(name: Any) -> int:
-    alias = GROUP_ALIASES.get(name) if isinstance(name, str) else None
-    return class_id(str(name)) if alias is None else alias
+    return read_yaml(path, ClassMapping, "class mapping").value

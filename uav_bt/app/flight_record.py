@@ -27,6 +27,7 @@ import uav_bt
 from sim_bridge.twin.scene import Scene
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
+from uav_bt.files import writing
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import Drone
 from uav_bt.record.config import Quality, RecordConfig
@@ -143,18 +144,19 @@ class FlightRecord:
         config = RecordConfig(quality=self._quality, wait=stands_still and not self._realtime)
         file = RecordFile(self._path)
         try:
-            self._recorder = FlightRecorder(
-                file,
-                tree,
-                context,
-                drone.camera,
-                facts,
-                start_ns=self._wall_clock_ns(),
-                config=config,
-            )
-        except OSError as error:
+            with writing(self._path):
+                self._recorder = FlightRecorder(
+                    file,
+                    tree,
+                    context,
+                    drone.camera,
+                    facts,
+                    start_ns=self._wall_clock_ns(),
+                    config=config,
+                )
+        except FileError:
             file.abandon()
-            raise FileError(self._path, f"cannot be written: {error.strerror}") from error
+            raise
         return self._recorder
 
     def conclude(self, report: FlightReport) -> None:

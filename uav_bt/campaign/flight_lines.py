@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from uav_bt.errors import FileError, InputError
+from uav_bt.files import reading
 from uav_bt.mission.judge import Outcome
 
 __all__ = [
@@ -145,10 +146,8 @@ def read_flights(path: Path) -> FlightLines:
     Raises:
         FileError: the file cannot be read.
     """
-    try:
+    with reading(path):
         data = path.read_bytes()
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror}") from error
     return _parse_all(path, data.split(b"\n"))
 
 

@@ -13,6 +13,7 @@ from typing import IO, Any, Final
 from uav_bt.campaign.flight_lines import FlightLines, read_flights
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.errors import FileError, InputError
+from uav_bt.files import reading, write_whole, writing
 
 __all__ = ["FLIGHTS_FILE", "PLAN_FILE", "RECORDS_FOLDER", "CampaignStore", "read_plan"]
 
@@ -30,12 +31,12 @@ def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
         FileError: there is none, or it is damaged or of a newer format.
     """
     path = folder / PLAN_FILE
+    if not path.exists():
+        raise FileError(path, "no such file; this folder holds no campaign")
+    with reading(path):
+        data = path.read_bytes()
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise FileError(path, "no such file; this folder holds no campaign") from error
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror}") from error
+        content = json.loads(data)
     except ValueError as error:
         raise FileError(path, f"damaged: no JSON: {error}") from error
     try:
@@ -92,11 +93,9 @@ class CampaignStore:
                 raise FileError(folder, "another campaign is at work in this folder") from error
             _settle(folder, plan, run)
             path = folder / FLIGHTS_FILE
-            try:
+            with writing(path):
                 repaired = _repair(path)
                 out = path.open("ab", buffering=0)
-            except OSError as error:
-                raise FileError(path, f"cannot be written: {error.strerror}") from error
             with out:
                 yield cls(folder, out, read_flights(path), repaired=repaired)
 
@@ -138,14 +137,7 @@ def _settle(folder: Path, plan: CampaignPlan, run: Mapping[str, Any]) -> None:
             folder / FLIGHTS_FILE, f"flights without a plan ({PLAN_FILE}); choose another folder"
         )
     content = {"format": _FORMAT, "plan": plan.to_json(), "runs": [*runs, dict(run)]}
-    path = folder / PLAN_FILE
-    partial = path.with_name(path.name + ".part")
-    try:
-        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise FileError(path, f"cannot be written: {error.strerror}") from error
+    write_whole(folder / PLAN_FILE, json.dumps(content, indent=2) + "\n")
 
 
 def _repair(path: Path) -> bool:

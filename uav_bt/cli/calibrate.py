@@ -11,6 +11,7 @@ import click
 from uav_bt.cli.options import output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.errors import FileError
+from uav_bt.files import reading
 
 if TYPE_CHECKING:
     from perception.camera.calibration import Calibration
@@ -77,10 +78,8 @@ def _reader(path: Path) -> Callable[[], Any]:
         import cv2  # noqa: PLC0415 - late, for --help
         import numpy as np  # noqa: PLC0415
 
-        try:
+        with reading(path):
             encoded = np.fromfile(path, dtype=np.uint8)
-        except OSError as error:
-            raise FileError(path, f"cannot be read: {error.strerror}") from error
         picture = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if encoded.size else None
         if picture is None:
             raise FileError(path, "is not a readable picture")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from uav_bt.errors import FileError
+from uav_bt.files import writing
 
 if TYPE_CHECKING:
     from uav_bt.tree import NodeRegistry
@@ -119,10 +119,8 @@ def tell_or_write(text: str, out: Path | None) -> None:
     if out is None:
         click.echo(text, nl=False)
         return
-    try:
+    with writing(out):
         out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FileError(out, f"cannot be written: {error.strerror}") from error
     click.echo(f"written: {out}")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from uav_bt.cli.options import output_option
-from uav_bt.errors import FileError
+from uav_bt.files import writing
 
 if TYPE_CHECKING:
     from sim_bridge.twin.scene import Scene
@@ -63,7 +63,5 @@ def _draw(scene: Scene, path: Path) -> None:
 
     picture = draw_path_map(map_of_scene(scene), [], title=scene.name)
     _, png = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    try:
+    with writing(path):
         path.write_bytes(png.tobytes())
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror}") from error

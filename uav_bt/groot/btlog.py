@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import BinaryIO, Final, Self
 
 from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.files import reading, writing
 from uav_bt.groot.transitions import RECORD_BYTES, Transition, pack, unpack
 
 __all__ = ["MAX_LOG_BYTES", "MAX_XML_BYTES", "SUFFIX", "BtlogReader", "BtlogWriter"]
@@ -76,10 +77,8 @@ class BtlogWriter:
             raise FileError(
                 self._path, f"the tree's XML has {len(data)} bytes, at most {MAX_XML_BYTES} fit"
             )
-        try:
+        with writing(self._path):
             self._file = self._path.open("wb", buffering=0)
-        except OSError as error:
-            raise FileError(self._path, f"cannot be written: {error.strerror}") from error
         self._first_time_us = first_time_us
         head = _MAGIC + bytes([_PROTOCOL]) + _XML_LENGTH.pack(len(data)) + data
         self._put(head + _FIRST_TIME.pack(first_time_us))
@@ -155,13 +154,11 @@ class BtlogReader:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.partial_bytes = 0  # at the end of the file; known once all transitions were read
-        try:
+        with reading(path):
             size = path.stat().st_size
             if size > MAX_LOG_BYTES:
                 raise FileError(path, f"has {size} bytes, more than a log's {MAX_LOG_BYTES}")
             self._file: BinaryIO = path.open("rb")
-        except OSError as error:
-            raise FileError(path, f"cannot be read: {error.strerror}") from error
         try:
             self.xml, self.first_time_us = self._head()
         except BaseException:

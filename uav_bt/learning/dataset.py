@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage, shrink
 from uav_bt.errors import FileError, InputError
+from uav_bt.files import reading
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.types import Attitude, DroneState
@@ -67,14 +68,11 @@ def fingerprint(record: Path) -> str:
     Raises:
         FileError: it cannot be read.
     """
-    try:
+    with reading(record), record.open("rb") as file:
         status = record.stat()
-        with record.open("rb") as file:
-            digest = hashlib.sha256(file.read(_END_BYTES))
-            file.seek(max(0, status.st_size - _END_BYTES))
-            digest.update(file.read())
-    except OSError as error:
-        raise FileError(record, f"cannot be read: {error.strerror or error}") from error
+        digest = hashlib.sha256(file.read(_END_BYTES))
+        file.seek(max(0, status.st_size - _END_BYTES))
+        digest.update(file.read())
     digest.update(f"{status.st_size} {status.st_mtime_ns}".encode())
     return digest.hexdigest()[:12]
 

@@ -12,6 +12,7 @@ from perception.odometry.footage import shrink
 from perception.segmentation.refine import refined_ids
 from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.files import whole_file
 from uav_bt.learning.dataset import fingerprint, image_of, spaced
 from uav_bt.learning.segmentation import StudentPlan
 from uav_bt.learning.views import Image
@@ -87,7 +88,6 @@ def _labelled(
         rgbs[done] = shrink(image, plan.size_px)
         ids[done] = cv2.resize(mask, plan.size_px, interpolation=cv2.INTER_NEAREST_EXACT)
         advance(f"labels, {record.stem}", done + 1, len(frames))
-    partial = file.with_suffix(".part.npz")
-    np.savez_compressed(partial, rgb=rgbs, ids=ids)
-    partial.replace(file)
+    with whole_file(file) as partial, partial.open("wb") as out:
+        np.savez_compressed(out, rgb=rgbs, ids=ids)
     return rgbs, ids

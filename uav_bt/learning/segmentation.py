@@ -22,6 +22,7 @@ from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, load_teacher
 from perception.segmentation.training.picks import Pick, draw_picks, gather_patches, read_picks
 from uav_bt.errors import FileError
+from uav_bt.files import whole_file
 from uav_bt.learning.views import Image, ViewPlan, twin_views
 from uav_bt.progress import Advance, silent
 
@@ -161,9 +162,8 @@ def _label_scene(teacher_path: Path, plan: StudentPlan, scene: str, file: Path) 
         ids = refined_ids(teacher, teacher.resized(image), plan.refine)
         rgbs.append(cv2.resize(image, plan.size_px, interpolation=cv2.INTER_AREA))
         labels.append(cv2.resize(ids, plan.size_px, interpolation=cv2.INTER_NEAREST_EXACT))
-    partial = file.with_suffix(".part.npz")
-    np.savez_compressed(partial, rgb=np.stack(rgbs), ids=np.stack(labels))
-    partial.replace(file)
+    with whole_file(file) as partial, partial.open("wb") as out:
+        np.savez_compressed(out, rgb=np.stack(rgbs), ids=np.stack(labels))
 
 
 def train_segmentation(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from uav_bt.files import write_whole
 from uav_bt.mission.judge import Verdict
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
@@ -218,8 +219,6 @@ def write_report(report: FlightReport, path: Path) -> None:
     """Write a report as JSON; a reader never sees half of it.
 
     Raises:
-        OSError: the folder cannot be written.
+        FileError: it cannot be written.
     """
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(report.to_json(), indent=2) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, json.dumps(report.to_json(), indent=2) + "\n")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Protocol
 
 from uav_bt import __version__
-from uav_bt.errors import FileError
+from uav_bt.files import writing
 from uav_bt.record.channels import Channel, need_extra, schema_of
 
 __all__ = ["Attachment", "RecordFile", "RecordSink"]
@@ -66,10 +66,8 @@ class RecordFile:
         from mcap.writer import Writer  # noqa: PLC0415 - an extra
 
         self._path = path
-        try:
+        with writing(path):
             self._stream: IO[bytes] = path.open("wb")
-        except OSError as error:
-            raise FileError(path, f"cannot be written: {error.strerror}") from error
         self._writer: Any = Writer(self._stream, chunk_size=_CHUNK_BYTES)
         self._channel_ids: dict[str, int] = {}
         self._schema_ids: dict[str, int] = {}

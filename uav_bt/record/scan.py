@@ -29,6 +29,7 @@ from mcap.records import (
 from mcap.stream_reader import breakup_chunk
 
 from uav_bt.errors import FileError
+from uav_bt.files import reading
 
 __all__ = ["Damage", "RecordScan", "is_finished"]
 
@@ -65,16 +66,13 @@ def is_finished(path: Path) -> bool:
     Raises:
         FileError: it cannot be read or is no MCAP file.
     """
-    try:
-        with path.open("rb") as stream:
-            _check_magic(stream, path)
-            stream.seek(0, 2)
-            if stream.tell() < 2 * len(_MAGIC) + _FOOTER_BYTES:
-                return False
-            stream.seek(-len(_MAGIC) - _FOOTER_BYTES, 2)
-            tail = stream.read()
-    except OSError as error:
-        raise _unreadable(path, error) from error
+    with reading(path), path.open("rb") as stream:
+        _check_magic(stream, path)
+        stream.seek(0, 2)
+        if stream.tell() < 2 * len(_MAGIC) + _FOOTER_BYTES:
+            return False
+        stream.seek(-len(_MAGIC) - _FOOTER_BYTES, 2)
+        tail = stream.read()
     return tail.endswith(_MAGIC) and tail[0] == Opcode.FOOTER
 
 
@@ -101,12 +99,9 @@ class RecordScan:
             FileError: the file cannot be read or is no MCAP file.
         """
         self.damages, self.finished = [], False
-        try:
-            with self._path.open("rb") as stream:
-                _check_magic(stream, self._path)
-                yield from self._records(stream)
-        except OSError as error:
-            raise _unreadable(self._path, error) from error
+        with reading(self._path), self._path.open("rb") as stream:
+            _check_magic(stream, self._path)
+            yield from self._records(stream)
         if not self.finished and not self.damages:
             size = self._path.stat().st_size
             self.damages.append(Damage(offset=size, reason="ends without index and summary"))
@@ -160,7 +155,3 @@ class RecordScan:
 def _check_magic(stream: IO[bytes], path: Path) -> None:
     if stream.read(len(_MAGIC)) != _MAGIC:
         raise FileError(path, "is no flight record: expected an MCAP file (*.mcap)")
-
-
-def _unreadable(path: Path, error: OSError) -> FileError:
-    return FileError(path, f"cannot be read: {error.strerror}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import FileError, UnknownNameError
+from uav_bt.files import writing
 from uav_bt.tree.shipped import shipped_trees
 
 __all__ = ["STARTERS", "starter_mission", "write_starter"]
@@ -78,11 +79,10 @@ def write_starter(path: Path, start: str = "hover") -> None:
     text = starter_mission(start)
     if path.suffix != ".xml":
         raise FileError(path, "expected a name that ends in .xml, as tree files have")
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        message = "there is such a file, and it is not overwritten; choose another name"
-        raise FileError(path, message) from error
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror}") from error
+    with writing(path):
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError as error:
+            message = "there is such a file, and it is not overwritten; choose another name"
+            raise FileError(path, message) from error

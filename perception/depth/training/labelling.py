@@ -27,6 +27,7 @@ from perception.obstacles.memory import ObstacleMemory
 from perception.odometry.camera_track import CameraTrack, camera_track, measured_motion
 from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.files import whole_file
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
 
@@ -195,9 +196,8 @@ def write_labels(path: Path, labels: DepthLabels) -> None:
     arrays = {"depth_m": labels.depth_m}
     if labels.at_most_m is not None:
         arrays["at_most_m"] = labels.at_most_m
-    partial = path.with_suffix(".part.npz")
-    np.savez_compressed(partial, **arrays)  # type: ignore[arg-type]  # numpy's stub
-    partial.replace(path)
+    with whole_file(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # numpy's stub
 
 
 def read_labels(path: Path) -> DepthLabels:

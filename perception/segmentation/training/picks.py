@@ -26,6 +26,7 @@ from perception.segmentation.features import (
 from perception.segmentation.palette import COLOUR_COUNT, count_colours
 from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
+from uav_bt.files import reading, write_whole
 
 __all__ = [
     "Origin",
@@ -70,9 +71,7 @@ def write_picks(path: Path, picks: Iterable[Pick]) -> None:
     writer.writerow(_COLUMNS)
     for pick in picks:
         writer.writerow([pick.image, pick.x, pick.y, CLASS_NAMES[pick.class_id], pick.origin])
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(text.getvalue(), encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, text.getvalue())
 
 
 def read_picks(path: Path) -> list[Pick]:
@@ -81,12 +80,10 @@ def read_picks(path: Path) -> list[Pick]:
     Raises:
         FileError: the file is absent or malformed; the message names the line.
     """
-    try:
+    if not path.exists():
+        raise FileError(path, "there is no such picks file")
+    with reading(path):
         text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise FileError(path, "there is no such picks file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(path, f"cannot be read as a picks file ({error})") from error
     reader = csv.reader(io.StringIO(text))
     picks: list[Pick] = []
     for row in reader:

@@ -87,22 +87,22 @@ def test_the_lenss_place_may_be_given(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"widht_px": 3}, "unknown key 'widht_px'; did you mean 'width_px'"),
-        ({"width_px": 0}, "width_px must be a positive whole number, got 0"),
-        ({"height_px": "720"}, "height_px must be"),
-        ({"height_px": True}, "height_px must be"),
-        ({"K": 3}, "K must be"),
-        ({"K": [[1, 0], [0, 1]]}, "K must be 3x3, got 2x2"),
-        ({"K": [[1, 0, 0], [0, 1]]}, "differ in length"),
-        ({"K": [[931, 5, 640], [0, 931, 359], [0, 0, 1]]}, "no skew"),
-        ({"K": [[931, 0, 640], [0, 931, 359], [0, 0, 2]]}, "no skew"),
-        ({"K": [[-931, 0, 640], [0, 931, 359], [0, 0, 1]]}, "focal lengths must be positive"),
-        ({"K": [[931, 0, 2640], [0, 931, 359], [0, 0, 1]]}, "centre within the picture"),
+        ({"widht_px": 3}, "widht_px: unknown key; did you mean 'width_px'"),
+        ({"width_px": 0}, "width_px: expected a number greater than 0, got '0'"),
+        ({"height_px": "720"}, "height_px: expected a whole number, got '720'"),
+        ({"height_px": True}, "height_px: expected a whole number, got 'true'"),
+        ({"K": 3}, "K: expected a list, got '3'"),
+        ({"K": [[1, 0], [0, 1]]}, "K[0]: expected a list of 3, got a list of 2"),
+        ({"K": [[1, 0, 0], [0, 1]]}, "K[1]: expected a list of 3, got a list of 2"),
+        ({"K": [[931, 5, 640], [0, 931, 359], [0, 0, 1]]}, "without skew"),
+        ({"K": [[931, 0, 640], [0, 931, 359], [0, 0, 2]]}, "without skew"),
+        ({"K": [[-931, 0, 640], [0, 931, 359], [0, 0, 1]]}, "K must have positive focal lengths"),
+        ({"K": [[931, 0, 2640], [0, 931, 359], [0, 0, 1]]}, "centre within the image"),
         ({"K": [[float("nan"), 0, 640], [0, 931, 359], [0, 0, 1]]}, "finite"),
         ({"distortion": [0.1, 0.2]}, "distortion must hold 0, 4, 5, 8, 12, 14 numbers, got 2"),
-        ({"distortion": ["a", 0, 0, 0]}, "distortion must be a list of finite numbers"),
-        ({"distortion": None}, "distortion must be a list"),
-        ({"forward_offset_m": "far"}, "forward_offset_m must be a finite number"),
+        ({"distortion": ["a", 0, 0, 0]}, "distortion[0]: expected a number, got 'a'"),
+        ({"distortion": None}, "distortion: expected a list, got 'null'"),
+        ({"forward_offset_m": "far"}, "forward_offset_m: expected a number, got 'far'"),
     ],
 )
 def test_a_malformed_file_is_refused_by_name(
@@ -127,8 +127,11 @@ def test_what_is_no_camera_file_is_refused(tmp_path: Path, text: str) -> None:
 def test_missing_keys_and_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "camera.yaml"
     path.write_text("width_px: 3\n", encoding="utf-8")
-    with pytest.raises(FileError, match="needs height_px, K, distortion"):
+    with pytest.raises(FileError) as refused:
         load_camera(path)
+    assert str(refused.value).splitlines() == [
+        f"{path}:1: lacks the key '{key}'" for key in ("height_px", "K", "distortion")
+    ]
     with pytest.raises(FileError, match="no such camera file"):
         load_camera(tmp_path / "absent.yaml")
     with pytest.raises(FileError, match="cannot be written"):

@@ -40,17 +40,26 @@ def test_json_is_as_good_as_yaml(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("classes: {0: carpte}", "unknown class 'carpte'; did you mean 'carpet'"),
-        ("clases: {0: carpet}", "knows no 'clases'; did you mean 'classes'"),
-        ("classes: [carpet]", "must list class numbers"),
+        ("clases: {0: carpet}", "clases: unknown key; did you mean 'classes'"),
+        ("classes: [carpet]", "foreign.yaml:1: classes: expected a mapping, got a list of 1"),
         ("classes: {}", "at least one class"),
-        ("classes: {a: carpet}", "must be whole, got 'a'"),
+        ("classes: {a: carpet}", "classes.a: expected a whole number as key, got 'a'"),
         ("classes: {-1: carpet}", "within 0 and 65535, got -1"),
-        ("classes: {0: carpet}\ninput: {mean: 3}", "list of three numbers"),
+        (
+            "classes: {0: carpet}\ninput: {mean: 3}",
+            "foreign.yaml:2: input.mean: expected a list, got '3'",
+        ),
         ("classes: {0: carpet}\ninput: {scale: [1, 0, 1]}", "none of them zero"),
-        ("classes: {0: carpet}\ninput: {layout: chw}", "nchw or nhwc"),
-        ("classes: {0: carpet", "foreign.yaml:1: is not YAML"),
-        ("- 1", "must be a YAML mapping, got list"),
-        ("classes: {0: !!python/object/apply:os.getcwd []}", "is not YAML"),
+        (
+            "classes: {0: carpet}\ninput: {layout: chw}",
+            "input.layout: expected 'nchw' or 'nhwc', got 'chw'",
+        ),
+        ("classes: {0: carpet", "foreign.yaml:1: not valid YAML"),
+        ("- 1", "foreign.yaml:1: expected a mapping with classes, default, input, got a list"),
+        (
+            "classes: {0: !!python/object/apply:os.getcwd []}",
+            "foreign.yaml:1: not valid YAML: the tag",
+        ),
     ],
 )
 def test_a_bad_mapping_is_refused_with_the_reason(tmp_path: Path, text: str, message: str) -> None:

@@ -11,7 +11,8 @@ from uav_bt.app.perceive.inputs import Look, PerceiveOptions
 from uav_bt.app.perceive.outputs import Film, PerceiveSummary, Tally, as_json
 from uav_bt.app.perceive.pipeline import Perceived
 from uav_bt.app.perceive.sources import Picture
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import InputError
+from uav_bt.files import writing
 from uav_bt.progress import Advance, silent
 
 __all__ = ["perceive"]
@@ -79,12 +80,9 @@ def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
 
 @contextmanager
 def _json_lines(path: Path) -> Iterator[_Write]:
-    try:
-        with path.open("w", encoding="utf-8") as file:
+    with writing(path), path.open("w", encoding="utf-8") as file:
 
-            def write(picture: Picture, seen: Perceived) -> None:
-                file.write(json.dumps(as_json(picture, seen), allow_nan=False) + "\n")
+        def write(picture: Picture, seen: Perceived) -> None:
+            file.write(json.dumps(as_json(picture, seen), allow_nan=False) + "\n")
 
-            yield write
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+        yield write

@@ -17,7 +17,7 @@ from uav_bt.campaign.report.paper import PAPER_SUCCESS
 from uav_bt.campaign.report.sources import Provenance, Sources
 from uav_bt.campaign.report.tables import Table, tables_of
 from uav_bt.display.lab_map import LabMap
-from uav_bt.errors import FileError
+from uav_bt.files import write_whole
 
 __all__ = ["WrittenReport", "write_campaign_report"]
 
@@ -176,12 +176,5 @@ def _beside(page_file: Path, name: str, suffix: str) -> Path:
 
 
 def _write(path: Path, content: bytes) -> Path:
-    """Write a file that is whole or not there."""
-    partial = path.with_name(path.name + ".part")
-    try:
-        partial.write_bytes(content)
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise FileError(path, f"cannot be written: {error.strerror}") from error
+    write_whole(path, content)
     return path

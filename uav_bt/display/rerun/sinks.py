@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from uav_bt.errors import FileError, InputError, MissingDependencyError, UavBtError
+from uav_bt.files import whole_file
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -79,22 +80,13 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
 
     if path.suffix.lower() != ".rrd":
         raise FileError(path, "a view's name must end in .rrd")
-    partial = path.with_name(path.name + ".part")
-    try:
-        partial.touch()
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
-    try:
+    with whole_file(path) as partial:
+        partial.touch()  # the system says better than Rerun what is wrong with a folder
         stream = rr.RecordingStream(_APPLICATION)
         stream.save(partial)
         yield stream
         _finish(path, stream)
         _check_whole(path, partial)
-        partial.replace(path)
-    except OSError as error:
-        raise FileError(path, f"cannot be written: {error.strerror or error}") from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _finish(path: Path, stream: rr.RecordingStream) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from uav_bt.display.canvas import Image
 from uav_bt.errors import FileError, MissingDependencyError, ShapeError, ValueRangeError
+from uav_bt.files import writing
 
 __all__ = ["VideoFile", "choose_codec"]
 
@@ -82,19 +83,16 @@ class VideoFile:
         self._size_px = size_px
         self._time_base = 1 / frames_per_s
         self._last_slot = -1
-        self._failed: OSError | None = None
-        try:
-            # Before FFmpeg does: the system says better what is wrong with a folder.
-            self._partial.touch()
-        except OSError as error:
-            raise FileError(path, f"cannot be written: {error.strerror or error}") from error
-        try:
-            self._container: Any = av.open(
-                str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
-            )
-        except OSError as error:
-            self._partial.unlink()
-            raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+        self._failed = False
+        with writing(path):  # FFmpeg's errors are OSErrors too
+            self._partial.touch()  # the system says better than FFmpeg what is wrong with a folder
+            try:
+                self._container: Any = av.open(
+                    str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
+                )
+            except OSError:
+                self._partial.unlink()
+                raise
         stream: Any = self._container.add_stream(
             codec, rate=frames_per_s, options=dict(_CODECS)[codec]
         )
@@ -130,12 +128,11 @@ class VideoFile:
         self.pictures += 1
 
     def _encode(self, picture: object) -> None:
-        try:
+        self._failed = True
+        with writing(self.path):
             for packet in self._stream.encode(picture):
                 self._container.mux(packet)
-        except OSError as error:  # PyAV's errors of the system are OSErrors too
-            self._failed = error
-            raise FileError(self.path, f"cannot be written: {error.strerror or error}") from error
+        self._failed = False
 
     def close(self) -> None:
         """Finish the file and give it its name; safe to call twice.
@@ -146,14 +143,12 @@ class VideoFile:
         if self._container is None:
             return
         try:
-            if self.pictures and self._failed is None:
+            if self.pictures and not self._failed:
                 self._encode(None)
-            self._container.close()
-            if self.pictures and self._failed is None:
-                self._partial.replace(self.path)
-        except OSError as error:
-            self._failed = error
-            raise FileError(self.path, f"cannot be written: {error.strerror or error}") from error
+            with writing(self.path):
+                self._container.close()
+                if self.pictures and not self._failed:
+                    self._partial.replace(self.path)
         finally:
             self._container = None
             self._partial.unlink(missing_ok=True)

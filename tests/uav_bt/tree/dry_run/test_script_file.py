@@ -41,19 +41,23 @@ def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "line", "message"),
     [
-        ("", 1, "empty: expected 'leaves' or 'default'"),
-        ("- a", 1, "the script file: expected entries such as 'name: value'"),
+        ("", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
+        (
+            "- a",
+            1,
+            "expected a mapping with leaves, default, outputs, variables, board, got a list of 1",
+        ),
         ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
-        ("default: S\nleafs: {}", 2, "unknown entry 'leafs'; did you mean 'leaves'?"),
-        ("default: S\nleaves: RRS", 2, "leaves: expected entries such as 'name: value'"),
+        ("default: S\nleafs: {}", 2, "leafs: unknown key; did you mean 'leaves'?"),
+        ("default: S\nleaves: RRS", 2, "leaves: expected a mapping, got 'RRS'"),
         ("leaves:\n  A: RRX", 2, "a script has the letters R (running), S (success)"),
-        ("leaves:\n  A: RRS\n  A: S", 3, "leaves: 'A' is there twice"),
-        ("leaves:\n  A: [R, S]", 2, "'A': expected a number, a text, true or false"),
+        ("leaves:\n  A: RRS\n  A: S", 3, "leaves: the key 'A' is given twice"),
+        ("leaves:\n  A: [R, S]", 2, "or a number or a text, got a list of 2"),
         ("leaves:\n  [A]: R", 2, "leaves: expected a name before the colon"),
-        ("leaves:\n  A:", 2, "'A': expected a number, a text, true or false"),
-        ("default: S\nvariables:\n  day: 2026-13-45", 3, "'day': month must be in 1..12"),
+        ("leaves:\n  A:", 2, "leaves.A: expected true or false or"),
+        ("default: S\nvariables:\n  day: 2026-13-45", 3, "variables.day: month must be in 1..12"),
         ("default: ()", 1, "a script has the letters"),
-        ("leaves: {A: S", 1, "no YAML:"),
+        ("leaves: {A: S", 1, "not valid YAML:"),
         ("default: !!python/object:os.system S", 1, "could not determine a constructor"),
     ],
 )
@@ -68,11 +72,11 @@ def test_what_no_script_can_say_is_refused_with_its_line(
 
 
 def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="No such file"):
+    with pytest.raises(FileError, match="there is no such script file"):
         read_script(tmp_path / "absent.yaml")
     path = tmp_path / "binary.yaml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FileError, match="no UTF-8 text"):
+    with pytest.raises(FileError, match="cannot be read as UTF-8 text"):
         read_script(path)
     path.write_text("#" * 1_000_001, encoding="utf-8")
     with pytest.raises(FileError, match="larger than 1000000 bytes"):
@@ -80,5 +84,5 @@ def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_deep_nesting_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="no YAML"):
+    with pytest.raises(FileError, match="not valid YAML"):
         read_script(written(tmp_path, "[" * 5000))

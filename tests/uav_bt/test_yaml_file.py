@@ -1,0 +1,137 @@
+"""YAML files as typed values: every problem with its line, nothing dangerous, nothing guessed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+from pydantic import Field
+
+from uav_bt.errors import FileError, SceneError, ValueRangeError
+from uav_bt.yaml_file import YamlFile, read_yaml
+
+
+@dataclass(frozen=True, kw_only=True)
+class Door:
+    name: str
+    width_m: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Room:
+    size_m: tuple[float, float]
+    doors: tuple[Door, ...] = ()
+    lit: bool = True
+    seats: int = 0
+    colour: Literal["white", "grey"] | tuple[int, int, int] = "white"
+    notes: dict[str, bool | int | float | str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.size_m[0] < self.size_m[1]:
+            raise ValueRangeError("the longer side comes first")
+
+
+def read(tmp_path: Path, text: str) -> YamlFile[Room]:
+    path = tmp_path / "room.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_yaml(path, Room, "room file")
+
+
+def problems(tmp_path: Path, text: str) -> list[str]:
+    with pytest.raises(FileError) as refused:
+        read(tmp_path, text)
+    return str(refused.value).replace(f"{tmp_path}/", "").splitlines()
+
+
+def test_every_kind_of_value_arrives(tmp_path: Path) -> None:
+    text = "size_m: [5, 4.5]\ndoors:\n- {name: a}\n- {name: '7', width_m: 2}\nlit: no\n"
+    file = read(tmp_path, text + "colour: [1, 2, 3]\nnotes: {a: 1, b: 1.0, c: yes, d: x}")
+    assert file.value == Room(
+        size_m=(5.0, 4.5),
+        doors=(Door(name="a"), Door(name="7", width_m=2.0)),
+        lit=False,
+        colour=(1, 2, 3),
+        notes={"a": 1, "b": 1.0, "c": True, "d": "x"},
+    )
+    assert [type(value) for value in file.value.notes.values()] == [int, float, bool, str]
+    assert isinstance(file.value.size_m[0], float)
+
+
+def test_values_know_their_lines(tmp_path: Path) -> None:
+    file = read(tmp_path, "size_m: [5, 4]\ndoors:\n- name: a\n- name: b\n  width_m: 1\n")
+    assert file.line() == 1
+    assert file.line("doors") == 2
+    assert file.line("doors", 1, "width_m") == 5
+    error = file.error("is locked", "doors", 1)
+    assert str(error) == f"{file.path}:4: doors[1]: is locked"
+
+
+def test_json_is_yaml_and_aliases_are_values(tmp_path: Path) -> None:
+    assert read(tmp_path, '{"size_m": [5, 4]}').value == Room(size_m=(5.0, 4.0))
+    assert read(tmp_path, "notes: {a: &a 3, b: *a}\nsize_m: [5, 4]").value.notes["b"] == 3
+
+
+def test_all_problems_are_told_in_the_order_of_their_lines(tmp_path: Path) -> None:
+    text = "doors: [{nam: a}, 3]\nlit: maybe\nseats: 1.5\ncolour: blue\nsize_m: [5]\n"
+    assert problems(tmp_path, text) == [
+        "room.yaml:1: doors[0]: lacks the key 'name'",
+        "room.yaml:1: doors[0].nam: unknown key; did you mean 'name'? (known: name, width_m)",
+        "room.yaml:1: doors[1]: expected a mapping with name, width_m, got '3'",
+        "room.yaml:2: lit: expected true or false, got 'maybe'",
+        "room.yaml:3: seats: expected a whole number, got '1.5'",
+        "room.yaml:4: colour: expected 'white' or 'grey' or a list, got 'blue'",
+        "room.yaml:5: size_m: expected a list of 2, got a list of 1",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "room.yaml:1: lacks the key 'size_m'"),
+        ("[]", "room.yaml:1: expected a mapping with size_m, doors, lit,"),
+        ("size_m: [5, '4']", "size_m[1]: expected a number, got '4'"),
+        ("size_m: [5, yes]", "size_m[1]: expected a number, got 'yes'"),
+        ("size_m: [5, .inf]", "size_m[1]: expected a finite number, got '.inf'"),
+        ("size_m: [5, 4, 3]", "size_m: expected a list of at most 2, got a list of 3"),
+        ("size_m:", "size_m: expected a list, got nothing"),
+        ("size_m: [4, 5]", "room.yaml:1: the longer side comes first"),
+        ("doors: [{name: 7}]\nsize_m: [5, 4]", "doors[0].name: expected a text, got '7'"),
+        ("size_m: [5, 4]\ncolour: [1, 2, x]", "colour[2]: expected a whole number, got 'x'"),
+        ("size_m: [5, 4]\nseats: true", "room.yaml:2: seats: expected a whole number, got 'true'"),
+        ("size_m: [5, 4]\nsize_m: [5, 3]", "room.yaml:2: the key 'size_m' is given twice"),
+        ("size_m: [5, 4]\n? [a]\n: b", "room.yaml:2: expected a name before the colon"),
+        ("size_m: 2026-01-01", "size_m: expected a number, a text, true or false, got '2026-"),
+        ("size_m: 2026-13-45", "size_m: month must be in 1..12, got '2026-13-45'"),
+        ("size_m: [5", "room.yaml:1: not valid YAML: expected ',' or ']'"),
+        ("a: !!python/object:os.system {}", "room.yaml:1: not valid YAML: the tag"),
+        ("a: !!python/name:os.system b", "not valid YAML: could not determine a constructor"),
+        ("a: &a [*a]", "not valid YAML"),
+        ("[" * 5000, "not valid YAML"),
+        ("[" * 300 + "]" * 300, "not valid YAML: recursion limit exceeded"),
+        ('a: "\\ud800"', "not valid YAML"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(tmp_path: Path, text: str, problem: str) -> None:
+    assert problem in "\n".join(problems(tmp_path, text))
+
+
+def test_a_bomb_of_aliases_does_not_go_off(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 10)]
+    assert "more than 100000 values" in problems(tmp_path, "\n".join(lines))[0]
+
+
+def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "room.yaml"
+    with pytest.raises(SceneError, match=r"room.yaml: there is no such room file; build one"):
+        read_yaml(path, Room, "room file", failure=SceneError, remedy="build one")
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FileError, match="cannot be read as UTF-8 text"):
+        read_yaml(path, Room, "room file")
+    path.write_text("#" * 1_000_001, encoding="utf-8")
+    with pytest.raises(FileError, match="larger than 1000000 bytes"):
+        read_yaml(path, Room, "room file")
+    with pytest.raises(FileError, match="cannot be read: Is a directory"):
+        read_yaml(tmp_path, Room, "room file")

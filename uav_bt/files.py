@@ -1,0 +1,87 @@
+"""Files that are whole or not there, and the operating system's errors as the project's own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from uav_bt.errors import FileError
+
+__all__ = ["reading", "whole_file", "write_whole", "writing"]
+
+
+@contextmanager
+def reading(path: Path, error: type[FileError] = FileError) -> Iterator[None]:
+    """Translate the errors of a block that reads a file.
+
+    Args:
+        path: the file that the message names.
+        error: what is raised; takes a path and a message.
+
+    Raises:
+        FileError: the block raised an OSError, or the file is no UTF-8 text.
+    """
+    try:
+        yield
+    except UnicodeDecodeError as cause:
+        raise error(path, f"cannot be read as UTF-8 text: {cause}") from cause
+    except OSError as cause:
+        raise error(path, f"cannot be read: {cause.strerror or cause}") from cause
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Translate the errors of a block that writes a file.
+
+    Args:
+        path: the file that the message names.
+
+    Raises:
+        FileError: the block raised an OSError.
+    """
+    try:
+        yield
+    except OSError as cause:
+        raise FileError(path, f"cannot be written: {cause.strerror or cause}") from cause
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Write a file so that a reader never sees half of it.
+
+    The block writes to the path that it is given, beside the final one; when it ends without an
+    error, that file replaces the final one, otherwise it is removed.
+
+    Args:
+        path: the file; an existing one stays as it is until the new one is whole.
+
+    Yields:
+        Where to write.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    # Several processes may write one file at once, an index for instance: each has its own part.
+    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
+    with writing(path):
+        try:
+            yield partial
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes | str) -> None:
+    """Write a file so that a reader never sees half of it.
+
+    Args:
+        path: the file; an existing one is replaced.
+        content: all of it; text becomes UTF-8.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    with whole_file(path) as partial:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
