@@ -25,7 +25,10 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.loopback.video import EncoderConfig, VideoFrame, VideoStats, serve_video
+from sim_bridge.loopback.video.encoder import EncoderConfig
+from sim_bridge.loopback.video.frame import VideoFrame
+from sim_bridge.loopback.video.server import serve_video
+from sim_bridge.loopback.video.streamer import VideoStats
 
 SIZES = ((640, 360), (1280, 720))
 BLOCK_PX = 16  # a macroblock, so that blocks do not spoil each other

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.battery import BatteryOptions
 from sim_bridge.loopback.messages import message_table
-from sim_bridge.loopback.server import LoopbackServer, Ports, PortTakenError, ServerOptions
+from sim_bridge.loopback.ports import Ports
+from sim_bridge.loopback.server import LoopbackServer, ServerOptions
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.video.encoder import EncoderConfig
@@ -16,14 +17,13 @@ from sim_bridge.loopback.video.streamer import VideoStats
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from uav_bt.clock import WallClock
-from uav_bt.errors import DroneError
 
 __all__ = ["DroneSetup", "LoopbackDrone"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DroneSetup:
-    """What a loopback ANAFI is like."""
+    """World, firmware, server and video of a loopback ANAFI."""
 
     scene: Scene | None = None  # None: the open field
     profile: Profile = field(default_factory=Profile)
@@ -31,23 +31,22 @@ class DroneSetup:
     server: ServerOptions = field(default_factory=ServerOptions)
     battery: BatteryOptions = field(default_factory=BatteryOptions)
     image_size_px: tuple[int, int] = (640, 360)  # 16:9; what two cores sustain beside a mission
-    video_rate_hz: float = 30.0  # frames a second at most, the drone's
+    video_rate_hz: float = 30.0  # frames a second at most, as the ANAFI sends
     video: bool = True
 
 
 class LoopbackDrone:
-    """One drone on the network; start it, wait, close it."""
+    """One drone on the network; start it, wait, close it. Nothing is bound before `start`.
+
+    Args:
+        setup: its world, firmware, server and video.
+
+    Raises:
+        MissingDependencyError: MuJoCo or OpenGL does not work here.
+        ValueRangeError: the video's size is not 16:9.
+    """
 
     def __init__(self, setup: DroneSetup) -> None:
-        """Build the lab; nothing is bound and no time passes before `start`.
-
-        Args:
-            setup: what it is like.
-
-        Raises:
-            MissingDependencyError: MuJoCo or OpenGL does not work here.
-            ValueRangeError: the picture's size is not 16:9.
-        """
         self._setup = setup
         self._clock = WallClock()
         self._world = TwinWorld(
@@ -75,7 +74,7 @@ class LoopbackDrone:
 
     @property
     def lost_s(self) -> float:
-        """How much flight time was given up because the machine was too slow."""
+        """Flight time that was left out because the machine was too slow, s."""
         return self._world.lost_s
 
     def video_stats(self) -> VideoStats | None:
@@ -92,7 +91,15 @@ class LoopbackDrone:
         setup = self._setup
         try:
             if setup.video:
-                self._video = await self._start_video()
+                encoder = EncoderConfig(size_px=setup.image_size_px, rate_hz=setup.video_rate_hz)
+                self._video = await serve_video(
+                    self._camera,
+                    host=setup.server.address,
+                    port=setup.server.ports.rtsp,
+                    encoder=encoder,
+                    now=self._clock.now,
+                    finish=self._camera.close,
+                )
             self._world.start()
             await self._server.start()
         except BaseException:
@@ -108,23 +115,8 @@ class LoopbackDrone:
         await self._server.wait()
 
     async def close(self) -> None:
-        """Hang up and switch off; safe to call twice."""
+        """Disconnect and stop; safe to call twice."""
         await self._server.close()
         if self._video is not None:
             await self._video.close()
         self._world.stop()
-        self._camera.close()
-
-    async def _start_video(self) -> VideoServer:
-        setup, options = self._setup, self._setup.server
-        encoder = EncoderConfig(size_px=setup.image_size_px, rate_hz=setup.video_rate_hz)
-        try:
-            return await serve_video(
-                self._camera,
-                host=options.address,
-                port=options.ports.rtsp,
-                encoder=encoder,
-                now=self._clock.now,
-            )
-        except DroneError as error:
-            raise PortTakenError(str(error)) from error

@@ -29,8 +29,8 @@ __all__ = [
     "WireFrame",
 ]
 
-PING: Final = 0  # buffer of "are you there"
-PONG: Final = 1  # buffer of the answer, which has the same payload
+PING: Final = 0  # buffer of pings
+PONG: Final = 1  # buffer of its answer, which has the same payload
 ACK_OFFSET: Final = 128  # an acknowledgement's buffer is the acknowledged one's plus this
 EVENTS: Final = 126  # buffer of the drone's events that are acknowledged
 EVENTS_WITHOUT_ACK: Final = 127  # and of those that are not
@@ -48,7 +48,7 @@ class FrameType(enum.IntEnum):
 
     ACK = 1
     DATA = 2
-    LOW_LATENCY = 3
+    LOW_LATENCY = 3  # taken like DATA; the ANAFI's clients do not send it
     DATA_WITH_ACK = 4
 
 

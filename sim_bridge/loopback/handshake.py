@@ -1,8 +1,8 @@
 """How a client finds the drone and gets a command link: two small JSON exchanges over TCP.
 
-Port 44445: the drone says who it is as soon as somebody connects, and keeps the connection; losing
-it is how a client notices that the drone is gone. Port 44444: the client says where it wants its
-events, the drone answers where it wants its commands.
+Port 44445: the drone sends its identity as soon as a client connects, and keeps the connection;
+losing it is how a client notices that the drone is gone. Port 44444: the client sends the port for
+events, the drone answers with the port for commands.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _BUSY: Final = -1
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """Who the drone says it is."""
+    """The drone's name and serial number."""
 
     name: str = "ANAFI-loopback"
     serial: str = "PI040384AH8L000000"  # of the form that the ANAFI's has; no real one
@@ -38,7 +38,7 @@ class Identity:
 
 @dataclass(frozen=True, kw_only=True)
 class ConnectionRequest:
-    """What a client asks for."""
+    """A client's request for a link."""
 
     events_port: int  # UDP, on the client's side
     controller: str = ""
@@ -46,10 +46,10 @@ class ConnectionRequest:
 
 
 def announcement(identity: Identity, control_port: int) -> bytes:
-    """Return what the drone says on its discovery port.
+    """Return what the drone sends on its discovery port.
 
     Args:
-        identity: who it is.
+        identity: name and serial number.
         control_port: where a client asks for a link (TCP).
     """
     return _line(
@@ -87,7 +87,7 @@ def accepted(request: ConnectionRequest, commands_port: int) -> bytes:
     """Return the answer that opens a link.
 
     Args:
-        request: what was asked.
+        request: the client's.
         commands_port: where the client's commands go (UDP).
     """
     return _line(

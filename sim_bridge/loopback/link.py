@@ -22,20 +22,27 @@ from sim_bridge.loopback.frames import (
 
 __all__ = ["Link", "LinkTiming"]
 
-_BEHIND: Final = 10  # a sequence so far behind is not late: its sender has begun anew
+_BEHIND: Final = 10  # a sequence so far behind is not late: its sender has restarted
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkTiming:
-    """When a link repeats itself and when it is dead."""
+    """When a link repeats an event, and when it is dead."""
 
     repeat_s: float = 0.1  # s without an acknowledgement; the SDK itself waits 0.15
     ping_s: float = 2.0  # s between two pings, as the drone does
-    silence_s: float = 5.0  # s without a word after which the client is gone, as the SDK counts
+    silence_s: float = 5.0  # s without a frame after which the client is gone, as the SDK has it
 
 
 class Link:
-    """Sends events and takes commands; what must be acknowledged keeps its order."""
+    """Sends events and takes commands; what must be acknowledged keeps its order.
+
+    Args:
+        transmit: sends a datagram; may lose it.
+        now_s: the time.
+        framing: the version that the client speaks.
+        timing: when it repeats an event, and when it is dead.
+    """
 
     def __init__(
         self,
@@ -45,18 +52,10 @@ class Link:
         framing: Framing = VERSION_1,
         timing: LinkTiming | None = None,
     ) -> None:
-        """Open the link.
-
-        Args:
-            transmit: sends a datagram; may lose it.
-            now_s: the time.
-            framing: the version that the client speaks.
-            timing: when it repeats itself.
-        """
         self._transmit = transmit
         self._framing = framing
         self._timing = timing or LinkTiming()
-        self._heard_s = now_s
+        self._received_s = now_s
         self._pinged_s = now_s
         self._waiting: deque[bytes] = deque()
         self._in_flight: WireFrame | None = None
@@ -66,9 +65,9 @@ class Link:
         self._received: dict[int, int] = {}  # the last taken, by buffer
 
     @property
-    def heard_s(self) -> float:
-        """When the client last said anything."""
-        return self._heard_s
+    def received_s(self) -> float:
+        """When anything came from the client last, s."""
+        return self._received_s
 
     @property
     def pending(self) -> int:
@@ -77,10 +76,16 @@ class Link:
 
     def dead(self, now_s: float) -> bool:
         """Return whether the client has been silent for too long."""
-        return now_s - self._heard_s > self._timing.silence_s
+        return now_s - self._received_s > self._timing.silence_s
 
     def send(self, payload: bytes, now_s: float, *, acked: bool) -> None:
-        """Send an event, at once or, where it must be acknowledged, in its turn."""
+        """Send an event, at once or, where it must be acknowledged, in its turn.
+
+        Args:
+            payload: the encoded message.
+            now_s: the time.
+            acked: whether it must be acknowledged.
+        """
         if acked:
             self._waiting.append(payload)
             self._launch(now_s)
@@ -90,12 +95,16 @@ class Link:
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
         """Take a datagram.
 
+        Args:
+            datagram: what came; damaged frames are ignored.
+            now_s: the time.
+
         Returns:
-            The commands in it that were not taken before.
+            The encoded commands in it that were not taken before.
         """
         commands: list[bytes] = []
         for frame in self._framing.parse(datagram):
-            self._heard_s = now_s
+            self._received_s = now_s
             if frame.type is FrameType.ACK:
                 self._acknowledged(frame, now_s)
             elif frame.buffer == PING:
@@ -118,7 +127,7 @@ class Link:
             self.ping(now_s)
 
     def ping(self, now_s: float) -> None:
-        """Ask whether the client is there."""
+        """Send a ping, which a client answers."""
         self._pinged_s = now_s
         whole = int(now_s)
         self._send_frame(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -24,41 +23,27 @@ from sim_bridge.loopback.handshake import (
 )
 from sim_bridge.loopback.link import Link, LinkTiming
 from sim_bridge.loopback.messages import Buffer, MessageTable, MessageType
+from sim_bridge.loopback.ports import Ports, port_error
 from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
 from uav_bt.errors import DroneError, InputError
 
-__all__ = ["LoopbackServer", "PortTakenError", "Ports", "ServerOptions"]
+__all__ = ["LoopbackServer", "ServerOptions"]
 
 _LOG = logging.getLogger(__name__)
 
-_PATIENCE_S: Final = 5.0  # s for a client's request for a link to arrive
+_REQUEST_TIMEOUT_S: Final = 5.0  # s for a client's request for a link to arrive
 _MAX_CONNECTIONS: Final = 64  # open at once on a port; more are closed at once
-
-
-class PortTakenError(InputError):
-    """Something else has one of the drone's ports."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ports:
-    """Where the drone listens; 0 is any free port."""
-
-    discovery: int = 44445  # TCP
-    control: int = 44444  # TCP: requests for a link
-    commands: int = 2233  # UDP
-    http: int = 80  # TCP
-    rtsp: int = 554  # TCP; the video's, served beside
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServerOptions:
-    """How a drone is reached."""
+    """Address, identity and timing of a drone."""
 
-    address: str = "127.0.0.1"  # this machine alone, unless told otherwise
+    address: str = "127.0.0.1"  # only this machine can reach it, unless another is chosen
     ports: Ports = field(default_factory=Ports)
     identity: Identity = field(default_factory=Identity)
     timing: LinkTiming = field(default_factory=LinkTiming)
-    update_s: float = 0.02  # s between two looks at the drone
+    update_s: float = 0.02  # s between two updates of the firmware
     probe_s: float = 0.3  # s for a client to show that it is still there when another comes
 
 
@@ -73,18 +58,17 @@ Service = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]
 
 
 class LoopbackServer:
-    """One drone's server; start it, wait, close it."""
+    """One drone's server; start it, wait, close it. Nothing is bound before `start`.
+
+    Args:
+        anafi: the firmware, which this server drives.
+        table: the messages it speaks.
+        options: addresses, ports and time-outs.
+    """
 
     def __init__(
         self, anafi: Anafi, table: MessageTable, options: ServerOptions | None = None
     ) -> None:
-        """Describe it; nothing is bound before `start`.
-
-        Args:
-            anafi: the firmware, which this server drives.
-            table: the messages it speaks.
-            options: addresses, ports and patience.
-        """
         self._anafi = anafi
         self._table = table
         self._options = options or ServerOptions()
@@ -95,7 +79,7 @@ class LoopbackServer:
         self._open: set[asyncio.Task[None]] = set()
         self._timer: asyncio.TimerHandle | None = None
         self._admission = asyncio.Lock()
-        self._heard = asyncio.Event()
+        self._received = asyncio.Event()
         self._broken = asyncio.Event()
         self._failure: DroneError | None = None
 
@@ -130,7 +114,7 @@ class LoopbackServer:
         self._schedule()
 
     async def wait(self) -> None:
-        """Serve until the body that is flown fails.
+        """Serve until the simulation fails.
 
         Raises:
             DroneError: it did.
@@ -140,7 +124,7 @@ class LoopbackServer:
             raise self._failure
 
     async def close(self) -> None:
-        """Hang up; safe to call twice."""
+        """Disconnect and free the ports; safe to call twice."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -169,7 +153,7 @@ class LoopbackServer:
                 accept, self._options.address, port, limit=MAX_HEAD_BYTES
             )
         except OSError as error:
-            raise _port_error(error, self._options.address, port, what) from error
+            raise port_error(error, self._options.address, port, what) from error
         self._servers.append(server)
         return int(server.sockets[0].getsockname()[1])
 
@@ -180,7 +164,7 @@ class LoopbackServer:
                 lambda: _Datagrams(self._datagram), local_addr=(self._options.address, port)
             )
         except OSError as error:
-            raise _port_error(error, self._options.address, port, "command") from error
+            raise port_error(error, self._options.address, port, "command") from error
         return int(self._udp.get_extra_info("sockname")[1])
 
     async def _converse(
@@ -197,7 +181,7 @@ class LoopbackServer:
             with contextlib.suppress(OSError):  # it is gone either way
                 await writer.wait_closed()
 
-    # --- who there is -----------------------------------------------------------------------------
+    # --- admission --------------------------------------------------------------------------------
 
     async def _serve_discovery(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
@@ -205,8 +189,8 @@ class LoopbackServer:
         writer.write(announcement(self._options.identity, self._ports.control))
         await writer.drain()
         while await reader.read(MAX_REQUEST_BYTES):
-            pass  # clients say nothing here; the connection is what counts
-        # Somebody leaves. If it was the client that flies, it does not answer any more.
+            pass  # clients send nothing here; the connection is what counts
+        # A client leaves. If it is the one that flies, it does not answer any more.
         async with self._admission:
             await self._probe()
 
@@ -229,11 +213,11 @@ class LoopbackServer:
         """Drop the client unless it shows at once that it is still there."""
         if self._client is None:
             return
-        self._heard.clear()
+        self._received.clear()
         self._client.link.ping(self._now())
         try:
             async with asyncio.timeout(self._options.probe_s):
-                await self._heard.wait()
+                await self._received.wait()
         except TimeoutError:
             self._drop_client("it is gone")
 
@@ -252,10 +236,10 @@ class LoopbackServer:
         self._client = _Client(link=link, address=address, name=name)
         _LOG.info("connected: %s", name)
 
-        def tell(message: MessageType, payload: bytes) -> None:
+        def send(message: MessageType, payload: bytes) -> None:
             link.send(payload, self._now(), acked=message.buffer is not Buffer.NOACK)
 
-        self._anafi.connected(tell)
+        self._anafi.connected(send)
 
     def _drop_client(self, why: str) -> None:
         if self._client is not None:
@@ -264,16 +248,16 @@ class LoopbackServer:
             if self._failure is None:
                 self._anafi.disconnected()
 
-    # --- what it says -----------------------------------------------------------------------------
+    # --- traffic ----------------------------------------------------------------------------------
 
     def _datagram(self, data: bytes, address: tuple[Any, ...]) -> None:
         client = self._client
         if client is None or address[0] != client.address[0]:
             return
-        before = client.link.heard_s
+        before = client.link.received_s
         commands = client.link.receive(data, self._now())
-        if client.link.heard_s > before:
-            self._heard.set()
+        if client.link.received_s > before:
+            self._received.set()
         for payload in commands:
             try:
                 self._anafi.handle(decode(payload, self._table))
@@ -311,7 +295,7 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._receive(data, addr)
 
     def error_received(self, exc: Exception) -> None:
-        """Note that nobody hears us; the link's silence decides."""
+        """Note that a datagram was not delivered; the link's time-out decides."""
         _LOG.debug("a datagram did not arrive: %s", exc)
 
 
@@ -323,26 +307,12 @@ async def _read_request(reader: asyncio.StreamReader) -> ConnectionRequest:
     """
     data = b""
     try:
-        async with asyncio.timeout(_PATIENCE_S):
+        async with asyncio.timeout(_REQUEST_TIMEOUT_S):
             while len(data) <= MAX_REQUEST_BYTES:
                 more = await reader.read(MAX_REQUEST_BYTES)
                 data += more
                 if not more or data.endswith((b"\0", b"}", b"}\n")):
                     return parse_request(data)
     except TimeoutError as error:
-        raise WireError(f"a request for a link did not come within {_PATIENCE_S} s") from error
+        raise WireError(f"no request for a link within {_REQUEST_TIMEOUT_S} s") from error
     raise WireError(f"a request for a link has at most {MAX_REQUEST_BYTES} bytes")
-
-
-def _port_error(error: OSError, address: str, port: int, what: str) -> PortTakenError:
-    where = f"the {what} port {port} of {address}"
-    if error.errno == errno.EADDRINUSE:
-        return PortTakenError(
-            f"{where} is taken; stop what uses it, choose another port, or another address such "
-            "as 127.0.0.2"
-        )
-    if error.errno in (errno.EACCES, errno.EPERM):
-        return PortTakenError(f"{where} needs root; choose one above 1023")
-    if error.errno == errno.EADDRNOTAVAIL:
-        return PortTakenError(f"this machine has no address {address}; use one of 127.0.0.x")
-    return PortTakenError(f"{where} cannot be used: {error.strerror or error}")

@@ -1,6 +1,6 @@
 """The twin's camera as the video's source: renders the newest view while a client plays.
 
-A GL context belongs to one thread, so all rendering happens on a thread of its own.
+A GL context belongs to one thread: `newest` and `close` are called on the video's.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
@@ -57,7 +56,6 @@ class TwinCamera:
         self._battery = battery
         self._utc_offset_s = time.time() - clock.now()
         self._age_s = max(0.0, world.profile.video_latency_s - _PIPELINE_S)
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="twin-camera")
         self._renderer: Renderer | None = None
         self._newest: VideoFrame | None = None
 
@@ -72,15 +70,14 @@ class TwinCamera:
             return self._newest
         capture, captured_s = found
         if self._newest is None or captured_s > self._newest.captured_s:
-            self._newest = self._thread.submit(self._frame, capture, captured_s).result()
+            self._newest = self._frame(capture, captured_s)
         return self._newest
 
     def close(self) -> None:
         """Free the renderer; call it after the last `newest`. Safe to call twice."""
         if self._renderer is not None:
             renderer, self._renderer = self._renderer, None
-            self._thread.submit(renderer.close).result()
-        self._thread.shutdown()
+            renderer.close()
 
     def _frame(self, capture: Capture, captured_s: float) -> VideoFrame:
         if self._renderer is None:

@@ -87,7 +87,8 @@ def serve_anafi(
     from sim_bridge.loopback.drone import DroneSetup  # noqa: PLC0415
     from sim_bridge.loopback.firmware.battery import BatteryOptions  # noqa: PLC0415
     from sim_bridge.loopback.handshake import Identity  # noqa: PLC0415
-    from sim_bridge.loopback.server import Ports, ServerOptions  # noqa: PLC0415
+    from sim_bridge.loopback.ports import Ports  # noqa: PLC0415
+    from sim_bridge.loopback.server import ServerOptions  # noqa: PLC0415
     from sim_bridge.twin.profile import Profile  # noqa: PLC0415
     from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
 

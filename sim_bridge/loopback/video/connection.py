@@ -1,4 +1,4 @@
-"""One client's connection: bytes in, answers out, and what its requests bring about."""
+"""One client's RTSP connection: bytes in, answers out, and the effects of its requests."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Final, cast
 
-from sim_bridge.loopback.video.dialogue import CONTROL, SESSION_TIMEOUT_S, Dialogue, refusal
-from sim_bridge.loopback.video.h264 import ParameterSets
+from sim_bridge.loopback.video.dialogue import CONTROL, Dialogue, refusal
+from sim_bridge.loopback.video.encoder import ParameterSets
 from sim_bridge.loopback.video.rtp import RtpStream
 from sim_bridge.loopback.video.rtsp_message import Request, RequestReader, RtspError
 from sim_bridge.loopback.video.sdp import StreamIdentity, describe
@@ -23,17 +23,17 @@ from sim_bridge.loopback.video.transport import (
     Transport,
 )
 
-__all__ = ["MAX_CONNECTIONS", "Connection", "Studio"]
+__all__ = ["MAX_CONNECTIONS", "Connection", "ServerState"]
 
 _LOG: Final = logging.getLogger(__name__)
 
 MAX_CONNECTIONS: Final = 32  # a drone serves a handful; more is a fault or malice
 _MAX_UNREAD_BYTES: Final = 1024 * 1024  # answers that a client asks for and does not read
-_LAST_WORDS_S: Final = 1.0  # for a client to read what ends its connection
+_LAST_ANSWER_S: Final = 1.0  # for a client to read the answer that ends its connection
 
 
 @dataclass(kw_only=True)
-class Studio:
+class ServerState:
     """What all connections share."""
 
     streamer: Streamer
@@ -41,14 +41,15 @@ class Studio:
     identity: StreamIdentity
     sets: ParameterSets
     random: Random
-    now: Callable[[], float]  # monotonic, the clock of the pictures' times
+    now: Callable[[], float]  # monotonic, the clock of the frames' times
+    session_timeout_s: float  # without anything from a client
     fault: Exception | None = None  # why there is no video any more
     connections: set[Connection] = field(default_factory=set)
-    # Who listens for reports at an address, so that a report keeps its session alive.
+    # By the address that RTCP reports come from: a report keeps its session alive.
     reporting: dict[tuple[str, int], Connection] = field(default_factory=dict)
 
-    def heard(self, address: tuple[str, int]) -> None:
-        """Note that somebody has sent a report."""
+    def report_received(self, address: tuple[str, int]) -> None:
+        """Note that a report came from an address."""
         if (connection := self.reporting.get(address)) is not None:
             connection.touch()
 
@@ -57,34 +58,34 @@ class Connection(asyncio.Protocol):
     """Serves one client; its session ends with its connection.
 
     Args:
-        studio: what it shares with the others.
+        state: what it shares with the others.
     """
 
-    def __init__(self, studio: Studio) -> None:
-        self._studio = studio
+    def __init__(self, state: ServerState) -> None:
+        self._state = state
         self._reader = RequestReader()
-        self._dialogue = Dialogue(self, studio.random)
+        self._dialogue = Dialogue(self, state.random, timeout_s=state.session_timeout_s)
         self._transport: asyncio.Transport
         self._host = ""  # the client's
         self._player: Player | None = None
         self._report_address: tuple[str, int] | None = None
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
     # --- asyncio's side ---
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Greet a client, or send it away where there are too many."""
+        """Accept a client, or refuse it where there are too many."""
         self._transport = cast("asyncio.Transport", transport)
         peer = self._transport.get_extra_info("peername")
         if peer is None:  # gone already, as port scanners are
             self._transport.abort()
             return
-        if len(self._studio.connections) >= MAX_CONNECTIONS:
+        if len(self._state.connections) >= MAX_CONNECTIONS:
             self._end(RtspError(453, f"at most {MAX_CONNECTIONS} clients are served at once"))
             return
         self._host = peer[0]
-        self._studio.connections.add(self)
+        self._state.connections.add(self)
         self.touch()
         self._wait()
 
@@ -106,17 +107,17 @@ class Connection(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002  (asyncio's interface)
         """Forget the client."""
-        self._studio.connections.discard(self)
+        self._state.connections.discard(self)
         self._forget()
         if self._timer is not None:
             self._timer.cancel()
 
     def touch(self) -> None:
-        """Note that the client is there."""
-        self._heard_s = asyncio.get_running_loop().time()
+        """Note that the client is alive."""
+        self._received_s = asyncio.get_running_loop().time()
 
     def close(self) -> None:
-        """Say goodbye and end the connection."""
+        """Send a BYE packet and end the connection."""
         self.tear_down()
         self._transport.close()
 
@@ -124,49 +125,49 @@ class Connection(asyncio.Protocol):
         """End the connection without waiting for the client to read what was sent."""
         self._transport.abort()
 
-    # --- what the dialogue brings about ---
+    # --- the effects of requests ---
 
     def description(self) -> str:
         """Return the SDP."""
         return describe(
-            self._studio.identity,
-            self._studio.sets,
+            self._state.identity,
+            self._state.sets,
             host=self._transport.get_extra_info("sockname")[0],
-            session=round(1e6 * self._studio.now()),
+            session=round(1e6 * self._state.now()),
             control=CONTROL,
         )
 
     def set_up(self, transport: Transport) -> str:
         """Prepare a stream in place of an earlier one."""
         self._forget()
-        stream = RtpStream(self._studio.random, self._studio.identity.serial)
+        stream = RtpStream(self._state.random, self._state.identity.serial)
         self._player = Player(stream, self._sink(transport))
-        return transport.header(self._studio.datagrams.ports, stream.ssrc)
+        return transport.header(self._state.datagrams.ports, stream.ssrc)
 
     def _sink(self, transport: Transport) -> Sink:
         if transport.channels is not None:
             return InterleavedSink(self._transport, transport.channels)
         ports = transport.ports or (0, 0)
         self._report_address = (self._host, ports[1])
-        self._studio.reporting[self._report_address] = self
-        return DatagramSink(self._studio.datagrams, self._host, ports)
+        self._state.reporting[self._report_address] = self
+        return DatagramSink(self._state.datagrams, self._host, ports)
 
     def play(self) -> tuple[int, int]:
         """Begin to send."""
-        if self._studio.fault is not None:
-            raise RtspError(500, f"there is no video: {self._studio.fault}")
+        if self._state.fault is not None:
+            raise RtspError(500, f"there is no video: {self._state.fault}")
         player = self._playing()
-        self._studio.streamer.add(player)
-        return player.stream.next_sequence, player.stream.stamp(self._studio.now())
+        self._state.streamer.add(player)
+        return player.stream.next_sequence, player.stream.stamp(self._state.now())
 
     def pause(self) -> None:
         """Stop sending."""
-        self._studio.streamer.remove(self._playing())
+        self._state.streamer.remove(self._playing())
 
     def tear_down(self) -> None:
-        """Say goodbye and forget the stream."""
+        """Send a BYE packet and forget the stream."""
         if self._player is not None:
-            self._player.goodbye(self._studio.now())
+            self._player.goodbye(self._state.now())
         self._forget()
 
     # --- helpers ---
@@ -178,11 +179,11 @@ class Connection(asyncio.Protocol):
 
     def _forget(self) -> None:
         if self._player is not None:
-            self._studio.streamer.remove(self._player)
+            self._state.streamer.remove(self._player)
             self._player = None
         if self._report_address is not None:
-            if self._studio.reporting.get(self._report_address) is self:
-                del self._studio.reporting[self._report_address]
+            if self._state.reporting.get(self._report_address) is self:
+                del self._state.reporting[self._report_address]
             self._report_address = None
 
     def _end(self, error: RtspError) -> None:
@@ -190,15 +191,15 @@ class Connection(asyncio.Protocol):
         self._forget()
         self._transport.write(refusal(error, ""))
         self._transport.close()
-        self._abort_after(_LAST_WORDS_S)
+        self._abort_after(_LAST_ANSWER_S)
 
     def _wait(self) -> None:
         loop = asyncio.get_running_loop()
-        left_s = self._heard_s + SESSION_TIMEOUT_S - loop.time()
+        left_s = self._received_s + self._state.session_timeout_s - loop.time()
         if left_s <= 0.0:
-            _LOG.info("client %s was silent for %d s", self._host, SESSION_TIMEOUT_S)
+            _LOG.info("client %s has timed out", self._host)
             self.close()
-            self._abort_after(_LAST_WORDS_S)
+            self._abort_after(_LAST_ANSWER_S)
         else:
             self._timer = loop.call_later(left_s, self._wait)
 

@@ -1,4 +1,4 @@
-"""What is answered to one client's RTSP requests; knows no sockets.
+"""One client's RTSP session: requests to answers, without sockets.
 
 Source: RFC 2326, sections 10 and 11 and appendix A (the states of a session).
 """
@@ -15,19 +15,18 @@ from urllib.parse import urlsplit
 from sim_bridge.loopback.video.rtsp_message import Request, RtspError, answer
 from sim_bridge.loopback.video.transport import Transport, choose_transport
 
-__all__ = ["CONTROL", "PATH", "SESSION_TIMEOUT_S", "Dialogue", "Stage"]
+__all__ = ["CONTROL", "PATH", "Dialogue", "SessionActions"]
 
 PATH: Final = "live"
 CONTROL: Final = "stream=0"
-SESSION_TIMEOUT_S: Final = 60  # without a word from the client, the default of RFC 2326
 
 _METHODS: Final = "OPTIONS, DESCRIBE, SETUP, PLAY, PAUSE, GET_PARAMETER, TEARDOWN"
-# Known to the RFC and of no use to somebody who watches.
-_NOT_HERE: Final = frozenset({"ANNOUNCE", "RECORD", "REDIRECT", "SET_PARAMETER"})
+# Methods of the RFC that a server of live video does not have.
+_NOT_ALLOWED: Final = frozenset({"ANNOUNCE", "RECORD", "REDIRECT", "SET_PARAMETER"})
 
 
-class Stage(Protocol):
-    """What a client's requests bring about."""
+class SessionActions(Protocol):
+    """The effects of a client's requests."""
 
     def description(self) -> str:
         """Return the SDP."""
@@ -74,12 +73,14 @@ class Dialogue:
     """One client's session, from its first request to the end of its connection.
 
     Args:
-        stage: where things happen.
-        random: gives the session its unguessable name.
+        actions: carries the requests out.
+        random: gives the session its unpredictable name.
+        timeout_s: without anything from the client, s; as clients are informed.
     """
 
-    def __init__(self, stage: Stage, random: Random) -> None:
-        self._stage = stage
+    def __init__(self, actions: SessionActions, random: Random, *, timeout_s: float = 60.0) -> None:
+        self._timeout_s = timeout_s
+        self._actions = actions
         self._session = f"{random.getrandbits(64):016X}"
         self._state = _State.INIT
         self._handlers: Final[Mapping[str, Callable[[Request], _Reply]]] = {
@@ -93,7 +94,7 @@ class Dialogue:
         }
 
     def reply(self, request: Request) -> bytes:
-        """Do what a request says and return its answer."""
+        """Carry a request out and return its answer."""
         try:
             done = self._handle(request)
         except RtspError as error:
@@ -109,7 +110,7 @@ class Dialogue:
                 "no options of RTSP are supported",
                 headers={"Unsupported": request.headers["require"]},
             )
-        if request.method in _NOT_HERE:
+        if request.method in _NOT_ALLOWED:
             raise RtspError(405, f"expected one of {_METHODS}", headers={"Allow": _METHODS})
         handler = self._handlers.get(request.method)
         if handler is None:
@@ -127,7 +128,7 @@ class Dialogue:
         if not any(kind in accepted for kind in ("application/sdp", "application/*", "*/*")):
             raise RtspError(406, "the stream is described by application/sdp only")
         headers = {"Content-Base": f"{base}/", "Content-Type": "application/sdp"}
-        return _Reply(headers=headers, body=self._stage.description().encode())
+        return _Reply(headers=headers, body=self._actions.description().encode())
 
     def _set_up(self, request: Request) -> _Reply:
         _check_url(request)
@@ -135,15 +136,15 @@ class Dialogue:
             raise RtspError(455, "the transport cannot be changed while playing; pause first")
         if self._state is not _State.INIT or "session" in request.headers:
             self._check_session(request)
-        transport = self._stage.set_up(choose_transport(request.headers.get("transport", "")))
+        transport = self._actions.set_up(choose_transport(request.headers.get("transport", "")))
         self._state = _State.READY
-        session = f"{self._session};timeout={SESSION_TIMEOUT_S}"
+        session = f"{self._session};timeout={self._timeout_s:.0f}"
         return _Reply(headers={"Transport": transport, "Session": session})
 
     def _play(self, request: Request) -> _Reply:
         base = _check_url(request)
         self._check_session(request)
-        sequence, stamp = self._stage.play()
+        sequence, stamp = self._actions.play()
         self._state = _State.PLAYING
         info = f"url={base}/{CONTROL};seq={sequence};rtptime={stamp}"
         return _Reply(headers={"Session": self._session, "RTP-Info": info})
@@ -151,7 +152,7 @@ class Dialogue:
     def _pause(self, request: Request) -> _Reply:
         _check_url(request)
         self._check_session(request)
-        self._stage.pause()
+        self._actions.pause()
         self._state = _State.READY
         return _Reply(headers={"Session": self._session})
 
@@ -167,7 +168,7 @@ class Dialogue:
     def _tear_down(self, request: Request) -> _Reply:
         _check_url(request)
         self._check_session(request)
-        self._stage.tear_down()
+        self._actions.tear_down()
         self._state = _State.INIT
         return _Reply(headers={})
 

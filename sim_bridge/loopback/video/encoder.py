@@ -1,7 +1,8 @@
-"""Pictures in, H.264 out, with the least delay that x264 can do.
+"""Images in, H.264 out, with the least delay that x264 can do.
 
 The settings are those that Parrot's decoder is known to take: baseline profile, no reordering,
-several slices, parameter sets before every key frame.
+several slices, parameter sets before every key frame. A frame is a sequence of NAL units
+(ITU-T H.264, annex B).
 """
 
 from __future__ import annotations
@@ -16,19 +17,27 @@ import numpy as np
 from av.video.frame import PictureType
 from numpy.typing import NDArray
 
-from sim_bridge.loopback.video.h264 import (
-    IDR,
-    ParameterSets,
-    find_parameter_sets,
-    nal_type,
-    split_nals,
-)
-from uav_bt.errors import MissingDependencyError, ValueRangeError
+from uav_bt.errors import DroneError, MissingDependencyError, ValueRangeError
 
-__all__ = ["CLOCK_HZ", "EncodedFrame", "Encoder", "EncoderConfig", "parameter_sets"]
+__all__ = [
+    "CLOCK_HZ",
+    "IDR",
+    "EncodedFrame",
+    "Encoder",
+    "EncoderConfig",
+    "ParameterSets",
+    "find_parameter_sets",
+    "nal_type",
+    "parameter_sets",
+    "split_nals",
+]
 
 CLOCK_HZ: Final = 90_000  # of the time stamps of video in RTP
-_MACROBLOCK_PX: Final = 2  # sizes must be even: chroma has half the resolution
+IDR: Final = 5  # NAL unit: a slice of a key frame
+_SPS: Final = 7
+_PPS: Final = 8
+_START_CODE: Final = b"\x00\x00\x01"
+_CHROMA_PX: Final = 2  # sizes must be even: chroma has half the resolution
 _MAX_SIDE_PX: Final = 4096
 _MAX_INTERVAL_S: Final = 3600.0
 _RATE_WINDOW_S: Final = 0.5  # the bit rate is kept over this long; a key frame needs more at once
@@ -41,14 +50,14 @@ class EncoderConfig:
     size_px: tuple[int, int] = (1280, 720)  # width, height; the drone's
     rate_hz: float = 30.0  # at most; the drone's
     bitrate_bps: int = 5_000_000  # what the drone's live stream has on a good link
-    keyframe_interval_s: float = 1.0  # how long a client waits at most that lost something
-    slices: int = 4  # what is lost with a packet is a part of the picture
+    keyframe_interval_s: float = 1.0  # the longest wait of a client that lost a packet
+    slices: int = 4  # a lost packet costs a part of the frame
     threads: int = 1  # of the encoder; two cores have more to do than this
 
     def __post_init__(self) -> None:
         width, height = self.size_px
         if not all(
-            side % _MACROBLOCK_PX == 0 and 16 <= side <= _MAX_SIDE_PX for side in (width, height)
+            side % _CHROMA_PX == 0 and 16 <= side <= _MAX_SIDE_PX for side in (width, height)
         ):
             raise ValueRangeError(
                 f"width and height must be even and within 16 and {_MAX_SIDE_PX}, got "
@@ -73,7 +82,7 @@ class EncoderConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class EncodedFrame:
-    """One picture as NAL units, without start codes."""
+    """One frame as NAL units, without start codes."""
 
     nals: tuple[bytes, ...]
 
@@ -84,7 +93,7 @@ class EncodedFrame:
 
 
 class Encoder:
-    """Encodes one picture after the other. Not thread-safe: one thread at a time.
+    """Encodes one frame after the other. Not thread-safe: one thread at a time.
 
     Args:
         config: size, rate and quality.
@@ -100,11 +109,11 @@ class Encoder:
     def encode(
         self, image: NDArray[np.uint8], captured_s: float, *, key: bool = False
     ) -> EncodedFrame:
-        """Encode a picture.
+        """Encode a frame.
 
         Args:
             image: (H, W, 3) uint8 RGB; resized to the size of the video.
-            captured_s: when, in a clock that goes forward only.
+            captured_s: capture time, s of a monotonic clock.
             key: make it a key frame whether it is time for one or not.
         """
         size_px = self._config.size_px
@@ -120,6 +129,47 @@ class Encoder:
         frame.pict_type = PictureType.I if key else PictureType.NONE
         packets = self._codec.encode(frame)
         return EncodedFrame(nals=split_nals(b"".join(bytes(packet) for packet in packets)))
+
+
+def split_nals(stream: bytes) -> tuple[bytes, ...]:
+    """Return the NAL units between start codes, without those.
+
+    A unit never ends with a zero byte; zeros there belong to the next, longer start code.
+    """
+    units = (unit.rstrip(b"\x00") for unit in stream.split(_START_CODE)[1:])
+    return tuple(unit for unit in units if unit)
+
+
+def nal_type(unit: bytes) -> int:
+    """Return a NAL unit's type."""
+    return unit[0] & 0x1F
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterSets:
+    """What a decoder has to know before the first frame."""
+
+    sps: bytes
+    pps: bytes
+
+    @property
+    def profile_level_id(self) -> str:
+        """Profile, constraints and level as the SDP names them."""
+        return self.sps[1:4].hex().upper()
+
+
+def find_parameter_sets(nals: tuple[bytes, ...]) -> ParameterSets:
+    """Return the parameter sets of a key frame.
+
+    Raises:
+        DroneError: there are none.
+    """
+    sps = next((unit for unit in nals if nal_type(unit) == _SPS), None)
+    pps = next((unit for unit in nals if nal_type(unit) == _PPS), None)
+    if sps is None or pps is None:
+        kinds = ", ".join(str(nal_type(unit)) for unit in nals) or "none"
+        raise DroneError(f"expected NAL units 7 and 8 in a key frame, got types {kinds}")
+    return ParameterSets(sps=sps, pps=pps)
 
 
 def parameter_sets(config: EncoderConfig) -> ParameterSets:

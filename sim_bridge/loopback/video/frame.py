@@ -1,9 +1,9 @@
-"""What the video shows: a picture and what the drone knew when it was taken."""
+"""Frames of the video: an image, and the telemetry of the moment it was captured."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +35,10 @@ class GeoPosition:
 
 @dataclass(frozen=True, kw_only=True)
 class VideoFrame:
-    """One picture of the camera, with the telemetry of the moment it was captured."""
+    """One image of the camera, with the telemetry of the moment it was captured."""
 
     image: NDArray[np.uint8]  # (H, W, 3), RGB
-    captured_s: float  # monotonic, of the clock the server was given; a new picture, a new time
+    captured_s: float  # s of the server's monotonic clock; a new frame has a new time
     captured_utc_s: float | None = None  # the same moment since the epoch, where it is known
     attitude: Attitude = field(default_factory=Attitude)  # of the body; yaw clockwise from north
     camera: Attitude = field(default_factory=Attitude)  # of the view, in the same frame
@@ -60,15 +60,14 @@ class VideoFrame:
             raise ValueRangeError(f"battery must lie within 0 and 1, got {self.battery}")
 
 
-@runtime_checkable
 class FrameSource(Protocol):
-    """Where pictures come from."""
+    """Where frames come from."""
 
     def newest(self) -> VideoFrame | None:
-        """Return the newest picture, None before the first.
+        """Return the newest frame, None before the first.
 
-        Called on the video's own thread and only while somebody watches; it may take its time, for
-        instance to draw the picture now. A picture that was returned before costs nothing: it is
-        recognised by its time and not sent again.
+        Called on the video's own thread and only while a client plays; it may take its time, for
+        instance to render now. A frame that was returned before is recognised by its time and not
+        sent again.
         """
         ...

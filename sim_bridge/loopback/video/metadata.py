@@ -91,7 +91,7 @@ def _drone(frame: VideoFrame) -> bytes:
 
 
 def _camera(frame: VideoFrame) -> bytes:
-    # The base view is the one without the pilot's pan and tilt: the stabilised heading.
+    # The base view is the one without pan and tilt by a pilot: the stabilised heading.
     base = Attitude(yaw_rad=frame.attitude.yaw_rad)
     horizontal_rad, vertical_rad = frame.fov_rad
     utc = b""

@@ -1,23 +1,31 @@
-"""One client's stream of RTP packets and its sender reports.
+"""RTP: frames as packets, numbered and stamped for each client, and sender reports.
 
-Source: RFC 3550, sections 5.1, 6.4.1, 6.5 and 6.6. As in Parrot's libvideo-streaming, the time of
-the sender reports is the drone's monotonic clock, not the date: what a client computes from it is
-comparable with the capture time in the frame's metadata.
+Sources: RFC 3550, sections 5.1, 6.4.1, 6.5 and 6.6; for the payloads (single units, aggregates
+STAP-A, fragments FU-A) RFC 6184, sections 5.6 to 5.8, packetization mode 1. As in Parrot's
+libvideo-streaming, the time of the sender reports is the drone's monotonic clock, not the date:
+what a client computes from it is comparable with the capture time in the frame's metadata.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from random import Random
 from typing import Final
 
 from sim_bridge.loopback.video.encoder import CLOCK_HZ, EncodedFrame
 from sim_bridge.loopback.video.metadata import extension
-from sim_bridge.loopback.video.packetizer import packetize
+from uav_bt.errors import ValueRangeError
 
-__all__ = ["MTU_BYTES", "PAYLOAD_TYPE", "Picture", "RtpStream", "picture"]
+__all__ = [
+    "MIN_PAYLOAD_BYTES",
+    "MTU_BYTES",
+    "PAYLOAD_TYPE",
+    "FramePackets",
+    "RtpStream",
+    "packetize",
+]
 
 PAYLOAD_TYPE: Final = 96  # the only one that Parrot's receiver takes
 MTU_BYTES: Final = 1400  # of a packet with its RTP header; Parrot's receiver wants less than 1500
@@ -31,35 +39,43 @@ _DESCRIPTION: Final = 202
 _GOODBYE: Final = 203
 _CNAME: Final = 1
 _WORD: Final = 4
+MIN_PAYLOAD_BYTES: Final = 64  # below, packets would be nearly all header
+_STAP_A: Final = 24
+_FU_A: Final = 28
+_FU_START: Final = 0x80
+_FU_END: Final = 0x40
+_NRI: Final = 0x60  # importance, in a unit's first byte; an aggregate has its units' highest
+_FORBIDDEN: Final = 0x80
+_SIZE: Final = struct.Struct("!H")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
-    """A picture ready to be sent: what is the same for all clients."""
+class FramePackets:
+    """An encoded frame as packets: what is the same for all clients."""
 
     captured_s: float  # monotonic
     is_key: bool
     bodies: tuple[bytes, ...]  # packets without their RTP header; the first begins with `extension`
     payload_bytes: int
 
+    @classmethod
+    def of(cls, frame: EncodedFrame, metadata: bytes, captured_s: float) -> FramePackets:
+        """Cut an encoded frame into packets, the metadata on the first.
 
-def picture(frame: EncodedFrame, metadata: bytes, captured_s: float) -> Picture:
-    """Cut an encoded picture into packets, the metadata on the first.
-
-    Args:
-        frame: the picture.
-        metadata: encoded `TimedMetadata`.
-        captured_s: when it was captured, monotonic.
-    """
-    head = extension(metadata)
-    room = MTU_BYTES - _HEADER.size
-    payloads = packetize(frame.nals, room, first_limit_bytes=room - len(head))
-    return Picture(
-        captured_s=captured_s,
-        is_key=frame.is_key,
-        bodies=tuple(head + one if not at else one for at, one in enumerate(payloads)),
-        payload_bytes=sum(len(one) for one in payloads),
-    )
+        Args:
+            frame: the frame.
+            metadata: encoded `TimedMetadata`.
+            captured_s: its capture time, s of the monotonic clock.
+        """
+        head = extension(metadata)
+        room = MTU_BYTES - _HEADER.size
+        payloads = packetize(frame.nals, room, first_limit_bytes=room - len(head))
+        return cls(
+            captured_s=captured_s,
+            is_key=frame.is_key,
+            bodies=(head + payloads[0], *payloads[1:]),
+            payload_bytes=sum(len(one) for one in payloads),
+        )
 
 
 class RtpStream:
@@ -87,17 +103,17 @@ class RtpStream:
         """Return the RTP time stamp of a monotonic time."""
         return (self._offset + round(time_s * CLOCK_HZ)) & 0xFFFF_FFFF
 
-    def packets(self, shown: Picture) -> Iterator[bytes]:
-        """Return the picture's packets; the last one has the marker."""
-        stamp = self.stamp(shown.captured_s)
-        last = len(shown.bodies) - 1
-        for at, body in enumerate(shown.bodies):
+    def packets(self, frame: FramePackets) -> Iterator[bytes]:
+        """Return the frame's packets; the last one has the marker."""
+        stamp = self.stamp(frame.captured_s)
+        last = len(frame.bodies) - 1
+        for at, body in enumerate(frame.bodies):
             flags = _VERSION if at else _VERSION | _EXTENDED
             kind = PAYLOAD_TYPE | (_MARKER if at == last else 0)
             yield _HEADER.pack(flags, kind, self._sequence, stamp, self.ssrc) + body
             self._sequence = (self._sequence + 1) & 0xFFFF
-        self._packets += len(shown.bodies)
-        self._payload_bytes += shown.payload_bytes
+        self._packets += len(frame.bodies)
+        self._payload_bytes += frame.payload_bytes
 
     def report(self, now_s: float) -> bytes:
         """Return a sender report of this moment, with the sender's name.
@@ -122,9 +138,78 @@ class RtpStream:
         return _control(_SENDER_REPORT, 0, body) + _control(_DESCRIPTION, 1, chunk)
 
     def goodbye(self, now_s: float) -> bytes:
-        """Return a last report that says that nothing more will come."""
+        """Return a last report and a BYE packet."""
         return self.report(now_s) + _control(_GOODBYE, 1, self.ssrc.to_bytes(4, "big"))
 
 
 def _control(kind: int, count: int, body: bytes) -> bytes:
     return struct.pack("!BBH", _VERSION | count, kind, len(body) // _WORD) + body
+
+
+def packetize(
+    nals: Sequence[bytes], limit_bytes: int, *, first_limit_bytes: int | None = None
+) -> tuple[bytes, ...]:
+    """Return the payloads that carry a frame's NAL units, in order.
+
+    Neighbours that fit go into one packet; a unit that is too large is cut into pieces.
+
+    Args:
+        nals: the units of one frame, none of them empty.
+        limit_bytes: the largest payload.
+        first_limit_bytes: the largest first payload, whose packet may have to carry an extension.
+
+    Raises:
+        ValueRangeError: a limit is too small, or a unit is empty.
+    """
+    first_limit = limit_bytes if first_limit_bytes is None else first_limit_bytes
+    if min(limit_bytes, first_limit) < MIN_PAYLOAD_BYTES:
+        raise ValueRangeError(
+            f"a payload needs room for {MIN_PAYLOAD_BYTES} bytes at least, got "
+            f"{min(limit_bytes, first_limit)}"
+        )
+    if not all(nals):
+        raise ValueRangeError("a NAL unit has at least one byte, got none")
+    payloads: list[bytes] = []
+    waiting: list[bytes] = []  # units that go together so far
+
+    def room() -> int:
+        return limit_bytes if payloads else first_limit
+
+    def flush() -> None:
+        if waiting:
+            payloads.append(waiting[0] if len(waiting) == 1 else _aggregate(waiting))
+            waiting.clear()
+
+    for unit in nals:
+        if waiting and _aggregate_bytes([*waiting, unit]) > room():
+            flush()
+        if waiting or len(unit) <= room():
+            waiting.append(unit)
+        else:
+            payloads += _fragments(unit, room(), limit_bytes)
+    flush()
+    return tuple(payloads)
+
+
+def _aggregate_bytes(units: Sequence[bytes]) -> int:
+    return 1 + sum(_SIZE.size + len(unit) for unit in units)
+
+
+def _aggregate(units: Sequence[bytes]) -> bytes:
+    importance = max(unit[0] & _NRI for unit in units)
+    forbidden = max(unit[0] & _FORBIDDEN for unit in units)
+    parts = [bytes([forbidden | importance | _STAP_A])]
+    for unit in units:
+        parts += (_SIZE.pack(len(unit)), unit)
+    return b"".join(parts)
+
+
+def _fragments(unit: bytes, first_limit: int, limit: int) -> Iterator[bytes]:
+    indicator = unit[0] & (_FORBIDDEN | _NRI) | _FU_A
+    kind = unit[0] & 0x1F
+    begin, room = 1, first_limit - 2
+    while begin < len(unit):
+        end = min(begin + room, len(unit))
+        marks = (_FU_START if begin == 1 else 0) | (_FU_END if end == len(unit) else 0)
+        yield bytes([indicator, marks | kind]) + unit[begin:end]
+        begin, room = end, limit - 2

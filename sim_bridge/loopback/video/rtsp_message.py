@@ -1,7 +1,7 @@
 """RTSP requests and answers as bytes (RFC 2326), and packets between them on the same connection.
 
-The reader takes bytes as they come, knows no sockets, and gives up early: what is no RTSP, or is
-larger than any honest request, is refused at once.
+The reader takes bytes as they come, knows no sockets, and gives up early: what is not RTSP, or is
+larger than a valid request, is refused at once.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class RtspError(Exception):
         status: the answer's status.
         why: a sentence for whoever reads the answer.
         headers: that the answer has besides.
-        fatal: whether the connection cannot go on, because nobody knows where the next one begins.
+        fatal: whether the connection must end, because the next request cannot be found.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class RequestReader:
         if start and (
             (len(method) > 32) or not re.fullmatch(rb"[A-Z_]+", method.partition(b"\r")[0])
         ):
-            raise RtspError(400, "this is no RTSP request", fatal=True)
+            raise RtspError(400, "this is not an RTSP request", fatal=True)
 
 
 def answer(

@@ -10,8 +10,7 @@ from __future__ import annotations
 import base64
 from dataclasses import dataclass
 
-from sim_bridge.loopback.video.encoder import CLOCK_HZ
-from sim_bridge.loopback.video.h264 import ParameterSets
+from sim_bridge.loopback.video.encoder import CLOCK_HZ, ParameterSets
 from sim_bridge.loopback.video.rtp import PAYLOAD_TYPE
 from uav_bt.errors import InputError
 
@@ -20,7 +19,11 @@ __all__ = ["StreamIdentity", "describe"]
 
 @dataclass(frozen=True, kw_only=True)
 class StreamIdentity:
-    """Who sends the video; Olympe shows it as the session's metadata."""
+    """The sender of the video; Olympe shows it as the session's metadata.
+
+    Raises:
+        InputError: a name is not one line of 1 to 64 bytes.
+    """
 
     name: str = "ANAFI"
     serial: str = "PI040416AA0B000000"  # 18 characters, as Parrot's serials have
@@ -44,7 +47,7 @@ def describe(
     """Return the SDP.
 
     Args:
-        identity: who sends it.
+        identity: the sender.
         sets: the parameter sets of the H.264 stream.
         host: the server's numeric address.
         session: a number for this session.

@@ -1,4 +1,4 @@
-"""The newest picture, encoded once, to everybody who plays; nothing at all while nobody does."""
+"""The newest frame, encoded once, to all clients that play; nothing is done while none does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Final
 from sim_bridge.loopback.video.encoder import Encoder, EncoderConfig
 from sim_bridge.loopback.video.frame import FrameSource
 from sim_bridge.loopback.video.metadata import timed_metadata
-from sim_bridge.loopback.video.rtp import Picture, RtpStream, picture
+from sim_bridge.loopback.video.rtp import FramePackets, RtpStream
 from sim_bridge.loopback.video.transport import Sink
 
 __all__ = ["Counters", "Player", "Streamer", "VideoStats"]
@@ -23,8 +23,8 @@ _LOG: Final = logging.getLogger(__name__)
 
 # As in Parrot's sender; its receivers tell the capture time from the second report on.
 _REPORT_INTERVAL_S: Final = 0.1
-_LOOK_AGAIN_S: Final = 0.004  # for a new picture, when there was none: adds half of it on average
-_RATE_PICTURES: Final = 60  # the rate is that of so many pictures
+_POLL_S: Final = 0.004  # between two looks for a new frame; adds half of it to the latency
+_RATE_FRAMES: Final = 60  # the rate is the mean over so many frames
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,12 @@ class VideoStats:
     playing: int  # clients now
     frames_encoded: int
     frames_sent: int  # added up over the clients
-    frames_dropped: int  # likewise; left out because a client did not keep up
-    frames_late: int  # slots of the wanted rate that passed while the picture before was under way
+    frames_dropped: int  # added up, too; left out because a client did not keep up
+    frames_late: int  # slots of the wanted rate that passed while the frame before was under way
     packets_sent: int
     bytes_sent: int
-    rate_hz: float  # reached lately; 0 before the second picture
-    encode_ms: float  # of the newest picture: fetching, encoding and cutting into packets
+    rate_hz: float  # reached lately; 0 before the second frame
+    encode_ms: float  # of the newest frame: fetching, encoding and cutting into packets
 
 
 @dataclass
@@ -68,32 +68,32 @@ class Player:
 
     @property
     def wants_key(self) -> bool:
-        """Whether it waits for a picture that needs no other, and could take it."""
+        """Whether it waits for a key frame, and could take it."""
         return self._needs_key and not self._sink.congested
 
     def wait_for_key(self) -> None:
-        """Send nothing before the next key frame: what comes in between is not known to it."""
+        """Send nothing before the next key frame: the client cannot decode what comes before."""
         self._needs_key = True
 
-    def show(self, shown: Picture, now_s: float, counters: Counters) -> None:
-        """Send a picture, unless the client cannot use it or does not keep up."""
+    def send(self, frame: FramePackets, now_s: float, counters: Counters) -> None:
+        """Send a frame, unless the client cannot use it or does not keep up."""
         if self._sink.congested:
             self._needs_key = True
-        if self._needs_key and not (shown.is_key and self.wants_key):
+        if self._needs_key and not (frame.is_key and self.wants_key):
             counters.frames_dropped += 1
             return
         self._needs_key = False
         if now_s - self._reported_s >= _REPORT_INTERVAL_S:
             self._reported_s = now_s
             self._sink.send_control(self.stream.report(now_s))
-        packets = tuple(self.stream.packets(shown))
+        packets = tuple(self.stream.packets(frame))
         self._sink.send_data(packets)
         counters.frames_sent += 1
         counters.packets_sent += len(packets)
         counters.bytes_sent += sum(len(packet) for packet in packets)
 
     def goodbye(self, now_s: float) -> None:
-        """Tell the client that nothing more will come."""
+        """Send the client a BYE packet."""
         self._sink.send_control(self.stream.goodbye(now_s))
 
 
@@ -101,11 +101,11 @@ class Streamer:
     """Fetches, encodes and sends while there are players.
 
     Args:
-        source: where pictures come from; asked on the encoder's thread.
+        source: where frames come from; called on the encoder's thread.
         config: of the encoder.
-        now: the monotonic clock of the pictures' times.
-        failed: told when the source or the encoder raised; nobody plays any more then.
-        finish: called once, in the end, on the thread on which the source was asked.
+        now: the monotonic clock of the frames' times.
+        failed: called when the source or the encoder raised; then no client plays any more.
+        finish: called once, in the end, on the source's thread.
     """
 
     def __init__(
@@ -125,14 +125,14 @@ class Streamer:
         self._players: list[Player] = []
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="loopback-video")
         self._encoder: Encoder | None = None  # the thread's
-        self._shown_s = float("-inf")  # likewise: when the picture encoded last was captured
+        self._captured_s = float("-inf")  # the thread's: capture time of the newest encoded frame
         self._task: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
         self._counters = Counters()
         self._encoded = 0
         self._late = 0
         self._encode_s = 0.0
-        self._times_s: deque[float] = deque(maxlen=_RATE_PICTURES)
+        self._times_s: deque[float] = deque(maxlen=_RATE_FRAMES)
 
     def add(self, player: Player) -> None:
         """Send to this client, too, from a key frame on, which is made for it."""
@@ -162,7 +162,7 @@ class Streamer:
         )
 
     async def close(self) -> None:
-        """Stop; a picture under way is finished first. Safe to call twice."""
+        """Stop; a frame under way is finished first. Safe to call twice."""
         self._closing.set()
         self._players.clear()
         if self._task is not None:
@@ -174,7 +174,7 @@ class Streamer:
 
     async def _run(self) -> None:
         self._encoder = None
-        self._shown_s = float("-inf")
+        self._captured_s = float("-inf")
         self._times_s.clear()
         try:
             await self._stream()
@@ -190,9 +190,9 @@ class Streamer:
         while self._players:
             key = any(player.wants_key for player in self._players)
             began_s = loop.time()
-            shown = await loop.run_in_executor(self._thread, self._next, key)
-            if shown is None:
-                await self._pause(_LOOK_AGAIN_S)
+            packets = await loop.run_in_executor(self._thread, self._next, key)
+            if packets is None:
+                await self._pause(_POLL_S)
                 continue
             self._encode_s = loop.time() - began_s
             self._late += int(self._encode_s / period_s)
@@ -200,7 +200,7 @@ class Streamer:
             self._times_s.append(loop.time())
             now_s = self._now()
             for player in tuple(self._players):
-                player.show(shown, now_s, self._counters)
+                player.send(packets, now_s, self._counters)
             # On the grid where it can be, so that the rate is kept; never faster to make up.
             due_s = max(due_s + period_s, loop.time())
             await self._pause(due_s - loop.time())
@@ -209,13 +209,13 @@ class Streamer:
         with contextlib.suppress(TimeoutError):  # the usual end of it
             await asyncio.wait_for(self._closing.wait(), duration_s)
 
-    def _next(self, key: bool) -> Picture | None:  # noqa: FBT001  (run_in_executor takes no names)
-        """Fetch and encode on the thread; None when there is no newer picture."""
+    def _next(self, key: bool) -> FramePackets | None:  # noqa: FBT001  (run_in_executor takes no names)
+        """Fetch and encode on the thread; None when there is no newer frame."""
         frame = self._source.newest()
-        if frame is None or frame.captured_s <= self._shown_s:
+        if frame is None or frame.captured_s <= self._captured_s:
             return None
-        self._shown_s = frame.captured_s
+        self._captured_s = frame.captured_s
         if self._encoder is None:
             self._encoder = Encoder(self._config)
         encoded = self._encoder.encode(frame.image, frame.captured_s, key=key)
-        return picture(encoded, timed_metadata(frame), frame.captured_s)
+        return FramePackets.of(encoded, timed_metadata(frame), frame.captured_s)

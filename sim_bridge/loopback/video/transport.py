@@ -1,4 +1,4 @@
-"""Ways to a client: datagrams to its ports, or packets on the connection it asked through."""
+"""Transports to a client: datagrams to its ports, or packets on its RTSP connection."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from sim_bridge.loopback.ports import PortTakenError
 from sim_bridge.loopback.video.rtsp_message import RtspError
-from uav_bt.errors import DroneError
 
 __all__ = [
     "DatagramPair",
@@ -22,7 +22,7 @@ __all__ = [
     "open_datagram_pair",
 ]
 
-# What may wait in a client's buffer; with more, whole pictures are left out until it has caught up.
+# What may wait in a client's buffer; with more, whole frames are left out until it has caught up.
 MAX_WAITING_BYTES: Final = 256 * 1024
 
 _PAIR_TRIES: Final = 20  # for an even port whose neighbour is free, too
@@ -52,10 +52,15 @@ class Transport:
     """What a client asked for in SETUP."""
 
     ports: tuple[int, int] | None = None  # RTP and RTCP, when by datagrams
-    channels: tuple[int, int] | None = None  # likewise, when interleaved
+    channels: tuple[int, int] | None = None  # RTP and RTCP, when interleaved
 
     def header(self, server_ports: tuple[int, int], ssrc: int) -> str:
-        """Return what the answer says about it."""
+        """Return the `Transport` header of the answer.
+
+        Args:
+            server_ports: the server's RTP and RTCP ports, UDP.
+            ssrc: the stream's identifier.
+        """
         if self.channels is not None:
             channels = "-".join(map(str, self.channels))
             return f"RTP/AVP/TCP;unicast;interleaved={channels};ssrc={ssrc:08X}"
@@ -141,14 +146,14 @@ class _Flow(asyncio.DatagramProtocol):
 
 
 class _Reports(asyncio.DatagramProtocol):
-    """Tells who sent something; what it says is of no use here."""
+    """Receives RTCP reports, of which only the sender matters."""
 
-    def __init__(self, heard: Callable[[tuple[str, int]], None]) -> None:
-        self._heard = heard
+    def __init__(self, received: Callable[[tuple[str, int]], None]) -> None:
+        self._received = received
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:  # noqa: ARG002  (asyncio's)
         """Pass the sender's address on."""
-        self._heard((addr[0], addr[1]))
+        self._received((addr[0], addr[1]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,15 +194,17 @@ class DatagramSink:
         self._pair.control.sendto(packet, self._control)
 
 
-async def open_datagram_pair(host: str, heard: Callable[[tuple[str, int]], None]) -> DatagramPair:
+async def open_datagram_pair(
+    host: str, received: Callable[[tuple[str, int]], None]
+) -> DatagramPair:
     """Open an even port and its neighbour, as RTP wants them.
 
     Args:
         host: numeric address to send from.
-        heard: told the address of whoever sent to the control port.
+        received: called with the address of each sender to the control port.
 
     Raises:
-        DroneError: no such pair is free.
+        PortTakenError: no such pair is free.
     """
     loop = asyncio.get_running_loop()
     for _ in range(_PAIR_TRIES):
@@ -206,11 +213,11 @@ async def open_datagram_pair(host: str, heard: Callable[[tuple[str, int]], None]
         if port % 2 == 0:
             with contextlib.suppress(OSError):  # the neighbour is taken: the next pair
                 control, _reports = await loop.create_datagram_endpoint(
-                    lambda: _Reports(heard), local_addr=(host, port + 1)
+                    lambda: _Reports(received), local_addr=(host, port + 1)
                 )
                 return DatagramPair(data=data, control=control, flow=flow, ports=(port, port + 1))
         data.close()
-    raise DroneError(
+    raise PortTakenError(
         f"found no two neighbouring free UDP ports on {host} in {_PAIR_TRIES} tries; end some of "
         "what listens there"
     )

@@ -10,7 +10,7 @@ from typing import Any
 from sim_bridge.loopback.codec import Received, decode, encode
 from sim_bridge.loopback.frames import VERSION_1, VERSION_2, FrameType, WireFrame
 from sim_bridge.loopback.messages import Buffer, message_table
-from sim_bridge.loopback.server import Ports
+from sim_bridge.loopback.ports import Ports
 
 PATIENCE_S = 60.0  # a test that waits longer has failed, however busy the machine
 REPEAT_S = 0.1

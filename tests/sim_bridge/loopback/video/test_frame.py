@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_bridge.loopback.video.frame import FrameSource, VideoFrame
+from sim_bridge.loopback.video.frame import VideoFrame
 from uav_bt.errors import ShapeError, ValueRangeError
 
 
@@ -24,11 +24,3 @@ def test_an_image_holds_bytes() -> None:
 def test_the_battery_is_a_share(battery: float) -> None:
     with pytest.raises(ValueRangeError, match="within 0 and 1"):
         VideoFrame(image=np.zeros((4, 4, 3), np.uint8), captured_s=0.0, battery=battery)
-
-
-def test_anything_with_newest_is_a_source() -> None:
-    class Source:
-        def newest(self) -> None:
-            return None
-
-    assert isinstance(Source(), FrameSource)

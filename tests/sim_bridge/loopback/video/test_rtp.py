@@ -5,11 +5,18 @@ from __future__ import annotations
 import struct
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_bridge.loopback.video.encoder import EncodedFrame
-from sim_bridge.loopback.video.rtp import MTU_BYTES, RtpStream, picture
+from sim_bridge.loopback.video.rtp import (
+    MIN_PAYLOAD_BYTES,
+    MTU_BYTES,
+    FramePackets,
+    RtpStream,
+    packetize,
+)
 from tests.sim_bridge.loopback.video.video_client import (
     parse_rtcp,
     parse_rtp,
@@ -17,13 +24,14 @@ from tests.sim_bridge.loopback.video.video_client import (
     seeded,
     unpack_metadata,
 )
+from uav_bt.errors import ValueRangeError
 
 LARGE = EncodedFrame(nals=(b"\x67\x42", b"\x68\xce", b"\x65" + bytes(range(1, 250)) * 20))
 
 
 @given(st.integers(0, 2**32 - 1), st.binary(min_size=1, max_size=300))
 def test_a_picture_comes_back_with_its_metadata(seed: int, metadata: bytes) -> None:
-    shown = picture(LARGE, metadata, 3.0)
+    shown = FramePackets.of(LARGE, metadata, 3.0)
     packets = list(RtpStream(seeded(seed), "X").packets(shown))
     assert max(len(packet) for packet in packets) <= MTU_BYTES
     parts = [parse_rtp(packet) for packet in packets]
@@ -40,7 +48,7 @@ def test_a_picture_comes_back_with_its_metadata(seed: int, metadata: bytes) -> N
 
 def test_numbers_go_on_from_picture_to_picture_and_wrap() -> None:
     stream = RtpStream(seeded(1), "X")
-    shown = picture(LARGE, b"m", 3.0)
+    shown = FramePackets.of(LARGE, b"m", 3.0)
     numbers = [parse_rtp(p).sequence for _ in range(14_000) for p in stream.packets(shown)]
     assert len(numbers) > 65_536
     assert all((b - a) % 65536 == 1 for a, b in pairwise(numbers))
@@ -62,7 +70,7 @@ def test_two_clients_streams_are_not_alike() -> None:
 
 def test_a_report_maps_stamps_to_the_drones_clock_and_counts() -> None:
     stream = RtpStream(seeded(4), "PI040416")
-    shown = picture(LARGE, b"m", 3.0)
+    shown = FramePackets.of(LARGE, b"m", 3.0)
     sent = [parse_rtp(packet) for packet in stream.packets(shown)]
     parts = parse_rtcp(stream.report(12.25))
     ssrc, seconds, fraction, stamp, packets, payload = struct.unpack("!6I", parts[200])
@@ -80,3 +88,56 @@ def test_goodbye_is_a_report_with_a_last_word() -> None:
     parts = parse_rtcp(stream.goodbye(1.0))
     assert list(parts) == [200, 202, 203]
     assert parts[203] == stream.ssrc.to_bytes(4, "big")
+
+
+# Types 24 and above are the payload format's own and never come from an encoder.
+nal = st.builds(
+    lambda importance, kind, rest: bytes([importance << 5 | kind]) + rest,
+    st.integers(0, 3),
+    st.integers(1, 23),
+    st.binary(max_size=400),
+)
+limits = st.integers(MIN_PAYLOAD_BYTES, 500)
+
+
+@given(st.lists(nal, max_size=8), limits, limits)
+def test_payloads_reassemble_to_the_same_units(nals: list[bytes], limit: int, first: int) -> None:
+    payloads = packetize(nals, limit, first_limit_bytes=first)
+    assert reassemble(payloads) == tuple(nals)
+
+
+@given(st.lists(nal, min_size=1, max_size=8), limits, limits)
+def test_no_payload_exceeds_its_limit(nals: list[bytes], limit: int, first: int) -> None:
+    head, *rest = packetize(nals, limit, first_limit_bytes=first)
+    assert len(head) <= first
+    assert all(len(payload) <= limit for payload in rest)
+
+
+@given(st.lists(nal, min_size=2, max_size=8))
+def test_an_aggregate_is_as_important_as_its_most_important_unit(nals: list[bytes]) -> None:
+    (payload,) = packetize(nals, 10_000)
+    assert payload[0] == max(unit[0] & 0x60 for unit in nals) | 24
+
+
+def test_a_lone_unit_that_fits_travels_as_it_is() -> None:
+    assert packetize([b"\x65" + bytes(99)], 100) == (b"\x65" + bytes(99),)
+
+
+def test_a_unit_one_byte_too_large_is_cut_in_two() -> None:
+    payloads = packetize([b"\x65" + bytes(100)], 100)
+    assert [payload[:2].hex() for payload in payloads] == ["7c85", "7c45"]
+    assert [len(payload) for payload in payloads] == [100, 4]
+
+
+def test_no_units_need_no_packets() -> None:
+    assert packetize([], 100) == ()
+
+
+def test_an_empty_unit_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="at least one byte"):
+        packetize([b"\x65", b""], 100)
+
+
+def test_a_payload_too_small_for_anything_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="got 10"):
+        packetize([b"\x65"], 100, first_limit_bytes=10)

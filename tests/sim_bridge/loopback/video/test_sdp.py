@@ -6,7 +6,7 @@ import base64
 
 import pytest
 
-from sim_bridge.loopback.video.h264 import ParameterSets
+from sim_bridge.loopback.video.encoder import ParameterSets
 from sim_bridge.loopback.video.sdp import StreamIdentity, describe
 from uav_bt.errors import InputError
 

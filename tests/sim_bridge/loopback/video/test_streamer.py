@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from sim_bridge.loopback.video.encoder import EncoderConfig
+from sim_bridge.loopback.video.encoder import EncoderConfig, nal_type
 from sim_bridge.loopback.video.frame import FrameSource, VideoFrame
-from sim_bridge.loopback.video.h264 import nal_type
 from sim_bridge.loopback.video.rtp import RtpStream
 from sim_bridge.loopback.video.streamer import Player, Streamer
 from tests.sim_bridge.loopback.video.video_client import (
