@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_bridge.olympe.drone import OlympeDrone
-from sim_bridge.olympe.video import NewestFrame, Picture
+from sim_bridge.olympe.video import DecodedFrame, NewestFrame
 from uav_bt import app
 from uav_bt.app.site import Site
 from uav_bt.board.context import MissionContext
@@ -46,9 +46,9 @@ class Latencies:
         """Measure all drones while this lasts."""
         take, send = NewestFrame.take, OlympeDrone.send
 
-        def timed_take(frames: NewestFrame, picture: Picture) -> None:
-            self.arrived[frames.count] = time.perf_counter()
-            take(frames, picture)
+        def timed_take(frames: NewestFrame, decoded: DecodedFrame) -> None:
+            self.arrived[len(self.arrived)] = time.perf_counter()
+            take(frames, decoded)
 
         def timed_send(drone: OlympeDrone, command: Command) -> Command:
             sent = send(drone, command)

@@ -1,6 +1,6 @@
 """Parrot's ANAFI, flown through the Olympe SDK: a real one, or a simulated one of Sphinx.
 
-Nothing of the SDK is imported before a drone connects, and only `sdk` imports it.
+The SDK is not imported before a drone connects, and only `sdk` imports it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def create_anafi(options: DroneOptions) -> OlympeDrone:
     """Make a bridge to an ANAFI; nothing is sent before its `connect`.
 
     Args:
-        options: address (the drone's own network when None), ports, limits, picture size.
+        options: address (the drone's own network when None), ports, limits, image size.
 
     Raises:
         InputError: the address or a limit cannot be used.
@@ -31,7 +31,7 @@ def create_sphinx(options: DroneOptions) -> OlympeDrone:
     """Make a bridge to an ANAFI simulated by Sphinx; nothing is sent before its `connect`.
 
     Args:
-        options: address (where Sphinx puts its drone when None), ports, limits, picture size.
+        options: address (where Sphinx puts its drone when None), ports, limits, image size.
 
     Raises:
         InputError: the address or a limit cannot be used.

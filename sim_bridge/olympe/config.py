@@ -1,4 +1,4 @@
-"""Where a drone is and what it is told to keep to."""
+"""Addresses, ports, limits and time-outs of an ANAFI flown through Olympe."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.protocols import DroneOptions
 
-__all__ = ["SKYCONTROLLER_HOST", "OlympeConfig", "olympe_config"]
+__all__ = ["DISCOVERY_PORT", "SKYCONTROLLER_HOST", "OlympeConfig", "olympe_config"]
 
 # The addresses that Parrot's documentation gives: the drone's own Wi-Fi, its remote control on USB
 # and Sphinx's first drone.
@@ -32,7 +32,7 @@ class OlympeConfig:
         ValueRangeError: a number is out of its range.
     """
 
-    kind: str  # anafi or sphinx, as the person called it
+    kind: str  # anafi or sphinx
     host: str
     discovery_port: int = DISCOVERY_PORT
     http_port: int = _HTTP_PORT
@@ -40,7 +40,9 @@ class OlympeConfig:
     image_size_px: tuple[int, int] = (640, 360)  # what frames are resized to; the drone sends 720p
     probe_limit_s: float = 2.0  # a drone in reach answers its discovery port within milliseconds
     connect_limit_s: float = 10.0  # an ANAFI takes two or three; the SDK alone would wait for 45
-    close_limit_s: float = 5.0  # for the SDK to say good-bye
+    close_limit_s: float = 5.0  # for the SDK to disconnect
+    command_limit_s: float = 3.0  # for commands that are queued when the drone is disconnected
+    setting_limit_s: float = 2.0  # for the drone to confirm a setting; it takes milliseconds
     video_limit_s: float = 5.0  # from asking for the video to its being granted
     speed_limit_mps: float = 1.0  # horizontal; a lab is 5 m long
     climb_limit_mps: float = 0.6
@@ -48,7 +50,16 @@ class OlympeConfig:
     altitude_limit_m: float = 3.0  # above the take-off point; the drone's own ceiling
     tilt_limit_rad: float = math.radians(10.0)  # full stick; plenty for 1 m/s, no surprises
     take_off_surface_m: float = 0.0  # what it takes off from is so high above the carpet
-    video_latency_s: float = 0.15  # least time from exposure to arrival
+    video_latency_s: float = 0.15  # minimum from exposure to arrival
+    order_repeat_s: float = 1.0  # until a take-off or landing without effect is ordered again
+    # The SDK repeats stick positions every 25 ms for so long, then centres them: a drone whose
+    # mission hangs hovers.
+    sticks_hold_s: float = 0.5
+    # Speed control. At 40 degrees of tilt an ANAFI reaches 15 m/s, which makes g tan(40) / 15 m/s
+    # of drag; at walking pace the air resists less.
+    drag_per_s: float = 0.4
+    proportional_per_s: float = 0.8  # slow beside the 0.3 s that telemetry and tilt take
+    integral_per_s2: float = 0.5  # removes the rest of the error within some seconds
 
     def __post_init__(self) -> None:
         positive = {
@@ -74,12 +85,12 @@ class OlympeConfig:
 
     @property
     def where(self) -> str:
-        """The drone for people: kind and address."""
+        """Kind and address, for messages."""
         return f"{self.kind} at {self.host}:{self.discovery_port}"
 
 
 def olympe_config(kind: str, options: DroneOptions) -> OlympeConfig:
-    """Return what a person's options mean for an ANAFI.
+    """Return the configuration that options give an ANAFI.
 
     Args:
         kind: anafi or sphinx.
@@ -112,7 +123,7 @@ def _address(kind: str, address: str | None) -> tuple[str, int]:
     host, colon, port = address.partition(":")
     if not _HOST.fullmatch(host) or (colon and not _PORT.fullmatch(port)):
         raise InputError(
-            f"'{address}' is no address of a drone: expected HOST or HOST:DISCOVERY_PORT, for "
+            f"'{address}' is not the address of a drone: expected HOST or HOST:DISCOVERY_PORT, for "
             f"instance {kind}:{_HOSTS[kind]} or {kind}:127.0.0.1:{DISCOVERY_PORT}"
         )
     return host, int(port) if colon else DISCOVERY_PORT

@@ -1,23 +1,22 @@
-"""`OlympeDrone`: an ANAFI as the mission sees it."""
+"""`OlympeDrone`: an ANAFI behind the `Drone` protocol."""
 
 from __future__ import annotations
 
 import math
+import queue
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.olympe.config import OlympeConfig
-from sim_bridge.olympe.courier import Courier, Job
-from sim_bridge.olympe.link import OlympeLink
+from sim_bridge.olympe.link import OlympeLink, probe
 from sim_bridge.olympe.moves import MoveLedger
-from sim_bridge.olympe.pace import FrameClock
-from sim_bridge.olympe.probe import probe
 from sim_bridge.olympe.sdk import Sdk, load_sdk
 from sim_bridge.olympe.speed import SpeedHolder
 from sim_bridge.olympe.telemetry import STANDING_M, Telemetry
-from sim_bridge.olympe.video import NewestFrame
+from sim_bridge.olympe.video import FrameClock, NewestFrame
 from uav_bt.errors import DroneError
 from uav_bt.types import (
     CameraModel,
@@ -34,15 +33,50 @@ from uav_bt.types import (
     Velocity,
 )
 
-__all__ = ["OlympeDrone"]
+__all__ = ["CommandQueue", "OlympeDrone"]
 
-_REPEAT_S: Final = 1.0  # take-off and landing are told again when nothing came of them
-_SAME_PITCH_RAD: Final = 1e-3
-_CLOSE_LIMIT_S: Final = 3.0
-_LOWEST_RAD: Final = -math.pi / 2
-# Where there is nothing left to take off or to land.
+_SAME_PITCH_RAD: Final = 1e-3  # smaller changes of the gimbal are not sent
+_MIN_PITCH_RAD: Final = -math.pi / 2
+# States in which a take-off or a landing need not be ordered (again).
 _UP: Final = frozenset(set(FlyingState) - {FlyingState.LANDED, FlyingState.LANDING})
 _DOWN: Final = frozenset({FlyingState.LANDED, FlyingState.LANDING, FlyingState.EMERGENCY})
+
+
+Job = Callable[[], object]
+
+
+class CommandQueue:
+    """Runs commands in order on a thread of its own: some calls of the SDK block."""
+
+    def __init__(self) -> None:
+        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._fault: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="olympe commands", daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Job) -> None:
+        """Queue a command.
+
+        Raises:
+            Exception: whatever an earlier command raised, once; this one is queued all the same,
+                since it may be the landing.
+        """
+        self._jobs.put(job)
+        fault, self._fault = self._fault, None
+        if fault is not None:
+            raise fault
+
+    def close(self, limit_s: float) -> None:
+        """Take no more commands; return when those queued are done, or after a time, s."""
+        self._jobs.put(None)
+        self._thread.join(limit_s)
+
+    def _run(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            try:
+                job()
+            except Exception as error:  # noqa: BLE001  # raised by the next `submit`
+                self._fault = error
 
 
 @dataclass(kw_only=True)
@@ -52,21 +86,21 @@ class _Flight:
     link: OlympeLink
     telemetry: Telemetry
     frames: NewestFrame
-    courier: Courier
+    commands: CommandQueue
     speed: SpeedHolder
-    told: tuple[Movement, float] | None = None  # the last take-off or landing, and when
-    pitch_rad: float | None = None  # the last the gimbal was told
+    last_order: tuple[Movement, float] | None = None  # take-off or landing, and when
+    pitch_rad: float | None = None  # the gimbal's last target
 
 
 class OlympeDrone:
     """Flies an ANAFI, real or simulated by Sphinx; implements the `Drone` protocol.
 
     Args:
-        config: where it is and what it keeps to.
-        sdk: gets Parrot's SDK; tests give a scripted one.
-        probe_first: asks whether anybody is there.
+        config: address, limits and time-outs.
+        sdk: loads Parrot's SDK; tests give a scripted one.
+        probe_first: raises if there is no drone at the address.
         clock: the live clock.
-        courier: makes what carries the commands.
+        commands: makes the queue of the commands.
     """
 
     def __init__(
@@ -76,43 +110,43 @@ class OlympeDrone:
         sdk: Callable[[], Sdk] = load_sdk,
         probe_first: Callable[[OlympeConfig], None] = probe,
         clock: FrameClock | None = None,
-        courier: Callable[[], Courier] = Courier,
+        commands: Callable[[], CommandQueue] = CommandQueue,
     ) -> None:
         self._config = config
         self._sdk = sdk
         self._probe = probe_first
-        self._courier = courier
+        self._commands = commands
         self._clock = clock or FrameClock()
         self._camera = anafi_camera(*config.image_size_px)
         self._flight: _Flight | None = None
 
     @property
     def clock(self) -> FrameClock:
-        """The wall's time since the drone was made; it ticks with the frames."""
+        """Real time since the drone was made; it ticks with the frames."""
         return self._clock
 
     @property
     def live(self) -> bool:
-        """It is checked before it takes off."""
+        """True: a real drone is checked before it takes off."""
         return True
 
     @property
     def tick_s(self) -> float:
-        """The shortest tick: frames come at most so often."""
+        """The shortest tick, s: frames do not come faster."""
         return 1.0 / 30.0
 
     @property
     def camera(self) -> CameraModel:
-        """The nominal intrinsics of its video; a camera file knows better."""
+        """The nominal intrinsics of its video; a camera file is more accurate."""
         return self._camera
 
     @property
     def referee(self) -> None:
-        """Nobody knows the truth about a real drone."""
+        """None: there is no truth about a real drone."""
         return
 
     def connect(self) -> None:
-        """Connect, set the limits, and start the video; seconds, whatever goes wrong.
+        """Connect, set the limits, and start the video; takes seconds, also where it fails.
 
         Raises:
             MissingDependencyError: Parrot's SDK is not installed.
@@ -131,7 +165,7 @@ class OlympeDrone:
             latency_s=config.video_latency_s,
             arrived=clock.frame_arrived,
         )
-        link = OlympeLink(sdk, config, on_event=telemetry.take, on_picture=frames.take)
+        link = OlympeLink(sdk, config, on_event=telemetry.take, on_frame=frames.take)
         try:
             link.open()
         except BaseException:
@@ -141,12 +175,12 @@ class OlympeDrone:
             link=link,
             telemetry=telemetry,
             frames=frames,
-            courier=self._courier(),
+            commands=self._commands(),
             speed=SpeedHolder(config),
         )
 
     def observe(self) -> Observation:
-        """Return the newest frame and state; old ones keep the time they are from.
+        """Return the newest frame and state; old ones keep their capture times.
 
         Raises:
             DroneError: not connected.
@@ -158,7 +192,7 @@ class OlympeDrone:
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
 
     def send(self, command: Command) -> Command:
-        """Tell the drone what it was not told yet; return the command as it was sent.
+        """Send the drone what is new in a command; return it as it was sent.
 
         Raises:
             DroneError: not connected, or the SDK refused an earlier command.
@@ -168,32 +202,32 @@ class OlympeDrone:
         if isinstance(movement, Velocity):
             movement = flight.speed.limited(movement)
         if gimbal is not None:
-            gimbal = GimbalTo(pitch_rad=max(_LOWEST_RAD, min(0.0, gimbal.pitch_rad)))
+            gimbal = GimbalTo(pitch_rad=max(_MIN_PITCH_RAD, min(0.0, gimbal.pitch_rad)))
             self._point(flight, gimbal.pitch_rad)
         self._move(flight, movement)
         return replace(command, movement=movement, gimbal=gimbal)
 
     def disconnect(self) -> None:
-        """Let go; the drone hovers or flies on by its own rules. Safe to call twice."""
+        """Disconnect; the drone then follows its own rules. Safe to call twice."""
         flight, self._flight = self._flight, None
         if flight is not None:
-            flight.courier.close(_CLOSE_LIMIT_S)
+            flight.commands.close(self._config.command_limit_s)
             flight.link.close()
 
     def _point(self, flight: _Flight, pitch_rad: float) -> None:
         known = flight.pitch_rad
         if known is None or abs(known - pitch_rad) > _SAME_PITCH_RAD:
             flight.pitch_rad = pitch_rad
-            flight.courier.give(lambda: flight.link.point(pitch_rad))
+            flight.commands.submit(lambda: flight.link.point(pitch_rad))
 
     def _move(self, flight: _Flight, movement: Movement) -> None:
-        link, give = flight.link, flight.courier.give
+        link, submit = flight.link, flight.commands.submit
         if isinstance(movement, Velocity):
             state = flight.telemetry.state()
             if state.flying in {FlyingState.HOVERING, FlyingState.FLYING}:
                 self._stop_moving(flight)
                 sticks = flight.speed.sticks(movement, state.velocity, self._clock.now())
-                give(lambda: link.steer(sticks))
+                submit(lambda: link.steer(sticks))
             return
         flight.speed.reset()
         if isinstance(movement, MoveBy):
@@ -201,39 +235,40 @@ class OlympeDrone:
         elif isinstance(movement, TakeOff):
             self._repeat(flight, movement, link.take_off, until=_UP)
         elif isinstance(movement, Land):
-            give(link.let_go)
+            submit(link.let_go)
             self._repeat(flight, movement, link.land, until=_DOWN)
         elif isinstance(movement, CutMotors):
-            give(link.cut_motors)
+            submit(link.cut_motors)
         elif isinstance(movement, Release):
             self._stop_moving(flight)
-            give(link.let_go)
+            submit(link.let_go)
         else:
             self._stop_moving(flight)
-            give(link.centre)
+            submit(link.centre)
 
     def _start(self, flight: _Flight, move: MoveBy) -> None:
         def begin(moves: MoveLedger) -> None:
             if not moves.is_latest(move):
-                moves.told(move)
-                flight.courier.give(lambda: flight.link.move(move))
+                moves.sent(move)
+                flight.commands.submit(lambda: flight.link.move(move))
 
         flight.telemetry.with_moves(begin)
 
     def _stop_moving(self, flight: _Flight) -> None:
         if flight.telemetry.moving:
             flight.telemetry.with_moves(MoveLedger.halted)
-            flight.courier.give(flight.link.halt)
+            flight.commands.submit(flight.link.halt)
 
     def _repeat(
-        self, flight: _Flight, movement: Movement, tell: Job, *, until: frozenset[FlyingState]
+        self, flight: _Flight, movement: Movement, order: Job, *, until: frozenset[FlyingState]
     ) -> None:
         now_s = self._clock.now()
         if flight.telemetry.state().flying in until:
             return
-        if flight.told is None or flight.told[0] != movement or now_s - flight.told[1] > _REPEAT_S:
-            flight.told = movement, now_s
-            flight.courier.give(tell)
+        last = flight.last_order
+        if last is None or last[0] != movement or now_s - last[1] > self._config.order_repeat_s:
+            flight.last_order = movement, now_s
+            flight.commands.submit(order)
 
     def _connected(self) -> _Flight:
         if self._flight is None:

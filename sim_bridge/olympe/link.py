@@ -1,31 +1,58 @@
-"""One connection through the SDK: commands in our words, events and frames handed on."""
+"""One connection through the SDK: commands out, events and frames in."""
 
 from __future__ import annotations
 
 import logging
 import math
+import socket
 import threading
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
 
-from sim_bridge.olympe.config import OlympeConfig
+from sim_bridge.olympe.config import SKYCONTROLLER_HOST, OlympeConfig
 from sim_bridge.olympe.metadata import frame_metadata
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.speed import Sticks
-from sim_bridge.olympe.video import Picture
+from sim_bridge.olympe.video import DecodedFrame
 from uav_bt.errors import DroneError
 from uav_bt.types import MoveBy
 
-__all__ = ["OlympeLink"]
+__all__ = ["OlympeLink", "probe"]
 
 _LOG: Final = logging.getLogger(__name__)
 
-_SETTING_LIMIT_S: Final = 2.0  # for the drone to confirm a setting; it takes milliseconds
-# The SDK repeats stick positions every 25 ms for so long, then centres them: a mission that hangs
-# hovers.
-_STICKS_HOLD_S: Final = 0.5
+_HINTS: Final = {
+    "anafi": (
+        "switch the drone on, join its Wi-Fi (or plug the SkyController in and use "
+        f"anafi:{SKYCONTROLLER_HOST}), and try again"
+    ),
+    "sphinx": "start Sphinx and its drone, and try again",
+}
+
+
+def probe(config: OlympeConfig) -> None:
+    """Check that a drone listens at the address; the SDK alone would wait for 45 s.
+
+    Raises:
+        DroneError: none does, within the time that the configuration gives.
+    """
+    try:
+        socket.create_connection(
+            (config.host, config.discovery_port), timeout=config.probe_limit_s
+        ).close()
+    except TimeoutError as error:
+        raise DroneError(
+            f"no answer from {config.where} within {config.probe_limit_s:.0f} s: "
+            f"{_HINTS[config.kind]}"
+        ) from error
+    except socket.gaierror as error:
+        raise DroneError(f"the host '{config.host}' is unknown: check its spelling") from error
+    except OSError as error:
+        raise DroneError(
+            f"cannot reach {config.where} ({error.strerror or error}): {_HINTS[config.kind]}"
+        ) from error
 
 
 class OlympeLink:
@@ -34,8 +61,8 @@ class OlympeLink:
     Args:
         sdk: the SDK.
         config: where the drone is.
-        on_event: given each event's full name and arguments, on a thread of the SDK.
-        on_picture: given each picture, on a thread of the SDK.
+        on_event: called with each event's full name and arguments, on a thread of the SDK.
+        on_frame: called with each frame, on a thread of the SDK.
     """
 
     def __init__(
@@ -44,12 +71,12 @@ class OlympeLink:
         config: OlympeConfig,
         *,
         on_event: Callable[[str, Mapping[str, Any]], None],
-        on_picture: Callable[[Picture], None],
+        on_frame: Callable[[DecodedFrame], None],
     ) -> None:
         self._sdk = sdk
         self._config = config
         self._on_event = on_event
-        self._on_picture = on_picture
+        self._on_frame = on_frame
         self._drone: Any = None
         self._steering = False
 
@@ -76,39 +103,34 @@ class OlympeLink:
             )
 
     def close(self) -> None:
-        """Let go of the drone; safe to call twice."""
+        """Disconnect; safe to call twice."""
         drone, self._drone = self._drone, None
         if drone is None:
             return
         if self._steering:
             drone.stop_piloting()
         # The SDK waits for half a minute for drones that are gone, and 7.7.5 for ten seconds for
-        # itself when it is done; nobody else need do so.
-        left = threading.Event()
-        threading.Thread(target=_leave, args=(drone, left), daemon=True).start()
-        left.wait(self._config.close_limit_s)
-
-    @property
-    def connected(self) -> bool:
-        """Whether the SDK believes that the drone is there."""
-        return self._drone is not None and bool(self._drone.connected)
+        # itself when it is done; the caller need not.
+        done = threading.Event()
+        threading.Thread(target=_disconnect, args=(drone, done), daemon=True).start()
+        done.wait(self._config.close_limit_s)
 
     def take_off(self) -> None:
         """Start the motors and climb."""
-        self._tell("ardrone3.Piloting.TakeOff")
+        self._send("ardrone3.Piloting.TakeOff")
 
     def land(self) -> None:
         """Descend and stop the motors."""
-        self._tell("ardrone3.Piloting.Landing")
+        self._send("ardrone3.Piloting.Landing")
 
     def cut_motors(self) -> None:
         """Stop the motors in flight."""
-        self._tell("ardrone3.Piloting.Emergency")
+        self._send("ardrone3.Piloting.Emergency")
 
     def move(self, move: MoveBy) -> None:
         """Start a relative movement; it ends the one before."""
         self.let_go()
-        self._tell(
+        self._send(
             "ardrone3.Piloting.moveBy",
             dX=move.forward_m,
             dY=move.right_m,
@@ -118,13 +140,15 @@ class OlympeLink:
 
     def halt(self) -> None:
         """End the movement under way: a movement by nothing replaces it, on any firmware."""
-        self._tell("ardrone3.Piloting.moveBy", dX=0.0, dY=0.0, dZ=0.0, dPsi=0.0)
+        self._send("ardrone3.Piloting.moveBy", dX=0.0, dY=0.0, dZ=0.0, dPsi=0.0)
 
     def steer(self, sticks: Sticks) -> None:
-        """Hold the sticks so, until told otherwise and for half a second at most."""
+        """Hold these stick positions until the next ones, for `sticks_hold_s` at most."""
         self._steering = True
         drone = self._present()
-        if not drone.piloting(sticks.roll, sticks.pitch, sticks.yaw, sticks.climb, _STICKS_HOLD_S):
+        if not drone.piloting(
+            sticks.roll, sticks.pitch, sticks.yaw, sticks.climb, self._config.sticks_hold_s
+        ):
             raise DroneError(f"{self._config.where} does not take stick positions any more")
 
     def centre(self) -> None:
@@ -133,7 +157,7 @@ class OlympeLink:
             self._present().piloting(0, 0, 0, 0, 0.0)
 
     def let_go(self) -> None:
-        """Send no stick positions any more."""
+        """Send no more stick positions."""
         if self._steering:
             self._steering = False
             drone = self._present()
@@ -141,8 +165,8 @@ class OlympeLink:
             drone.stop_piloting()
 
     def point(self, pitch_rad: float) -> None:
-        """Point the camera, against the horizon."""
-        self._tell(
+        """Point the camera: rad from the horizon, negative down."""
+        self._send(
             "gimbal.set_target",
             gimbal_id=0,
             control_mode="position",
@@ -153,10 +177,6 @@ class OlympeLink:
             roll_frame_of_reference="none",
             roll=0.0,
         )
-
-    def take_piloting(self) -> None:
-        """Ask the SkyController to pass our commands on instead of its sticks."""
-        self._tell("skyctrl.CoPiloting.setPilotingSource", source="Controller")
 
     def _connected_in_time(self, drone: Any) -> bool:
         answers: list[bool] = []
@@ -172,22 +192,23 @@ class OlympeLink:
     def _set_up(self) -> None:
         config = self._config
         if config.through_skycontroller:
-            self.take_piloting()
+            # The SkyController then passes these commands on instead of its sticks.
+            self._send("skyctrl.CoPiloting.setPilotingSource", source="Controller")
         limits = {
             "ardrone3.PilotingSettings.MaxTilt": math.degrees(config.tilt_limit_rad),
             "ardrone3.PilotingSettings.MaxAltitude": config.altitude_limit_m,
             "ardrone3.SpeedSettings.MaxVerticalSpeed": config.climb_limit_mps,
             "ardrone3.SpeedSettings.MaxRotationSpeed": math.degrees(config.yaw_rate_limit_radps),
         }
-        asked = {name: self._tell(name, current=limit) for name, limit in limits.items()}
+        asked = {name: self._send(name, current=limit) for name, limit in limits.items()}
         # A turn that rolls the drone would move it sideways in a lab; not all firmware knows it.
-        self._tell("ardrone3.PilotingSettings.BankedTurn", value=0)
+        self._send("ardrone3.PilotingSettings.BankedTurn", value=0)
         for name, answer in asked.items():
-            answer.wait(_timeout=_SETTING_LIMIT_S)
+            answer.wait(_timeout=self._config.setting_limit_s)
             if not answer.success():
                 _LOG.warning("the drone does not confirm %s = %s", name, limits[name])
 
-    def _tell(self, name: str, **args: Any) -> Any:
+    def _send(self, name: str, **args: Any) -> Any:
         return self._present()(self._sdk.message(name)(**args))
 
     def _present(self) -> Any:
@@ -199,7 +220,7 @@ class OlympeLink:
         del scheduler
         message, args = getattr(event, "message", None), getattr(event, "args", None)
         kind = getattr(getattr(message, "message_type", None), "name", "")
-        # What we sent comes by here as well, and says nothing about the drone.
+        # Commands come by here as well; they carry nothing about the drone.
         if message is not None and kind == "EVT" and isinstance(args, Mapping):
             self._on_event(
                 message.fullName, {key: getattr(arg, "name", arg) for key, arg in args.items()}
@@ -208,31 +229,31 @@ class OlympeLink:
     def _take_frame(self, frame: Any) -> None:
         frame.ref()
         try:
-            picture = _picture(frame)
+            decoded = _decoded(frame)
         finally:
             frame.unref()
-        if picture is not None:
-            self._on_picture(picture)
+        if decoded is not None:
+            self._on_frame(decoded)
 
 
-def _leave(drone: Any, left: threading.Event) -> None:
+def _disconnect(drone: Any, done: threading.Event) -> None:
     try:
         if drone.connected and drone.streaming is not None:
             drone.streaming.stop()
         drone.disconnect()
     finally:
-        left.set()
+        done.set()
     drone.destroy()
 
 
-def _picture(frame: Any) -> Picture | None:
+def _decoded(frame: Any) -> DecodedFrame | None:
     """Return a copy of the SDK's frame, None where it has no content."""
     info, planes = frame.info(), frame.as_ndarray()
     if not info or planes is None:
         return None
     raw = info["raw"]["frame"]
     details = raw["info"]
-    return Picture(
+    return DecodedFrame(
         planes=np.array(planes),
         layout="nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p",
         full_range=bool(details.get("full_range", False)),

@@ -1,4 +1,4 @@
-"""A frame's metadata, as the SDK tells it, in our terms.
+"""A frame's metadata, from the SDK's dictionary.
 
 The SDK writes what came with a frame as JSON, in one of two shapes: newer firmware sends a message
 with `drone` and `camera`, older a flat record (versions 2 and 3). Read from libvideo-metadata's
@@ -19,7 +19,7 @@ __all__ = ["FrameMetadata", "frame_metadata"]
 
 @dataclass(frozen=True, kw_only=True)
 class FrameMetadata:
-    """What was true when a frame was captured; None where the frame does not say."""
+    """The telemetry of a frame's capture; None where the frame does not have it."""
 
     attitude: Attitude | None = None
     gimbal_pitch_rad: float | None = None
@@ -28,16 +28,16 @@ class FrameMetadata:
     captured_us: int | None = None  # of the camera's clock
 
 
-def frame_metadata(told: Mapping[str, Any]) -> FrameMetadata:
+def frame_metadata(vmeta: Mapping[str, Any]) -> FrameMetadata:
     """Return the metadata of a frame.
 
     Args:
-        told: the SDK's dictionary; unknown and missing entries are no error.
+        vmeta: the SDK's dictionary; unknown and missing entries are no error.
     """
-    drone, camera = _mapping(told.get("drone")), _mapping(told.get("camera"))
+    drone, camera = _mapping(vmeta.get("drone")), _mapping(vmeta.get("camera"))
     if not drone and not camera:  # the flat record
-        drone = {"quat": told.get("drone_quat"), "ground_distance": told.get("ground_distance")}
-        camera = {"quat": told.get("frame_quat")}
+        drone = {"quat": vmeta.get("drone_quat"), "ground_distance": vmeta.get("ground_distance")}
+        camera = {"quat": vmeta.get("frame_quat")}
     attitude, view = _attitude(drone.get("quat")), _attitude(camera.get("quat"))
     captured = _number(camera.get("timestamp"))
     return FrameMetadata(
@@ -55,7 +55,7 @@ def _attitude(quaternion: Any) -> Attitude | None:
     numbers = [_number(parts.get(name)) for name in "wxyz"]
     w, x, y, z = (0.0 if number is None else number for number in numbers)
     length = math.sqrt(w * w + x * x + y * y + z * z)
-    if length < 0.5:  # all zero: the firmware had nothing to say
+    if length < 0.5:  # all zero: not known to the firmware
         return None
     w, x, y, z = w / length, x / length, y / length, z / length
     return Attitude(

@@ -2,7 +2,7 @@
 
 The firmware ends every relative movement with one event, and a second command ends the first one
 with "interrupted" (ARSDK, ardrone3.PilotingEvent.moveByEnd). Commands and events cross on the way,
-so those told and not yet ended are kept in order.
+so those sent and not yet ended are kept in order.
 """
 
 from __future__ import annotations
@@ -22,21 +22,23 @@ _REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Told:
-    id: int | None  # None for the halt that replaces a movement nobody wants any more
+class _Entry:
+    """A movement that was sent and has not ended."""
+
+    id: int | None  # None for the halt that replaces a movement which is no longer wanted
     wanted: Displacement
 
 
 class MoveLedger:
-    """Keeps the movements that the drone was told until it says how they ended."""
+    """Keeps the movements that were sent to the drone until it reports how they ended."""
 
     def __init__(self) -> None:
-        self._open: deque[_Told] = deque()
+        self._open: deque[_Entry] = deque()
         self._status: MovementStatus | None = None
 
     @property
     def status(self) -> MovementStatus | None:
-        """The drone's word on the latest `MoveBy`."""
+        """The state of the latest `MoveBy`."""
         return self._status
 
     @property
@@ -45,25 +47,25 @@ class MoveLedger:
         return bool(self._open) and self._open[-1].id is not None
 
     def is_latest(self, move: MoveBy) -> bool:
-        """Return whether a movement was told before."""
+        """Return whether a movement is the one sent last."""
         return self._status is not None and self._status.id == move.id
 
-    def told(self, move: MoveBy) -> None:
-        """Note a movement that goes to the drone."""
+    def sent(self, move: MoveBy) -> None:
+        """Note a movement that is sent to the drone."""
         wanted = (move.forward_m, move.right_m, move.down_m, move.yaw_rad)
-        self._open.append(_Told(id=move.id, wanted=wanted))
+        self._open.append(_Entry(id=move.id, wanted=wanted))
         self._status = MovementStatus(id=move.id, state=MovementState.RUNNING)
 
     def halted(self) -> None:
-        """Note that a movement by nothing at all goes to the drone, which ends the one before."""
-        self._open.append(_Told(id=None, wanted=(0.0, 0.0, 0.0, 0.0)))
+        """Note that a movement by zero is sent to the drone, which ends the one before."""
+        self._open.append(_Entry(id=None, wanted=(0.0, 0.0, 0.0, 0.0)))
 
     def ended(self, error: str, flown: Displacement) -> None:
-        """Take the drone's event.
+        """Handle the drone's end event.
 
         Args:
-            error: the name it gives: ok, interrupted, busy, notAvailable or unknown.
-            flown: what it says to have flown.
+            error: the event's: ok, interrupted, busy, notAvailable or unknown.
+            flown: the displacement that it reports.
         """
         if not self._open:
             return
@@ -72,17 +74,17 @@ class MoveLedger:
         elif error == "interrupted":
             self._close(self._open.popleft(), MovementState.INTERRUPTED)
         else:
-            # A later command or an earlier event may have been lost: distances tell which it is.
-            done = min(self._open, key=lambda told: math.dist(told.wanted, flown))
+            # A later command or an earlier event may have been lost: distances show which it is.
+            done = min(self._open, key=lambda entry: math.dist(entry.wanted, flown))
             while self._open[0] is not done:
                 self._close(self._open.popleft(), MovementState.INTERRUPTED)
             self._close(self._open.popleft(), MovementState.DONE)
 
     def drop(self, state: MovementState = MovementState.INTERRUPTED) -> None:
-        """Forget what is open: the drone landed, or will not tell any more."""
+        """Close all open movements: the drone landed, or reports nothing any more."""
         while self._open:
             self._close(self._open.popleft(), state)
 
-    def _close(self, told: _Told, state: MovementState) -> None:
-        if told.id is not None and self._status is not None and self._status.id == told.id:
-            self._status = MovementStatus(id=told.id, state=state)
+    def _close(self, entry: _Entry, state: MovementState) -> None:
+        if entry.id is not None and self._status is not None and self._status.id == entry.id:
+            self._status = MovementStatus(id=entry.id, state=state)

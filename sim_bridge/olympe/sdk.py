@@ -27,8 +27,8 @@ from uav_bt.errors import InputError, MissingDependencyError
 __all__ = ["Sdk", "load_sdk"]
 
 _NEW_API: Final = 8
-_LOUD: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
-_TOLD_AS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
+_LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
+_LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Sdk:
         """Return a fresh SDK object for a drone: the same one twice fails to connect now and then.
 
         Raises:
-            InputError: this version cannot be told the ports that were asked for.
+            InputError: this version cannot use the ports of the configuration.
         """
         kind = self.classes.SkyController3 if config.through_skycontroller else self.classes.Drone
         if self.version >= (_NEW_API,):
@@ -51,9 +51,9 @@ class Sdk:
                 config.host, http_port=config.http_port, discovery_port=config.discovery_port
             )
         if config.discovery_port != DISCOVERY_PORT:
-            told = ".".join(map(str, self.version))
+            version = ".".join(map(str, self.version))
             raise InputError(
-                f"parrot-olympe {told} always discovers on port {DISCOVERY_PORT}, asked for "
+                f"parrot-olympe {version} always discovers on port {DISCOVERY_PORT}, asked for "
                 f"{config.discovery_port}: give the drone an address of its own (127.0.0.2, ...) "
                 "or install parrot-olympe 8"
             )
@@ -64,8 +64,8 @@ class Sdk:
 
         Args:
             streaming: the connected drone's.
-            config: says the port.
-            on_frame: is given the SDK's frame, which lives as long as the call.
+            config: the port.
+            on_frame: called with the SDK's frame, which is valid during the call.
         """
         port = None if config.through_skycontroller else config.rtsp_port
         if self.version >= (_NEW_API,):
@@ -75,13 +75,15 @@ class Sdk:
 
 
 def load_sdk() -> Sdk:
-    """Import the SDK and make its log ours.
+    """Import the SDK and redirect its log.
 
     Raises:
         MissingDependencyError: it is not installed, or does not run with this Python.
     """
     disabled = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)  # it logs while it is imported, before anybody can stop it
+    logging.disable(
+        logging.CRITICAL
+    )  # it logs while it is imported, before its handlers can be replaced
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of packages it draws in, at every start
@@ -90,18 +92,18 @@ def load_sdk() -> Sdk:
         version = tuple(int(part) for part in str(olympe.__version__).split(".")[:3])
     except Exception as error:
         python = f"{sys.version_info.major}.{sys.version_info.minor}"
-        cure = (
+        hint = (
             "it runs with Python 3.10 to 3.12 on Linux x86-64"
             if sys.version_info >= (3, 13) or sys.platform != "linux"
             else "install it with `pip install 'uav-bt[olympe]'`"
         )
         raise MissingDependencyError(
             f"Parrot's SDK cannot be imported with Python {python} "
-            f"({type(error).__name__}: {error}); {cure}"
+            f"({type(error).__name__}: {error}); {hint}"
         ) from error
     finally:
         logging.disable(disabled)
-    _tame()
+    _redirect_log()
     return Sdk(version=version, classes=olympe, message=_message)
 
 
@@ -121,17 +123,17 @@ def _message(name: str) -> Any:
     return getattr(importlib.import_module(f"olympe.messages.{module}"), message)
 
 
-class _Ours(logging.Handler):
-    """Hands the SDK's records to a logger of ours, quieter: it cries wolf."""
+class _Redirect(logging.Handler):
+    """Logs the SDK's records here at a lower level: its errors are often harmless."""
 
     def emit(self, record: logging.LogRecord) -> None:
         logging.getLogger(f"{__name__}.{record.name}").log(
-            _TOLD_AS.get(record.levelno, logging.DEBUG), "%s", record.getMessage()
+            _LEVELS.get(record.levelno, logging.DEBUG), "%s", record.getMessage()
         )
 
 
-def _tame() -> None:
-    for name in _LOUD:
+def _redirect_log() -> None:
+    for name in _LOGGERS:
         logger = logging.getLogger(name)
-        logger.handlers = [_Ours()]
+        logger.handlers = [_Redirect()]
         logger.propagate = False

@@ -9,14 +9,11 @@ from typing import Final
 from sim_bridge.olympe.config import OlympeConfig
 from uav_bt.types import BodyVelocity, Velocity
 
-__all__ = ["CENTRED", "SpeedHolder", "Sticks"]
+__all__ = ["SpeedHolder", "Sticks"]
 
 _GRAVITY_MPS2: Final = 9.81
-# A drone at 40 degrees reaches 15 m/s: g tan(40) / 15 m/s. At walking pace the air resists less.
-_DRAG_PER_S: Final = 0.4
-_PROPORTIONAL_PER_S: Final = 0.8  # slow beside the 0.3 s that telemetry and tilt take
-_INTEGRAL_PER_S2: Final = 0.5
-_LONGEST_STEP_S: Final = 0.3  # between two orders of one manoeuvre
+_MAX_STEP_S: Final = 0.3  # between two orders of one manoeuvre
+_STANDING_MPS: Final = 0.1  # a slower drone holds its position by itself
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,14 +26,14 @@ class Sticks:
     climb: int = 0  # up positive
 
 
-CENTRED: Final = Sticks()
-
-
 class SpeedHolder:
     """Holds horizontal speeds by tilting: feed-forward, proportional and integral.
 
-    The integral makes up for what the drag is not, so that a drone that takes its sticks for
-    speeds is held at the same speed.
+    The integral corrects the drag, which is an estimate, so that also a drone that takes its
+    sticks for speeds reaches the speed.
+
+    Args:
+        config: limits and gains.
     """
 
     def __init__(self, config: OlympeConfig) -> None:
@@ -50,7 +47,7 @@ class SpeedHolder:
         self._last_s = -math.inf
 
     def limited(self, order: Velocity) -> Velocity:
-        """Return an order within the limits that the drone was given."""
+        """Return an order within the limits of the configuration."""
         config = self._config
         speed = math.hypot(order.forward_mps, order.right_mps)
         share = min(1.0, config.speed_limit_mps / speed) if speed else 1.0
@@ -66,12 +63,12 @@ class SpeedHolder:
 
         Args:
             order: within the limits.
-            measured: what the drone last said about its speed.
-            now_s: the clock's time.
+            measured: the latest measured velocity.
+            now_s: the clock's time, s.
         """
         config = self._config
         step_s = now_s - self._last_s
-        if step_s > _LONGEST_STEP_S:
+        if step_s > _MAX_STEP_S:
             self._integral_mps2 = [0.0, 0.0]
             step_s = 0.0
         self._last_s = now_s
@@ -86,15 +83,17 @@ class SpeedHolder:
 
     def _tilt(self, axis: int, wanted_mps: float, measured_mps: float, step_s: float) -> float:
         """Return the tilt for one axis, radians, within the limit."""
-        if wanted_mps == 0.0 and abs(measured_mps) < 0.1:
+        if wanted_mps == 0.0 and abs(measured_mps) < _STANDING_MPS:
             # Centred sticks: the drone's own position hold is better than ours.
             self._integral_mps2[axis] = 0.0
             return 0.0
         error = wanted_mps - measured_mps
-        limit = _GRAVITY_MPS2 * math.tan(self._config.tilt_limit_rad)
-        wound = self._integral_mps2[axis] + _INTEGRAL_PER_S2 * error * step_s
+        config = self._config
+        limit = _GRAVITY_MPS2 * math.tan(config.tilt_limit_rad)
+        wound = self._integral_mps2[axis] + config.integral_per_s2 * error * step_s
         self._integral_mps2[axis] = _clamp(wound, limit)
-        demand = _DRAG_PER_S * wanted_mps + _PROPORTIONAL_PER_S * error + self._integral_mps2[axis]
+        demand = config.drag_per_s * wanted_mps + config.proportional_per_s * error
+        demand += self._integral_mps2[axis]
         return math.atan(_clamp(demand, limit) / _GRAVITY_MPS2)
 
 

@@ -1,4 +1,4 @@
-"""What the drone's events say, as one `DroneState`."""
+"""The drone's events, as one `DroneState`."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ _LINK_BITS: Final = 0x0F
 
 @dataclass(frozen=True, kw_only=True)
 class _Known:
-    """What was told last, in the drone's terms."""
+    """The latest values, in the drone's terms."""
 
-    heard_s: float = -math.inf
+    received_s: float = -math.inf
     flying: FlyingState = FlyingState.LANDED
     attitude: Attitude = field(default_factory=Attitude)
     north_mps: float = 0.0
     east_mps: float = 0.0
     down_mps: float = 0.0
     altitude_m: float = 0.0
-    ground_m: float | None = None  # only some firmware tells it in an event
+    ground_m: float | None = None  # only some firmware has the event
     gimbal_pitch_rad: float = 0.0
     battery: float = 1.0
     link: float = 1.0
@@ -60,7 +60,7 @@ class Telemetry:
 
     Args:
         now: the clock.
-        take_off_surface_m: what it takes off from is so high above the carpet.
+        take_off_surface_m: height of what it takes off from above the carpet, m.
     """
 
     def __init__(self, now: Callable[[], float], *, take_off_surface_m: float = 0.0) -> None:
@@ -69,7 +69,7 @@ class Telemetry:
         self._lock = threading.Lock()
         self._known = _Known()
         self._moves = MoveLedger()
-        self._told: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+        self._handlers: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "ardrone3.PilotingState.FlyingStateChanged": self._flying,
             "ardrone3.PilotingState.AttitudeChanged": _attitude,
             "ardrone3.PilotingState.SpeedChanged": _speed,
@@ -88,24 +88,24 @@ class Telemetry:
         }
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
-        """Take an event: its full name, and its arguments with enumerations as names."""
-        with self._lock:
-            handler = self._told.get(name)
-            told = handler(args) if handler is not None else {}
-            self._known = replace(self._known, heard_s=self._now(), **told)
+        """Take an event.
 
-    def heard(self) -> None:
-        """Note that the drone is there: something else came from it."""
+        Args:
+            name: its full name.
+            args: its arguments, enumerations as names.
+        """
         with self._lock:
-            self._known = replace(self._known, heard_s=self._now())
+            handler = self._handlers.get(name)
+            changes = handler(args) if handler is not None else {}
+            self._known = replace(self._known, received_s=self._now(), **changes)
 
     def state(self) -> DroneState:
-        """Return the state as of the newest word from the drone."""
+        """Return the state as of the newest event."""
         with self._lock:
             known, movement = self._known, self._moves.status
         height_m = known.altitude_m + STANDING_M if known.ground_m is None else known.ground_m
         return DroneState(
-            captured_s=known.heard_s,
+            captured_s=known.received_s,
             flying=known.flying,
             attitude=known.attitude,
             velocity=self._velocity(known),
@@ -133,7 +133,7 @@ class Telemetry:
     def _flying(self, args: Mapping[str, Any]) -> dict[str, Any]:
         state = _FLYING.get(args["state"])
         if state is None:
-            _LOG.warning("the drone tells an unknown flying state: %s", args["state"])
+            _LOG.warning("the drone reports an unknown flying state: %s", args["state"])
             return {}
         if state in _NO_MOVES:
             self._moves.drop()

@@ -1,8 +1,9 @@
-"""The newest video frame, never a queue of old ones."""
+"""The newest video frame, never a queue of old ones, and the clock that ticks with it."""
 
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -15,15 +16,15 @@ from numpy.typing import NDArray
 from sim_bridge.olympe.metadata import FrameMetadata
 from uav_bt.types import DroneState, Frame
 
-__all__ = ["CaptureTimes", "NewestFrame", "Picture"]
+__all__ = ["CaptureTimes", "DecodedFrame", "FrameClock", "NewestFrame"]
 
-# Two quartz clocks drift apart by some 20 parts in a million; ten times that is let go.
+# Two quartz clocks drift apart by some 20 parts in a million; ten times that is allowed.
 _DRIFT: Final = 2e-4
 _RESTARTED_S: Final = 10.0  # no frame is so late: a clock that was set back began anew
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class DecodedFrame:
     """A decoded frame as the SDK delivers it, copied out of its memory."""
 
     planes: NDArray[np.uint8]  # (3 H / 2, W): Y above the two colour planes
@@ -35,21 +36,21 @@ class Picture:
 
     @property
     def stamp(self) -> tuple[str, int] | None:
-        """The best time it carries, in microseconds, and whose clock that is."""
+        """The best time stamp it carries: its clock's name, and microseconds."""
         if self.metadata.captured_us is not None:
             return "camera", self.metadata.captured_us
         return None if self.streamed_us is None else ("stream", self.streamed_us)
 
 
 class CaptureTimes:
-    """When frames were captured, in our clock.
+    """Capture times of frames, in this machine's clock.
 
-    The drone stamps frames with a clock of its own. The quickest frame so far shows how the two
-    clocks relate, up to the least latency there is; what arrives later than that was delayed.
-    Without stamps every frame is taken for one of least latency.
+    The drone stamps frames with a clock of its own. The fastest frame so far shows how the two
+    clocks relate, up to the minimum latency; what arrives later than that was delayed. Without
+    stamps every frame is taken for one of minimum latency.
 
     Args:
-        latency_s: least time from exposure to arrival.
+        latency_s: minimum time from exposure to arrival, s.
     """
 
     def __init__(self, latency_s: float) -> None:
@@ -57,11 +58,11 @@ class CaptureTimes:
         self._offsets_s: dict[str, tuple[float, float]] = {}  # by clock, and as of when
 
     def captured(self, arrived_s: float, stamp: tuple[str, int] | None) -> float:
-        """Return the capture time of a frame that arrived just now.
+        """Return the capture time of a frame, s.
 
         Args:
-            arrived_s: just now.
-            stamp: whose clock, and its microseconds; clocks of two names have nothing in common.
+            arrived_s: its arrival, s of this machine's clock.
+            stamp: the clock's name, and its microseconds; two clocks have nothing in common.
         """
         if stamp is None:
             return arrived_s - self._latency_s
@@ -76,14 +77,61 @@ class CaptureTimes:
         return stamp_s + offset_s - self._latency_s
 
 
+class FrameClock:
+    """The live clock: real time since it was made, and a tick when a new frame arrives.
+
+    Args:
+        timeout_s: how long a frame is waited for after the wanted time, s, so that a mission
+            whose video stopped still ticks.
+        monotonic: returns the real time, s.
+        condition: is waited on and notified.
+    """
+
+    def __init__(
+        self,
+        *,
+        timeout_s: float = 0.1,
+        monotonic: Callable[[], float] = time.monotonic,
+        condition: threading.Condition | None = None,
+    ) -> None:
+        self._timeout_s = timeout_s
+        self._monotonic = monotonic
+        self._condition = condition or threading.Condition()
+        self._start_s = monotonic()
+        self._fresh = False
+
+    def now(self) -> float:
+        """Return the time in seconds."""
+        return self._monotonic() - self._start_s
+
+    def frame_arrived(self) -> None:
+        """End the waiting; called on the video's thread."""
+        with self._condition:
+            self._fresh = True
+            self._condition.notify_all()
+
+    def frame_seen(self) -> None:
+        """Note that the newest frame was used: the next one is worth waiting for."""
+        with self._condition:
+            self._fresh = False
+
+    def sleep_until(self, time_s: float) -> None:
+        """Return at the first frame after a time, s, or without one after the time-out."""
+        with self._condition:
+            while (left_s := time_s - self.now()) > 0.0:
+                self._condition.wait(left_s)
+            while not self._fresh and (left_s := time_s + self._timeout_s - self.now()) > 0.0:
+                self._condition.wait(left_s)
+
+
 class NewestFrame:
-    """Takes pictures on the SDK's thread; makes a `Frame` of the newest when somebody looks.
+    """Takes frames on the SDK's thread; converts the newest when it is asked for.
 
     Args:
         size_px: width and height of the frames.
         now: the clock.
-        latency_s: least time from exposure to arrival.
-        arrived: told of each new frame.
+        latency_s: minimum time from exposure to arrival, s.
+        arrived: called for each new frame.
     """
 
     def __init__(
@@ -99,21 +147,15 @@ class NewestFrame:
         self._times = CaptureTimes(latency_s)
         self._arrived = arrived
         self._lock = threading.Lock()
-        self._picture: tuple[int, float, Picture] | None = None
+        self._held: tuple[int, float, DecodedFrame] | None = None
         self._count = 0
         self._frame: Frame | None = None
 
-    @property
-    def count(self) -> int:
-        """How many frames have come."""
+    def take(self, decoded: DecodedFrame) -> None:
+        """Take a frame in place of the one before."""
+        captured_s = self._times.captured(self._now(), decoded.stamp)
         with self._lock:
-            return self._count
-
-    def take(self, picture: Picture) -> None:
-        """Take a picture; the one before is forgotten, looked at or not."""
-        captured_s = self._times.captured(self._now(), picture.stamp)
-        with self._lock:
-            self._picture = (self._count, captured_s, picture)
+            self._held = (self._count, captured_s, decoded)
             self._count += 1
         self._arrived()
 
@@ -121,25 +163,25 @@ class NewestFrame:
         """Return the newest frame, None before the first.
 
         Args:
-            state: stands in for what the frame does not say itself.
-            above_carpet_m: of the body's centre, before take-off.
+            state: gives what the frame's metadata lack.
+            above_carpet_m: height of the body's centre above the carpet before take-off, m.
         """
         with self._lock:
-            held = self._picture
+            held = self._held
         if held is None:
             return None
-        index, captured_s, picture = held
+        index, captured_s, decoded = held
         if self._frame is None or self._frame.index != index:
-            told = picture.metadata
-            altitude_m = _known(told.altitude_m, state.altitude_m)
+            metadata = decoded.metadata
+            altitude_m = _known(metadata.altitude_m, state.altitude_m)
             self._frame = Frame(
-                image=_rgb(picture, self._size_px),
+                image=_rgb(decoded, self._size_px),
                 index=index,
                 captured_s=captured_s,
-                gimbal_pitch_rad=_known(told.gimbal_pitch_rad, state.gimbal_pitch_rad),
-                attitude=_known(told.attitude, state.attitude),
+                gimbal_pitch_rad=_known(metadata.gimbal_pitch_rad, state.gimbal_pitch_rad),
+                attitude=_known(metadata.attitude, state.attitude),
                 altitude_m=altitude_m,
-                height_m=_known(told.height_m, state.height_m),
+                height_m=_known(metadata.height_m, state.height_m),
                 height_above_carpet_m=altitude_m + above_carpet_m,
             )
         return self._frame
@@ -149,15 +191,15 @@ def _known(value: Any, otherwise: Any) -> Any:
     return otherwise if value is None else value
 
 
-def _rgb(picture: Picture, size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return the picture as RGB at a size, (H, W, 3)."""
-    frame = av.VideoFrame.from_ndarray(picture.planes, format=picture.layout)
+def _rgb(decoded: DecodedFrame, size_px: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return the frame as RGB at a size, (H, W, 3)."""
+    frame = av.VideoFrame.from_ndarray(decoded.planes, format=decoded.layout)
     image = frame.reformat(
         width=size_px[0],
         height=size_px[1],
         format="rgb24",
-        src_colorspace=Colorspace.ITU601 if picture.bt601 else Colorspace.ITU709,
-        src_color_range=ColorRange.JPEG if picture.full_range else ColorRange.MPEG,
+        src_colorspace=Colorspace.ITU601 if decoded.bt601 else Colorspace.ITU709,
+        src_color_range=ColorRange.JPEG if decoded.full_range else ColorRange.MPEG,
         interpolation="AREA",
     ).to_ndarray()
     return np.ascontiguousarray(image, dtype=np.uint8)

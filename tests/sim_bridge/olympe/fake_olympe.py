@@ -11,8 +11,8 @@ import numpy as np
 
 from sim_bridge.olympe.config import OlympeConfig, olympe_config
 from sim_bridge.olympe.drone import OlympeDrone
-from sim_bridge.olympe.pace import FrameClock
 from sim_bridge.olympe.sdk import Sdk
+from sim_bridge.olympe.video import FrameClock
 from uav_bt.protocols import DroneOptions
 
 LEVEL = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
@@ -196,12 +196,12 @@ class FakeWorld:
 
 
 class InTurn:
-    """A courier that runs each job at once."""
+    """A command queue that runs each command at once."""
 
     def __init__(self) -> None:
         self.closed = False
 
-    def give(self, job: Callable[[], object]) -> None:
+    def submit(self, job: Callable[[], object]) -> None:
         job()
 
     def close(self, limit_s: float) -> None:
@@ -219,5 +219,5 @@ def bridge(world: FakeWorld, time: Time | None = None, **changes: Any) -> Olympe
         sdk=lambda: world.sdk,
         probe_first=lambda _: None,
         clock=FrameClock(monotonic=time, condition=time),  # type: ignore[arg-type]
-        courier=InTurn,
+        commands=InTurn,
     )

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_bridge.olympe.drone import OlympeDrone
+from sim_bridge.olympe.drone import CommandQueue, OlympeDrone
 from tests.sim_bridge.olympe.fake_olympe import (
     LEVEL,
     FakeFrame,
@@ -474,3 +474,26 @@ def test_a_frame_wakes_the_clock() -> None:
     began_s = drone.clock.now()
     drone.clock.sleep_until(began_s)
     assert drone.clock.now() == began_s
+
+
+# --- the command queue ------------------------------------------------------------------------
+
+
+def test_commands_are_run_in_order_and_an_error_comes_back_with_the_next() -> None:
+    done: list[int] = []
+    failed, landed = threading.Event(), threading.Event()
+    commands = CommandQueue()
+
+    def fail() -> None:
+        raise DroneError("gone")
+
+    commands.submit(lambda: done.append(1))
+    commands.submit(fail)
+    commands.submit(failed.set)
+    assert failed.wait(30.0)
+    with pytest.raises(DroneError, match="gone"):
+        commands.submit(landed.set)
+    assert landed.wait(30.0)
+    commands.submit(lambda: done.append(2))
+    commands.close(30.0)
+    assert done == [1, 2]
