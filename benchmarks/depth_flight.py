@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.evaluation.error_summary import summarise_errors
 from perception.depth.evaluation.measured_points import MeasuredPoints, draw_points, ranges_at
+from perception.depth.evaluation.scores import summarise_errors
 from uav_bt import app
 from uav_bt.board import CAMERA, CORRIDOR, FRAME, METRIC_DEPTH
 from uav_bt.board.context import MissionContext
@@ -117,7 +117,7 @@ class Comparison:
             print(
                 f"  {name:<16} median {found.median_m:.3f} m  mean {found.mean_m:.3f} m  "
                 f"p95 {found.p95_m:.3f} m  max {found.max_m:.2f} m  "
-                f"known {found.coverage:.1%} of {found.asked}"
+                f"known {found.coverage:.1%} of {found.total}"
             )
         if self.free_m:
             none = float(np.mean(np.array(self.free_m) == 0.0))

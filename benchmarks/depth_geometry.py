@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from perception.camera.ground_plane import CameraView, ground_depth, ray_lengths
 from perception.depth.contact.depth import FootingDepth, footing_depth
 from perception.depth.contact.panorama import Unroller
-from perception.depth.scale import make_scale, sample_carpet
+from perception.depth.scale import AdaptiveScale, sample_carpet
 from perception.obstacles.corridor import CorridorBuilder
 from perception.segmentation.runtime import shipped_unet
 from sim_bridge.anafi import anafi_camera
@@ -34,12 +34,12 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from uav_bt.learning.depth_tables.methods import CollectedScale
 from uav_bt.types import DepthMap
 
 SIZE = (224, 112)
 CAMERA = anafi_camera(640, 360).resized(*SIZE)
 NEAR_M = 5.0
-SCALES = ("adaptive", "constant:median", "constant:mean", "constant:min", "least_squares:median")
 
 
 @dataclass
@@ -149,7 +149,11 @@ def main() -> None:
     unroller, corridors, watch = Unroller(), CorridorBuilder(), Stopwatch()
     footing: dict[str, Tally] = defaultdict(Tally)
     scaled: dict[str, Tally] = defaultdict(Tally)
-    scales = {name: make_scale(name) for name in SCALES}
+    scales = {
+        "adaptive": AdaptiveScale(),
+        "constant": CollectedScale("constant"),
+        "least_squares": CollectedScale("least_squares"),
+    }
     points = []
     for index, (view, seen) in enumerate(drawn_views(arguments)):
         ids = view.ids

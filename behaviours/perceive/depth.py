@@ -51,12 +51,6 @@ class EstimateDepth(Leaf):
             doc="'depth', 'depth-fp32', an ONNX file, or 'footing' (no network)",
         ),
         Port(
-            "scale",
-            str,
-            default="adaptive",
-            doc="'adaptive', 'constant' or 'least_squares'; the last two also ':mean', ':min'",
-        ),
-        Port(
             "source",
             str,
             default="fused",
@@ -74,7 +68,6 @@ class EstimateDepth(Leaf):
         self._network = None if model == _FOOTING else self._load(model, mission)
         self._maker = MetricDepthMaker(
             source=_FOOTING if model == _FOOTING else self.port_value("source"),
-            scale=self.port_value("scale"),
             generator=mission.rng(self.path),
         )
         self._network_timer = StageTimer(mission, "relative_depth")

@@ -15,10 +15,10 @@ from perception.depth.contact.contacts import Remembered
 from perception.depth.contact.depth import FootingConfig, FootingDepth, footing_depth
 from perception.depth.contact.panorama import Unroller
 from perception.depth.scale import (
+    AdaptiveScale,
     Scale,
     ScaleConfig,
     ScaleEstimator,
-    make_scale,
     sample_carpet,
 )
 from uav_bt.errors import UnknownNameError
@@ -67,7 +67,7 @@ class MetricDepthMaker:
         self,
         *,
         source: str = "fused",
-        scale: str = "adaptive",
+        scale: ScaleEstimator | None = None,
         generator: np.random.Generator,
         config: MetricDepthConfig | None = None,
     ) -> None:
@@ -77,18 +77,18 @@ class MetricDepthMaker:
             source: ``network`` (relative depth times scale), ``footing`` (masks and geometry, NaN
                 where they know nothing) or ``fused`` (footing where it knows, the network
                 elsewhere, never further than footing allows).
-            scale: of the network's depth, see `perception.depth.scale.make_scale`.
+            scale: of the network's depth; None for the adaptive one.
             generator: draws the carpet's pixels.
             config: when a frame is refused.
 
         Raises:
-            UnknownNameError: there is no such source or scale.
+            UnknownNameError: there is no such source.
         """
         if source not in SOURCES:
             raise UnknownNameError("depth source", source, SOURCES)
         self._source = source
         self._config = config or MetricDepthConfig()
-        self._scale: ScaleEstimator = make_scale(scale, self._config.sampling)
+        self._scale = AdaptiveScale(self._config.sampling) if scale is None else scale
         self._generator = generator
         self._unroller = Unroller()
 

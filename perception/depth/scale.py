@@ -1,26 +1,19 @@
-"""From relative depth to metres: the paper's three ways, per frame.
+"""From relative depth to metres: the paper's adaptive scale (equations 4 to 9).
 
 A network trained without truth gives depth in a unit of its own. The carpet is a plane at a known
 distance (`perception.camera.ground_plane`), so each pixel that shows it tells what that unit is
-worth:
+worth: the median ratio of 50 random carpet pixels, afresh in every frame, smoothed by a Kalman
+filter that rejects outliers.
 
-*constant*       ratio of known to predicted depth of a region, the median of all frames so far;
-*least_squares*  ``scale * predicted + shift = known`` (equation 1), one equation a frame, solved
-                 over all frames so far;
-*adaptive*       the median ratio of 50 random carpet pixels, afresh in every frame (equations 4 to
-                 9), smoothed by a Kalman filter that turns outliers away.
-
-The first two take the region's mean, median or minimum. Depth is along the optical axis on both
-sides of every ratio: the paper compares the Euclidean range with it, which is off by 1/cos of the
-angle to the axis, up to a fifth in the corners of our image.
+Depth is along the optical axis on both sides of every ratio: the paper compares the Euclidean range
+with it, which is off by 1/cos of the angle to the axis, up to a fifth in the corners of our image.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol, get_args
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -29,30 +22,18 @@ from numpy.typing import NDArray
 from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.scale_filter import ScaleFilter
 from uav_bt.classes import CARPET
-from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.errors import ShapeError, ValueRangeError
 
 __all__ = [
-    "SCALE_METHODS",
     "AdaptiveScale",
     "CarpetSample",
-    "CollectedScale",
-    "CollectingMethod",
     "Scale",
     "ScaleConfig",
     "ScaleEstimator",
-    "Statistic",
-    "fit_least_squares",
-    "fit_ratio",
-    "make_scale",
-    "region_value",
     "sample_carpet",
 ]
 
-CollectingMethod = Literal["constant", "least_squares"]
-Statistic = Literal["mean", "median", "min"]
 Floats = NDArray[np.float32]
-
-SCALE_METHODS: Final = ("adaptive", "constant", "least_squares")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +60,6 @@ class ScaleConfig:
     least_points: int = 20  # fewer inner carpet pixels than this are no scale
     farthest_m: float = 6.0  # beyond the lab a row of pixels spans metres
     spread_half: float = 0.1  # relative spread of the ratios at which the confidence is a half
-    memory_frames: int = 900  # of the collecting methods: 90 s at ten a second, an exploration
 
     def __post_init__(self) -> None:
         if self.points < 1 or not 1 <= self.least_points <= self.points:
@@ -95,7 +75,7 @@ class CarpetSample:
 
     pixels: NDArray[np.intp]  # (N, 2) column, row
     known_m: Floats  # (N,) along the optical axis, from the ground plane
-    predicted: Floats  # (N,) likewise, in the network's unit
+    predicted: Floats  # (N,) along the optical axis, in the network's unit
 
     def __len__(self) -> int:
         return len(self.known_m)
@@ -153,63 +133,6 @@ def sample_carpet(
     )
 
 
-# --- fits -----------------------------------------------------------------------------------------
-
-
-def fit_ratio(known_m: NDArray[np.floating], predicted: NDArray[np.floating]) -> float:
-    """Return the median of the ratios of known to predicted depth, metres a unit.
-
-    Args:
-        known_m: (N,) metres.
-        predicted: (N,) the network's unit, positive.
-
-    Raises:
-        ShapeError: the lengths differ or nothing is given.
-        ValueRangeError: a prediction is not positive.
-    """
-    _check_pairs(known_m, predicted, least=1)
-    if not np.all(predicted > 0.0):
-        raise ValueRangeError("a ratio needs positive predictions; leave out what is not")
-    return float(np.median(known_m / predicted))
-
-
-def fit_least_squares(
-    known_m: NDArray[np.floating], predicted: NDArray[np.floating]
-) -> tuple[float, float] | None:
-    """Solve equation 1 for scale and shift.
-
-    Args:
-        known_m: (N,) metres.
-        predicted: (N,) the network's unit.
-
-    Returns:
-        Scale (metres a unit) and shift (metres); None where the predictions are too much alike to
-        tell the two apart.
-
-    Raises:
-        ShapeError: the lengths differ or there are fewer than two.
-    """
-    _check_pairs(known_m, predicted, least=2)
-    mean_known, mean_predicted = float(np.mean(known_m)), float(np.mean(predicted))
-    variance = float(np.mean((predicted - mean_predicted) ** 2))
-    if not variance > (1e-3 * mean_predicted) ** 2:
-        return None
-    covariance = float(np.mean((predicted - mean_predicted) * (known_m - mean_known)))
-    scale = covariance / variance
-    return scale, mean_known - scale * mean_predicted
-
-
-def _check_pairs(
-    known_m: NDArray[np.floating], predicted: NDArray[np.floating], least: int
-) -> None:
-    if known_m.ndim != 1 or known_m.shape != predicted.shape or known_m.size < least:
-        raise ShapeError(
-            "known depths",
-            expected=f"N, at least {least}, as many as predictions ({predicted.size})",
-            actual=known_m.shape,
-        )
-
-
 # --- estimators -----------------------------------------------------------------------------------
 
 
@@ -222,7 +145,12 @@ class ScaleEstimator(Protocol):
 
 
 class AdaptiveScale:
-    """The paper's adaptive scale: each frame's median ratio, smoothed."""
+    """The paper's adaptive scale: each frame's median ratio, smoothed.
+
+    Args:
+        config: how the carpet is sampled.
+        smooth: the filter over time.
+    """
 
     def __init__(
         self, config: ScaleConfig | None = None, smooth: ScaleFilter | None = None
@@ -252,65 +180,3 @@ class AdaptiveScale:
         # A frame that added nothing leaves what the filter still knows, which is less.
         confidence = own if own > 0.0 else 0.5 * certainty
         return Scale(factor=math.exp(log_factor), confidence=confidence)
-
-
-class CollectedScale:
-    """The paper's two constant scales, over all frames so far."""
-
-    def __init__(
-        self,
-        method: CollectingMethod,
-        statistic: Statistic = "median",
-        config: ScaleConfig | None = None,
-    ) -> None:
-        self._method = method
-        self._statistic = statistic
-        config = config or ScaleConfig()
-        self._known: deque[float] = deque(maxlen=config.memory_frames)
-        self._predicted: deque[float] = deque(maxlen=config.memory_frames)
-
-    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
-        """Add a frame and return the scale of all frames; None before there is one."""
-        del captured_s  # a constant has no age
-        if sample is not None:
-            self._known.append(region_value(sample.known_m, self._statistic))
-            self._predicted.append(region_value(sample.predicted, self._statistic))
-        if not self._known:
-            return None
-        known, predicted = np.array(self._known), np.array(self._predicted)
-        if self._method == "constant":
-            return Scale(factor=fit_ratio(known, predicted))
-        solved = fit_least_squares(known, predicted) if known.size > 1 else None
-        # Frames that are alike cannot tell scale from shift: then the plain ratio.
-        factor, shift_m = solved or (fit_ratio(known, predicted), 0.0)
-        return Scale(factor=factor, shift_m=shift_m) if factor > 0.0 else None
-
-
-def region_value(values: NDArray[np.floating], statistic: Statistic) -> float:
-    """Return the mean, median or minimum of a region's values."""
-    if statistic == "min":
-        return float(values.min())
-    return float(np.mean(values) if statistic == "mean" else np.median(values))
-
-
-def make_scale(name: str, config: ScaleConfig | None = None) -> ScaleEstimator:
-    """Return a scale estimator by name.
-
-    Args:
-        name: ``adaptive``, ``constant`` or ``least_squares``; the last two also with the region's
-            statistic, as in ``constant:mean``.
-        config: how the carpet is sampled.
-
-    Raises:
-        UnknownNameError: there is no such method or statistic.
-    """
-    if name == "adaptive":
-        return AdaptiveScale(config)
-    collecting: dict[str, tuple[CollectingMethod, Statistic]] = {}
-    for method in get_args(CollectingMethod):
-        collecting[method] = method, "median"
-        for statistic in get_args(Statistic):
-            collecting[f"{method}:{statistic}"] = method, statistic
-    if name not in collecting:
-        raise UnknownNameError("scale", name, ["adaptive", *collecting])
-    return CollectedScale(*collecting[name], config)

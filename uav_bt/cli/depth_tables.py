@@ -32,7 +32,7 @@ def depth_report(result: _Row) -> Iterator[str]:
         f"  {result['edges']} edges of obstacles in {result['pictures_with_edges']} pictures, half "
         f"of them longer than {_text(result['median_edge_m'])} m; {result['points']} points"
     )
-    yield "  errors in metres; 'known': the share of questions that a way can answer"
+    yield "  errors in metres; 'known': the share for which a method has an estimate"
     for table, rows in result["tables"].items():
         yield ""
         yield from _PRINTERS[table](rows)
@@ -49,7 +49,7 @@ def _text(value: Any) -> str:
 
 
 def _known(error: _Row) -> str:
-    return f"{error['answered'] / error['asked']:.0%}" if error["asked"] else "-"
+    return f"{error['valid'] / error['total']:.0%}" if error["total"] else "-"
 
 
 def _pairs(rows: Sequence[_Row]) -> Iterator[str]:
@@ -95,19 +95,6 @@ def _pair_of(error: _Row) -> str:
     return f"{_text(error['mean_m'])} ({_text(error['median_m'])})"
 
 
-def _points(rows: Sequence[_Row]) -> Iterator[str]:
-    yield "Adaptive scale from so many carpet points, without smoothing"
-    yield _line("", ("mean", "median", "max", "spread"))
-    for row in rows:
-        error = row["distance"]
-        yield _line(
-            f"{row['points']} points",
-            [error["mean_m"], error["median_m"], error["max_m"], row["spread"]],
-        )
-    if not rows:
-        yield "  none without a network"
-
-
 def _corridor(rows: Sequence[_Row]) -> Iterator[str]:
     yield "Corridor against exact depth; 'clear': walls moved by 0.1 m would not change the truth"
     yield f"  {'front':>6}{'f':>5}  {'':<12}" + "".join(
@@ -134,6 +121,5 @@ _PRINTERS: Final[Mapping[str, Callable[[Sequence[_Row]], Iterator[str]]]] = {
     "pairs": _pairs,
     "distance": _distance,
     "sensitivity": _sensitivity,
-    "points": _points,
     "corridor": _corridor,
 }

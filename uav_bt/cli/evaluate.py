@@ -84,7 +84,7 @@ def segmentation(
 )
 @click.option(
     "--tables",
-    default="pairs,distance,sensitivity,points,corridor",
+    default="pairs,distance,sensitivity,corridor",
     show_default=True,
     metavar="NAMES",
     help="Which tables, with commas between.",
@@ -105,8 +105,7 @@ def depth(
     """Measure metric depth against the twin's exact depth; on the testing scenes by default.
 
     Prints the paper's tables, its figures beside ours: lengths of obstacles' edges, distances from
-    the camera, what wrong telemetry and masks cost, how many carpet points the scale needs, and
-    what the safety corridor sees.
+    the camera, what wrong telemetry and masks cost, and what the safety corridor sees.
     """
     from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415 - late, for --help
     from perception.segmentation.runtime import shipped_unet  # noqa: PLC0415
@@ -238,7 +237,7 @@ def _show(result: dict[str, Any]) -> None:
     click.echo(
         f"{result['model']} on {result['pictures']} pictures of {', '.join(result['scenes'])}"
     )
-    click.echo(f"  pixels right      {result['accuracy']:.4f}")
+    click.echo(f"  pixel accuracy    {result['accuracy']:.4f}")
     click.echo(f"  mIoU, 4 groups    {result['group_miou']:.4f}")
     click.echo(f"  mIoU, 17 classes  {result['miou']:.4f}")
     for title in ("group_iou", "class_iou"):

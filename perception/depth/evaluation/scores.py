@@ -1,11 +1,13 @@
-"""How good a depth map is: relative error after median scaling, and metres with the carpet's scale.
+"""How good depth is: errors of lengths in metres, and scores of whole maps.
 
-The measures are those of the field (Eigen et al., arXiv 1406.2283). What counts here is what a
+The measures of maps are those of the field (Eigen et al., arXiv 1406.2283): relative error after
+median scaling; and metres with the carpet's scale. What counts here is what a
 drone could hit: obstacles and carpet within reach; each is measured for itself.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from uav_bt.classes import CLASS_TO_GROUP, GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["DepthSample", "DepthScore", "score_depth"]
+__all__ = ["DepthSample", "DepthScore", "ErrorSummary", "score_depth", "summarise_errors"]
 
 _NEAREST_M, _FURTHEST_M = 0.3, 5.0  # the paper's range of distances
 _LEAST_CARPET = 50  # pixels; with fewer there is no scale
@@ -110,3 +112,77 @@ def _score_one(sample: DepthSample) -> tuple[float, ...]:
 
 def _mean(values: NDArray[np.generic]) -> float:
     return float(values.mean()) if values.size else float("nan")
+
+
+# --- lengths --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorSummary:
+    """Of absolute errors, metres; NaN where too few estimates have such a figure."""
+
+    total: int  # estimates that were wanted
+    valid: int  # those that were given; all figures below are about them
+    mean_m: float
+    median_m: float
+    rmse_m: float
+    std_m: float  # of the absolute error, as in the paper: rmse^2 = mean^2 + std^2
+    p95_m: float
+    max_m: float
+    bias_m: float  # mean of estimate less truth: what the sign of the errors has in common
+    correlation: float  # Pearson's, of estimates with the truth
+
+    @property
+    def coverage(self) -> float:
+        """Share of estimates that were given, NaN when none was wanted."""
+        return self.valid / self.total if self.total else math.nan
+
+
+def summarise_errors(
+    estimated_m: NDArray[np.floating], truth_m: NDArray[np.floating]
+) -> ErrorSummary:
+    """Summarise estimates of lengths.
+
+    Args:
+        estimated_m: (N,) metres; NaN where there is no estimate.
+        truth_m: (N,) metres.
+
+    Raises:
+        ShapeError: the two are no lists of equal length.
+        ValueRangeError: a truth is not finite, or an estimate is infinite.
+    """
+    if estimated_m.ndim != 1 or truth_m.shape != estimated_m.shape:
+        expected = f"{truth_m.size}, as many as truths"
+        raise ShapeError("estimates", expected=expected, actual=estimated_m.shape)
+    if not np.isfinite(truth_m).all() or np.isinf(estimated_m).any():
+        raise ValueRangeError("truths must be finite and estimates finite or NaN")
+    known = np.isfinite(estimated_m)
+    estimated, truth = estimated_m[known].astype(np.float64), truth_m[known].astype(np.float64)
+    if not estimated.size:
+        figures = dict.fromkeys(_FIGURES, math.nan)
+        return ErrorSummary(total=truth_m.size, valid=0, **figures)
+    error = np.abs(estimated - truth)
+    return ErrorSummary(
+        total=truth_m.size,
+        valid=estimated.size,
+        mean_m=float(error.mean()),
+        median_m=float(np.median(error)),
+        rmse_m=math.sqrt(float(np.mean(error**2))),
+        std_m=float(error.std()),
+        p95_m=float(np.percentile(error, 95.0)),
+        max_m=float(error.max()),
+        bias_m=float(np.mean(estimated - truth)),
+        correlation=_correlation(estimated, truth),
+    )
+
+
+_FIGURES = (
+    *("mean_m", "median_m", "rmse_m", "std_m", "p95_m", "max_m", "bias_m"),
+    "correlation",
+)
+
+
+def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    a, b = first - first.mean(), second - second.mean()
+    size = math.sqrt(float(a @ a) * float(b @ b))
+    return float(a @ b) / size if size > 0.0 else math.nan

@@ -192,9 +192,8 @@ def test_without_a_class_map_there_is_no_depth(estimating: LeafBench) -> None:
     assert METRIC_DEPTH not in estimating.board
 
 
-@pytest.mark.parametrize("attribute", [{"scale": "adaptiv"}, {"source": "fusd"}])
-def test_a_misspelt_way_is_told_at_setup(attribute: dict[str, str]) -> None:
-    bench = LeafBench(Loaded, **attribute)
+def test_a_misspelt_source_is_refused_at_setup() -> None:
+    bench = LeafBench(Loaded, source="fusd")
     with pytest.raises((UnknownNameError, NodeFailedError), match="unknown"):
         bench.setup()
 

@@ -67,13 +67,12 @@ def relative(drawn: View, unit: float = 0.25, captured_s: float = 3.0) -> DepthM
     return DepthMap(depth=drawn.depth * np.float32(unit), metric=False, captured_s=captured_s)
 
 
-def maker(source: str, scale: str = "adaptive") -> MetricDepthMaker:
-    return MetricDepthMaker(source=source, scale=scale, generator=np.random.default_rng(0))
+def maker(source: str) -> MetricDepthMaker:
+    return MetricDepthMaker(source=source, generator=np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("scale", ["adaptive", "constant", "least_squares"])
-def test_a_networks_depth_becomes_metres(drawn: View, scale: str) -> None:
-    made = maker("network", scale).make(frame(drawn), class_map(drawn), CAMERA, relative(drawn))
+def test_a_networks_depth_becomes_metres(drawn: View) -> None:
+    made = maker("network").make(frame(drawn), class_map(drawn), CAMERA, relative(drawn))
 
     assert made.refusal == ""
     assert made.depth is not None

@@ -48,7 +48,6 @@ class PipelineConfig:
     """How the stages work; the defaults are those of the leaves."""
 
     source: str = "fused"  # of metric depth, where there is a network; footing without one
-    scale: str = "adaptive"  # of the network's depth
     corridor: CorridorConfig = field(default_factory=CorridorConfig)
     pad_height_m: float = PAD_HEIGHT_M  # top of the helipad above the carpet
     moving_mps: float = 0.2  # faster than this two pictures cannot be the same
@@ -91,7 +90,7 @@ class Pipeline:
         timer: the wall clock that computing is measured with, seconds.
 
     Raises:
-        UnknownNameError: the config names no source or scale that exists.
+        UnknownNameError: the config names no source that exists.
     """
 
     def __init__(
@@ -109,7 +108,6 @@ class Pipeline:
         self._undistorter = Undistorter(camera)
         self._maker = MetricDepthMaker(
             source="footing" if network is None else self._config.source,
-            scale=self._config.scale,
             generator=generator,
         )
         self._corridors = CorridorBuilder(self._config.corridor)

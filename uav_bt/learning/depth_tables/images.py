@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,17 +69,6 @@ class Picture:
     ids: NDArray[np.uint8]  # (112, 224) exact
     depth_m: NDArray[np.float32]  # (112, 224) exact, along the optical axis
     truth: CameraView  # where the lens really is
-
-    def relative_at_map_size(self) -> NDArray[np.float32]:
-        """Return the network's depth, (112, 224).
-
-        Raises:
-            ValueRangeError: there is no network.
-        """
-        if self.relative is None:
-            raise ValueRangeError("this picture was taken without a depth network; name one")
-        resized = cv2.resize(self.relative.depth, MAP_SIZE_PX, interpolation=cv2.INTER_LINEAR)
-        return np.asarray(resized, dtype=np.float32)
 
 
 def take_pictures(

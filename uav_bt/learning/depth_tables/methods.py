@@ -1,32 +1,124 @@
-"""The ways to metric depth that are compared, and their maps of a list of pictures."""
+"""The methods of metric depth that are compared, and their maps of a list of images."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import view_of
-from perception.depth.evaluation.lowest_pixel import lowest_pixel_depth
+from perception.camera.ground_plane import CameraView, ground_depth, view_of
 from perception.depth.metric import MetricDepthMaker
+from perception.depth.scale import CarpetSample, Scale
+from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
+from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, Picture
 from uav_bt.types import ClassMap, DepthMap, Frame
 
-__all__ = ["METHODS", "Error", "Method", "methods_for", "metric_maps"]
+__all__ = [
+    "METHODS",
+    "CollectedScale",
+    "Error",
+    "Method",
+    "lowest_pixel_depth",
+    "methods_for",
+    "metric_maps",
+]
+
+
+# --- the paper's constant scales ------------------------------------------------------------------
+
+
+class CollectedScale:
+    """The paper's two constant scales, over all frames so far; a frame counts by its medians.
+
+    Args:
+        method: ``constant`` is the median ratio of known to predicted depth, ``least_squares``
+            solves ``scale * predicted + shift = known`` (equation 1).
+    """
+
+    def __init__(self, method: Literal["constant", "least_squares"]) -> None:
+        self._method = method
+        self._known: list[float] = []
+        self._predicted: list[float] = []
+
+    def update(self, sample: CarpetSample | None, captured_s: float) -> Scale | None:
+        """Add a frame and return the scale of all frames; None before there is one."""
+        del captured_s  # a constant has no age
+        if sample is not None:
+            self._known.append(float(np.median(sample.known_m)))
+            self._predicted.append(float(np.median(sample.predicted)))
+        if not self._known:
+            return None
+        known, predicted = np.array(self._known), np.array(self._predicted)
+        # Frames that are alike cannot tell scale from shift: then the plain ratio.
+        if self._method == "least_squares" and predicted.std() > 1e-3 * predicted.mean():
+            factor, shift_m = (float(part) for part in np.polyfit(predicted, known, 1))
+            return Scale(factor=factor, shift_m=shift_m) if factor > 0.0 else None
+        return Scale(factor=float(np.median(known / predicted)))
+
+
+# --- the lowest pixel -----------------------------------------------------------------------------
+
+
+def lowest_pixel_depth(ids: NDArray[np.uint8], view: CameraView) -> NDArray[np.float32]:
+    """Give each connected thing the depth of the ground where its lowest pixel is.
+
+    A box and its roof are one thing. Nothing is known of the background.
+
+    Args:
+        ids: (H, W) class ids.
+        view: the camera, at the map's size.
+
+    Returns:
+        (H, W) float32 metres along the optical axis; NaN where unknown.
+
+    Raises:
+        ShapeError: the map's size is not the view's.
+        ValueRangeError: the lens is not above the carpet.
+    """
+    size = (view.camera.height_px, view.camera.width_px)
+    if ids.shape != size:
+        expected = f"{size[0]}x{size[1]}, as its camera"
+        raise ShapeError("class map", expected=expected, actual=ids.shape)
+    ground = ground_depth(view)
+    depth = np.where(ids == CARPET, ground, np.float32(np.nan))
+    for thing in _things(ids):
+        rows, columns = np.nonzero(thing)
+        lowest = int(rows.max())
+        depth[thing] = np.median(ground[lowest, columns[rows == lowest]])
+    return depth
+
+
+def _things(ids: NDArray[np.uint8]) -> Iterator[NDArray[np.bool_]]:
+    """Give the connected parts of every box with its roof, and of the helipad."""
+    wholes = [((box, ROOFS[number % len(ROOFS)]), box) for number, box in enumerate(BOXES)]
+    wholes.append(((HELIPAD_BOX, HELIPAD_H), HELIPAD_BOX))
+    for members, needed in wholes:
+        mask = np.isin(ids, members)
+        count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+        for label in range(1, count):
+            part = labels == label
+            # Two boxes may have the same roof: it belongs to the one with a side below it.
+            if np.any(ids[part] == needed):
+                yield part
+
+
+# --- methods --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """One way to metric depth."""
+    """One method of metric depth."""
 
     name: str
     source: str | None  # of `MetricDepthMaker`; None for the lowest-pixel baseline
-    scale: str = "adaptive"
-    collects: bool = False  # its scale is that of all pictures: they are shown to it twice
+    # Its scale is that of all images, which are shown to it twice; None: the adaptive one.
+    collects: Literal["constant", "least_squares"] | None = None
     flat: bool = False  # in the network's place, a depth of one everywhere
 
     @property
@@ -36,8 +128,8 @@ class Method:
 
 
 METHODS: Final = (
-    Method(name="constant", source="network", scale="constant", collects=True),
-    Method(name="least_squares", source="network", scale="least_squares", collects=True),
+    Method(name="constant", source="network", collects="constant"),
+    Method(name="least_squares", source="network", collects="least_squares"),
     Method(name="adaptive", source="network"),
     Method(name="fused", source="fused"),
     Method(name="footing", source="footing"),
@@ -80,7 +172,7 @@ def metric_maps(
     """Return a method's metric depth of every picture, at map size; all NaN where it has none.
 
     Args:
-        method: the way.
+        method: one of `METHODS`.
         pictures: in order of their capture.
         masks: whose.
         error: of the telemetry; None for none but the sensors'.
@@ -95,7 +187,7 @@ def metric_maps(
         ]
     maker = MetricDepthMaker(
         source=method.source,
-        scale=method.scale,
+        scale=None if method.collects is None else CollectedScale(method.collects),
         generator=np.random.default_rng(seed),
     )
 
@@ -107,7 +199,7 @@ def metric_maps(
             made.append(metric.depth or _nothing(frame))
         return made
 
-    if method.collects:
+    if method.collects is not None:
         all_maps()
     return all_maps()
 

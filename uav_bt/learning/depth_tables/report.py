@@ -16,7 +16,6 @@ from uav_bt.learning.depth_tables.tables import (
     DepthQuestions,
     distance_table,
     pair_table,
-    sample_table,
     sensitivity_table,
 )
 from uav_bt.progress import Advance, silent
@@ -26,12 +25,13 @@ __all__ = ["TABLES", "evaluate_depth"]
 
 _Rows = Sequence[Any]
 _MAKERS: Final[Mapping[str, Callable[[DepthQuestions, Masks, Advance], _Rows]]] = {
-    "pairs": lambda asked, masks, advance: pair_table(asked, masks, advance=advance),
-    "distance": lambda asked, masks, advance: distance_table(asked, masks, advance=advance),
-    "sensitivity": lambda asked, masks, advance: sensitivity_table(asked, masks, advance=advance),
-    "points": lambda asked, masks, advance: sample_table(asked, masks, advance=advance),
-    "corridor": lambda asked, masks, advance: corridor_table(
-        asked.pictures, masks, advance=advance
+    "pairs": lambda questions, masks, advance: pair_table(questions, masks, advance=advance),
+    "distance": lambda questions, masks, advance: distance_table(questions, masks, advance=advance),
+    "sensitivity": lambda questions, masks, advance: sensitivity_table(
+        questions, masks, advance=advance
+    ),
+    "corridor": lambda questions, masks, advance: corridor_table(
+        questions.pictures, masks, advance=advance
     ),
 }
 TABLES: Final = tuple(_MAKERS)
@@ -69,9 +69,9 @@ def evaluate_depth(
         if table not in _MAKERS:
             raise UnknownNameError("table", table, TABLES)
     pictures = list(take_pictures(plan, segmenter, network, advance=advance))
-    asked = DepthQuestions.of(pictures, seed=plan.views.seed)
-    edges = [int(np.count_nonzero(~pairs.across)) for pairs in asked.pairs]
-    lengths_m = asked.edge_lengths()
+    questions = DepthQuestions.of(pictures, seed=plan.views.seed)
+    edges = [int(np.count_nonzero(~pairs.across)) for pairs in questions.pairs]
+    lengths_m = questions.edge_lengths()
     return {
         "scenes": list(plan.views.scenes),
         "views": plan.views.views,
@@ -82,9 +82,9 @@ def evaluate_depth(
         "pictures_with_edges": sum(count > 0 for count in edges),
         "edges": sum(edges),
         "median_edge_m": _plain(float(np.median(lengths_m)) if lengths_m.size else math.nan),
-        "points": sum(len(points) for points in asked.points),
+        "points": sum(len(points) for points in questions.points),
         "tables": {
-            table: [_plain(asdict(row)) for row in _MAKERS[table](asked, plan.masks, advance)]
+            table: [_plain(asdict(row)) for row in _MAKERS[table](questions, plan.masks, advance)]
             for table in tables
         },
     }

@@ -1,6 +1,6 @@
-"""The paper's tables of metric depth: what is asked of each picture, and what each method answers.
+"""The paper's tables of metric depth.
 
-The same pairs and points are asked of all methods, masks and errors, so rows can be compared.
+The same pairs and points are measured for all methods, masks and errors: rows can be compared.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import view_of
-from perception.depth.evaluation.error_summary import ErrorSummary, summarise_errors
 from perception.depth.evaluation.measured_points import (
     MeasuredPoints,
     PointConfig,
@@ -27,8 +25,8 @@ from perception.depth.evaluation.point_pairs import (
     pair_distances,
     pick_pairs,
 )
-from perception.depth.scale import ScaleConfig, fit_ratio, sample_carpet
-from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, Picture
+from perception.depth.evaluation.scores import ErrorSummary, summarise_errors
+from uav_bt.learning.depth_tables.images import Masks, Picture
 from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
 from uav_bt.progress import Advance, silent
 from uav_bt.types import DepthMap
@@ -38,17 +36,13 @@ __all__ = [
     "DepthQuestions",
     "DistanceRow",
     "PairRow",
-    "SampleRow",
     "SensitivityRow",
     "distance_table",
     "pair_table",
-    "sample_table",
     "sensitivity_table",
 ]
 
 PATCHES_PX: Final = (1, 3, 5, 7, 9)
-SAMPLE_POINTS: Final = (10, 20, 30, 40, 50, 60, 80, 100)
-_DRAWS: Final = 16  # of the carpet's pixels, to see how much the scale depends on them
 
 Floats = NDArray[np.float64]
 
@@ -205,7 +199,7 @@ _PITCHES_DEG: Final = (1.0, -1.0, 2.0, -2.0)
 def sensitivity_table(
     questions: DepthQuestions, masks: Masks, *, advance: Advance = silent
 ) -> list[SensitivityRow]:
-    """Say what wrong height, wrong pitch and other masks cost the ways one would fly on."""
+    """Measure what wrong height, wrong pitch and other masks cost the methods one would fly on."""
     changes: list[tuple[str, Masks, Error]] = [
         ("exact masks", "exact", Error()),
         ("U-Net masks", "unet", Error()),
@@ -233,59 +227,3 @@ def sensitivity_table(
             )
         advance("sensitivity", done, len(changes))
     return rows
-
-
-# --- how many points the scale needs --------------------------------------------------------------
-
-
-@dataclass(frozen=True, kw_only=True)
-class SampleRow:
-    """The adaptive scale from so many carpet points, without smoothing."""
-
-    points: int
-    distance: ErrorSummary  # of all points asked for
-    spread: float  # relative standard deviation of the scale over draws, mean over pictures
-
-
-def sample_table(
-    questions: DepthQuestions, masks: Masks, *, seed: int = 0, advance: Advance = silent
-) -> list[SampleRow]:
-    """Sweep the number of carpet points; empty without a network."""
-    if any(picture.relative is None for picture in questions.pictures):
-        return []
-    rows = []
-    for done, points in enumerate(SAMPLE_POINTS, start=1):
-        sampling = ScaleConfig(points=points, least_points=min(points, ScaleConfig.least_points))
-        maps, spreads = [], []
-        for number, picture in enumerate(questions.pictures):
-            draws = _scales(picture, masks, sampling, np.random.default_rng((seed, number)))
-            spreads.append(float(np.std(np.log(draws))) if draws.size else math.nan)
-            maps.append(_scaled(picture, draws[0] if draws.size else math.nan))
-        rows.append(
-            SampleRow(
-                points=points,
-                distance=questions.distance_errors(maps),
-                spread=_mean_known(spreads),
-            )
-        )
-        advance("sample points", done, len(SAMPLE_POINTS))
-    return rows
-
-
-def _scales(
-    picture: Picture, masks: Masks, sampling: ScaleConfig, generator: np.random.Generator
-) -> Floats:
-    view = view_of(picture.frame, picture.camera, MAP_SIZE_PX)
-    relative, ids = picture.relative_at_map_size(), picture.masks[masks].ids
-    samples = [sample_carpet(relative, ids, view, generator, sampling) for _ in range(_DRAWS)]
-    return np.array([fit_ratio(s.known_m, s.predicted) for s in samples if s is not None])
-
-
-def _scaled(picture: Picture, factor: float) -> DepthMap:
-    metres = np.float32(factor) * picture.relative_at_map_size()
-    return DepthMap(depth=metres, metric=True, captured_s=picture.frame.captured_s)
-
-
-def _mean_known(values: Sequence[float]) -> float:
-    known = [value for value in values if math.isfinite(value)]
-    return float(np.mean(known)) if known else math.nan

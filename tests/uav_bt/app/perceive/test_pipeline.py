@@ -13,7 +13,7 @@ from perception.camera.geometry import project
 from perception.camera.ground_plane import ground_depth, view_of
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline, PipelineConfig
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
-from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
+from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import (
     BodyVelocity,
     CameraModel,
@@ -248,5 +248,3 @@ def test_a_frame_of_another_size_is_refused() -> None:
 def test_a_config_that_makes_no_sense_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="must be positive"):
         PipelineConfig(carried_s=0.0)
-    with pytest.raises(UnknownNameError, match="scale 'adaptve'"):
-        pipeline(carpet(), config=PipelineConfig(scale="adaptve"))

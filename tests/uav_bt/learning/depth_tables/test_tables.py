@@ -20,7 +20,6 @@ from uav_bt.learning.depth_tables.tables import (
     DepthQuestions,
     distance_table,
     pair_table,
-    sample_table,
     sensitivity_table,
 )
 from uav_bt.types import ClassMap, DepthMap, Frame
@@ -72,7 +71,7 @@ def known(raw: list[Picture]) -> list[Picture]:
 
 
 @pytest.fixture(scope="module")
-def asked(known: list[Picture]) -> DepthQuestions:
+def questions(known: list[Picture]) -> DepthQuestions:
     return DepthQuestions.of(known)
 
 
@@ -148,20 +147,22 @@ def test_unknown_masks_are_refused() -> None:
 
 @pytest.mark.parametrize("name", ["constant", "least_squares", "adaptive", "fused"])
 def test_every_scale_finds_the_secret_unit(
-    name: str, known: list[Picture], asked: DepthQuestions
+    name: str, known: list[Picture], questions: DepthQuestions
 ) -> None:
     method = next(method for method in METHODS if method.name == name)
     maps = metric_maps(method, known, "exact")
-    assert asked.distance_errors(maps).answered > 0
-    assert asked.distance_errors(maps).median_m < 0.01
-    assert asked.pair_errors(maps).mean_m < 0.02
+    assert questions.distance_errors(maps).valid > 0
+    assert questions.distance_errors(maps).median_m < 0.01
+    assert questions.pair_errors(maps).mean_m < 0.02
 
 
 def test_only_least_squares_undoes_a_shift(raw: list[Picture]) -> None:
     shifted = [_known(picture, shift_m=0.4) for picture in raw]
-    asked = DepthQuestions.of(shifted)
+    questions = DepthQuestions.of(shifted)
     errors = {
-        row.method: row.error.mean_m for row in distance_table(asked, "exact") if row.what == "both"
+        row.method: row.error.mean_m
+        for row in distance_table(questions, "exact")
+        if row.what == "both"
     }
     assert errors["least_squares"] < 0.03
     assert min(errors["constant"], errors["adaptive"]) > 2.0 * errors["least_squares"]
@@ -176,22 +177,21 @@ def test_collected_scales_know_all_pictures_before_the_first(known: list[Picture
     assert np.nanmedian(first / known[0].depth_m) == pytest.approx(2.0, rel=0.05)
 
 
-def test_the_flat_world_ignores_the_network(known: list[Picture], asked: DepthQuestions) -> None:
+def test_the_flat_world_ignores_the_network(
+    known: list[Picture], questions: DepthQuestions
+) -> None:
     flat = next(method for method in METHODS if method.name == "flat")
     maps = metric_maps(flat, known, "exact")
     made = [map_.depth for map_ in maps if np.isfinite(map_.depth).any()]
     assert len(made) > 5
     assert all(np.ptp(depth) == 0.0 for depth in made)
-    assert asked.distance_errors(maps).mean_m > 0.2
+    assert questions.distance_errors(maps).mean_m > 0.2
 
 
 def test_without_a_network_only_the_ways_that_need_none_remain(known: list[Picture]) -> None:
     blind = [replace(picture, relative=None) for picture in known]
     assert [method.name for method in methods_for(blind)] == ["footing", "lowest_pixel", "flat"]
     assert len(methods_for(known)) == len(METHODS)
-    assert sample_table(DepthQuestions.of(blind), "exact") == []
-    with pytest.raises(ValueRangeError, match="without a depth network"):
-        blind[0].relative_at_map_size()
 
 
 def test_errors_of_telemetry_add_to_what_the_sensors_say(known: list[Picture]) -> None:
@@ -205,27 +205,29 @@ def test_errors_of_telemetry_add_to_what_the_sensors_say(known: list[Picture]) -
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def test_pairs_are_asked_with_every_patch_and_across_faces_without(asked: DepthQuestions) -> None:
-    rows = pair_table(asked, "exact")
+def test_pairs_are_questions_with_every_patch_and_across_faces_without(
+    questions: DepthQuestions,
+) -> None:
+    rows = pair_table(questions, "exact")
     edges = [row for row in rows if not row.across]
     assert {(row.method, row.patch_px) for row in edges} == {
         (method.name, patch) for method in METHODS for patch in (1, 3, 5, 7, 9)
     }
     assert {row.patch_px for row in rows if row.across} == {1}
-    assert len({row.error.asked for row in edges}) == 1
-    assert edges[0].error.asked > 10
+    assert len({row.error.total for row in edges}) == 1
+    assert edges[0].error.total > 10
 
 
-def test_points_are_split_into_obstacles_and_carpet(asked: DepthQuestions) -> None:
-    rows = {(row.method, row.what): row.error for row in distance_table(asked, "exact")}
+def test_points_are_split_into_obstacles_and_carpet(questions: DepthQuestions) -> None:
+    rows = {(row.method, row.what): row.error for row in distance_table(questions, "exact")}
     both, obstacles, carpet = (rows["footing", what] for what in ("both", "obstacles", "carpet"))
-    assert both.asked == obstacles.asked + carpet.asked == sum(map(len, asked.points))
+    assert both.total == obstacles.total + carpet.total == sum(map(len, questions.points))
     assert carpet.max_m < 0.05
     assert rows["lowest_pixel", "obstacles"].mean_m > rows["footing", "obstacles"].mean_m
 
 
-def test_wrong_height_costs_in_proportion_and_masks_make_rows(asked: DepthQuestions) -> None:
-    rows = {(row.change, row.method): row.distance for row in sensitivity_table(asked, "exact")}
+def test_wrong_height_costs_in_proportion_and_masks_make_rows(questions: DepthQuestions) -> None:
+    rows = {(row.change, row.method): row.distance for row in sensitivity_table(questions, "exact")}
     assert len({change for change, _ in rows}) == 10
     right = rows["exact masks", "adaptive"].mean_m
     five, ten = (rows[f"height +0.{cm} m", "adaptive"].mean_m for cm in ("05", "10"))
@@ -233,19 +235,6 @@ def test_wrong_height_costs_in_proportion_and_masks_make_rows(asked: DepthQuesti
     # Ten centimetres of 1.5 m are a fifteenth of every distance.
     assert rows["height +0.10 m", "adaptive"].bias_m == pytest.approx(2.0 * five, rel=0.25)
     assert rows["pitch +2 deg", "footing"].mean_m > rows["pitch +1 deg", "footing"].mean_m
-
-
-def test_more_sample_points_make_a_steadier_scale(raw: list[Picture]) -> None:
-    def noisy(picture: Picture) -> Picture:
-        exact = _known(picture)
-        noise = np.random.default_rng(0).normal(1.0, 0.2, exact.relative.depth.shape)
-        depth = (exact.relative.depth * np.clip(noise, 0.3, 2.0)).astype(np.float32)
-        return replace(exact, relative=replace(exact.relative, depth=depth))
-
-    rows = sample_table(DepthQuestions.of([noisy(picture) for picture in raw]), "exact")
-    assert [row.points for row in rows] == [10, 20, 30, 40, 50, 60, 80, 100]
-    assert rows[-1].spread < 0.6 * rows[0].spread
-    assert rows[0].spread == pytest.approx(1.2533 * 0.2 / math.sqrt(10), rel=0.5)
 
 
 # --- corridor -------------------------------------------------------------------------------------
@@ -303,7 +292,6 @@ def test_a_report_is_plain_values() -> None:
     assert tuple(result["tables"]) == TABLES
     assert result["pictures"] == 2
     assert ("pictures", 2, 2) in told
-    assert result["tables"]["points"] == []
 
     def leaves(value: Any) -> Iterator[Any]:
         if isinstance(value, dict | list):

@@ -1,14 +1,18 @@
-"""The lowest-pixel baseline: right for what stands in front, wrong as it is meant to be."""
+"""The methods that depth is compared with: constant scales, and the lowest pixel."""
+
+from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
 
 from perception.camera.ground_plane import CameraView, ground_depth
-from perception.depth.evaluation.lowest_pixel import lowest_pixel_depth
+from perception.depth.scale import CarpetSample
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
+from uav_bt.learning.depth_tables.methods import CollectedScale, lowest_pixel_depth
 from uav_bt.types import CameraModel
 
 VIEW = CameraView(
@@ -66,3 +70,38 @@ def test_a_roof_without_its_side_is_unknown() -> None:
 def test_a_map_of_another_size_is_refused() -> None:
     with pytest.raises(ShapeError, match="class map must be 112x224, as its camera, got 56x112"):
         lowest_pixel_depth(np.zeros((56, 112), dtype=np.uint8), VIEW)
+
+
+# --- constant scales ------------------------------------------------------------------------------
+
+
+def sample(known_m: float, predicted: float) -> CarpetSample:
+    return CarpetSample(
+        pixels=np.zeros((3, 2), dtype=np.intp),
+        known_m=np.full(3, known_m, np.float32),
+        predicted=np.full(3, predicted, np.float32),
+    )
+
+
+def test_least_squares_agrees_with_the_textbook_on_noisy_frames() -> None:
+    generator = np.random.default_rng(1)
+    given = generator.uniform(0.5, 3.0, 40)
+    known = 2.0 * given - 0.1 + generator.normal(0.0, 0.05, 40)
+    estimator = CollectedScale("least_squares")
+    scale = None
+    for frame in range(40):
+        scale = estimator.update(sample(known[frame], given[frame]), 0.1 * frame)
+
+    expected = np.linalg.lstsq(np.stack([given, np.ones(40)], axis=1), known, rcond=None)[0]
+    assert scale is not None
+    assert (scale.factor, scale.shift_m) == pytest.approx(tuple(expected), rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["constant", "least_squares"])
+def test_frames_that_are_alike_have_no_shift(method: Literal["constant", "least_squares"]) -> None:
+    estimator = CollectedScale(method)
+    assert estimator.update(None, 0.0) is None
+    for known_m in (1.0, 1.1, 30.0):
+        scale = estimator.update(sample(known_m, 0.5), 0.0)
+    assert scale is not None
+    assert (scale.factor, scale.shift_m) == (pytest.approx(2.2), 0.0)
