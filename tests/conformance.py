@@ -44,7 +44,7 @@ class Scripted(Leaf):
 
     def update(self) -> Status:
         """Note the call and answer."""
-        self.events.append(["running" if self.status is RUNNING else "start", self.name])
+        self.events.append(["running" if self.node_status is RUNNING else "start", self.name])
         script = self.port_value("script")
         letter = script[min(self._ticks, len(script) - 1)]
         self._ticks += 1
@@ -52,7 +52,7 @@ class Scripted(Leaf):
 
     def terminate(self, new_status: Status) -> None:
         """Note a halt; an activation that skipped itself was none."""
-        if new_status is IDLE and self.status is RUNNING:
+        if new_status is IDLE and self.node_status is RUNNING:
             self.events.append(["halt", self.name])
 
 

@@ -80,7 +80,7 @@ def simulate(
       variables: {laps: 3}    # before the first tick
       board: {phase: explore}
     """
-    from uav_bt.tree.dry_run import Simulation, read_script, status_name  # noqa: PLC0415 - for --help
+    from uav_bt.tree.dry_run import Simulation, read_script  # noqa: PLC0415 - for --help
     from uav_bt.tree.shipped import resolve_tree  # noqa: PLC0415
 
     simulation = Simulation(
@@ -89,13 +89,13 @@ def simulate(
     steps = simulation.run(ticks)
     if format_ == "json":
         done = list(steps)
-        root = status_name(done[-1].status)
+        root = done[-1].status.name
         report = {"tree": tree, "status": root, "ticks": [_as_json(step) for step in done]}
         click.echo(json.dumps(report, indent=2))
         last = done[-1]
     else:
         last = _print_table(steps)
-        root = status_name(last.status)
+        root = last.status.name
         ended = "not ended" if root == "RUNNING" else root
         ticked = "1 tick" if last.tick == 1 else f"{last.tick} ticks"
         click.echo(f"{ended} after {ticked}, {last.time_s:.2f} s")
@@ -128,15 +128,14 @@ def _events(step: SimulatedTick) -> tuple[Any, ...]:
 
 
 def _line(step: SimulatedTick) -> str:
-    from uav_bt.tree.dry_run import status_name  # noqa: PLC0415 - for --help
 
-    parts = [", ".join(f"{one.leaf} {status_name(one.status)[0]}" for one in step.answers)]
+    parts = [", ".join(f"{one.leaf} {one.status.letter}" for one in step.answers)]
     if step.halted:
         parts.append(f"halted {', '.join(step.halted)}")
     if step.changed:
         parts.append(", ".join(f"{name}={_text(value)}" for name, value in step.changed.items()))
     what = "; ".join(part for part in parts if part)
-    return f"{step.tick:>5}  {step.time_s:>7.2f}  {status_name(step.status):<7}  {what}".rstrip()
+    return f"{step.tick:>5}  {step.time_s:>7.2f}  {step.status.name:<7}  {what}".rstrip()
 
 
 def _text(value: Any) -> str:
@@ -149,13 +148,12 @@ def _plain(value: Any) -> Any:
 
 
 def _as_json(step: SimulatedTick) -> dict[str, Any]:
-    from uav_bt.tree.dry_run import status_name  # noqa: PLC0415 - for --help
 
     return {
         "tick": step.tick,
         "time_s": round(step.time_s, 6),
-        "status": status_name(step.status),
-        "leaves": [{"leaf": one.leaf, "status": status_name(one.status)} for one in step.answers],
+        "status": step.status.name,
+        "leaves": [{"leaf": one.leaf, "status": one.status.name} for one in step.answers],
         "halted": list(step.halted),
         "changed": {name: _plain(value) for name, value in step.changed.items()},
     }

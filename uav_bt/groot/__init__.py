@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from uav_bt.groot.groot_publisher import GrootConfig, GrootPublisher
     from uav_bt.groot.numbering import TreeNumbering
     from uav_bt.groot.recorder import TransitionRecorder
-    from uav_bt.groot.transitions import NodeStatus, Transition
+    from uav_bt.groot.transitions import Transition
     from uav_bt.groot.watch import TreeWatch, watched_live
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "BtlogWriter",
     "GrootConfig",
     "GrootPublisher",
-    "NodeStatus",
     "Transition",
     "TransitionRecorder",
     "TreeNumbering",
@@ -34,7 +33,6 @@ _HOMES: Final = {
     "BtlogWriter": "uav_bt.groot.btlog",
     "GrootConfig": "uav_bt.groot.groot_publisher",
     "GrootPublisher": "uav_bt.groot.groot_publisher",
-    "NodeStatus": "uav_bt.groot.transitions",
     "Transition": "uav_bt.groot.transitions",
     "TransitionRecorder": "uav_bt.groot.recorder",
     "TreeNumbering": "uav_bt.groot.numbering",

@@ -16,8 +16,9 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.plain_values import plain
 from uav_bt.groot.groot_protocol import ProtocolError, Request, RequestType
 from uav_bt.groot.numbering import TreeNumbering
-from uav_bt.groot.transitions import NEWLY_IDLE, STATUS_CODES, NodeStatus, Transition, pack
+from uav_bt.groot.transitions import NEWLY_IDLE, Transition, pack
 from uav_bt.groot.tree_xml import tree_xml
+from uav_bt.tree.status import Status
 
 __all__ = ["MAX_RECORDED", "GrootView"]
 
@@ -49,7 +50,7 @@ class GrootView:
         self._instances = numbering.instances
         self._board = board
         self._xml = tree_xml(numbering).encode()
-        self._codes = [STATUS_CODES[node.status] for node in numbering.nodes]
+        self._codes = [node.node_status.value for node in numbering.nodes]
         entries = (_ENTRY.pack(uid, code) for uid, code in enumerate(self._codes, 1))
         self._table = bytearray(b"".join(entries))
         self._now_us = now_us
@@ -71,10 +72,10 @@ class GrootView:
         recording = self._recording
         for transition in transitions:
             place = transition.uid - 1
-            code = int(transition.status)
-            if transition.status is NodeStatus.IDLE:
+            code = transition.status.value
+            if transition.status is Status.IDLE:
                 code = NEWLY_IDLE + self._codes[place]
-            self._codes[place] = transition.status
+            self._codes[place] = transition.status.value
             self._table[place * _ENTRY.size + 2] = code
             if recording:
                 self._recorded.append(transition)

@@ -6,42 +6,22 @@ microseconds, two of the node's uid, one of the status; little endian.
 
 from __future__ import annotations
 
-import enum
 import struct
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
+from uav_bt.tree.status import Status
 
 __all__ = [
     "MAX_TIME_US",
     "NEWLY_IDLE",
     "RECORD_BYTES",
-    "STATUS_CODES",
-    "NodeStatus",
     "Transition",
     "pack",
     "unpack",
 ]
 
-
-class NodeStatus(enum.IntEnum):
-    """The engine's statuses, with its numbers."""
-
-    IDLE = 0
-    RUNNING = 1
-    SUCCESS = 2
-    FAILURE = 3
-    SKIPPED = 4  # only ever an answer: no node stands skipped, so no transition leads here
-
-
-STATUS_CODES: Final[dict[Status, NodeStatus]] = {
-    IDLE: NodeStatus.IDLE,
-    RUNNING: NodeStatus.RUNNING,
-    SUCCESS: NodeStatus.SUCCESS,
-    FAILURE: NodeStatus.FAILURE,
-}
 NEWLY_IDLE: Final = 10  # added to the status that a now idle node had before
 
 # The time's lower four bytes and its upper two, then uid and status.
@@ -55,7 +35,7 @@ class Transition(NamedTuple):
 
     time_us: int  # microseconds of the mission clock, or since a log's beginning
     uid: int
-    status: NodeStatus
+    status: Status
 
 
 def pack(transitions: Iterable[Transition], first_time_us: int = 0) -> bytes:
@@ -76,7 +56,7 @@ def pack(transitions: Iterable[Transition], first_time_us: int = 0) -> bytes:
                 f"a transition's time must lie within 0 and {MAX_TIME_US} us after the log began, "
                 f"got {since_us} us"
             )
-        records += _RECORD.pack(since_us & 0xFFFFFFFF, since_us >> 32, uid, status)
+        records += _RECORD.pack(since_us & 0xFFFFFFFF, since_us >> 32, uid, status.value)
     return bytes(records)
 
 
@@ -90,6 +70,6 @@ def unpack(record: bytes) -> Transition:
         raise ValueRangeError(f"a record has {RECORD_BYTES} bytes, got {len(record)}")
     low, high, uid, status = _RECORD.unpack(record)
     try:
-        return Transition(high << 32 | low, uid, NodeStatus(status))
+        return Transition(high << 32 | low, uid, Status(status))
     except ValueError:
         raise ValueRangeError(f"a status is a number from 0 to 4, got {status}") from None

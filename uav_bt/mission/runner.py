@@ -220,7 +220,7 @@ class MissionRunner:
         return self._abort_reason is None and (self._manual or state.pilot_has_control)
 
     def _tick_tree(self) -> Status:
-        return self._tree.tick() if self._abort_reason is None else Status.INVALID
+        return self._tree.tick() if self._abort_reason is None else Status.IDLE
 
     def _decide(self, observation: Observation, now_s: float) -> Command:
         frame, state = observation.frame, observation.state

@@ -17,7 +17,7 @@ from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
 from uav_bt.record.timeline import Timeline
 from uav_bt.record.values import dump, encode, finite
 from uav_bt.record.worker import Encoded
-from uav_bt.tree.status import IDLE, Status
+from uav_bt.tree.status import Status
 from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement
 
 __all__ = ["LogLine", "MomentEncoder", "RawMoment"]
@@ -186,6 +186,4 @@ def _commands(moment: RawMoment) -> CommandNote:
 
 
 def _statuses(statuses: tuple[Status, ...]) -> StatusNote:
-    return StatusNote(
-        statuses=tuple("IDLE" if status is IDLE else status.name for status in statuses)
-    )
+    return StatusNote(statuses=tuple(status.name for status in statuses))

@@ -17,7 +17,7 @@ from uav_bt.mission.arbiter import Override
 from uav_bt.mission.runner import TickRecord
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
-from uav_bt.tree.status import IDLE, Status
+from uav_bt.tree.status import Status
 from uav_bt.types import Frame, Observation
 
 __all__ = ["Playback"]
@@ -56,8 +56,7 @@ class Playback:
     def statuses(self) -> Mapping[str, Status]:
         """Return the nodes' statuses after the last tick, by path."""
         return {
-            path: IDLE if status == "IDLE" else Status[status]
-            for path, status in zip(self._paths, self._statuses, strict=False)
+            path: Status[status] for path, status in zip(self._paths, self._statuses, strict=False)
         }
 
     def ticks(

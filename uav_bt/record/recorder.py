@@ -143,7 +143,7 @@ class FlightRecorder:
                 proposed=proposals.movement,
                 proposed_gimbal=proposals.gimbal,
                 board=self._context.board.snapshot(),
-                statuses=tuple(node.status for node in self._nodes),
+                statuses=tuple(node.node_status for node in self._nodes),
                 log=lines,
             ),
             record.time_s,

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from uav_bt.testing.drone import ScriptedDrone, ScriptedDroneConfig, blank_frame, pinhole
     from uav_bt.testing.events import Event, EventLog
     from uav_bt.testing.tree_bench import TickOutcome, TreeBench, load_tree, parse_tree
-    from uav_bt.tree.observer import Happening
+    from uav_bt.tree.observer import NodeEvent
 
 __all__ = [
     "BenchBoard",
     "Event",
     "EventLog",
-    "Happening",
     "LeafBench",
     "ManualClock",
+    "NodeEvent",
     "ScriptedDrone",
     "ScriptedDroneConfig",
     "StrictBlackboard",
@@ -40,7 +40,7 @@ _HOMES: Final = {
     "BenchBoard": "uav_bt.testing.board",
     "Event": "uav_bt.testing.events",
     "EventLog": "uav_bt.testing.events",
-    "Happening": "uav_bt.tree.observer",
+    "NodeEvent": "uav_bt.tree.observer",
     "LeafBench": "uav_bt.testing.bench",
     "ManualClock": "uav_bt.clock",
     "ScriptedDrone": "uav_bt.testing.drone",

@@ -11,17 +11,19 @@ from typing import Any, Final
 from uav_bt.errors import TreeError
 from uav_bt.testing.branches import NodeBranches, Outcome, tree_branches
 from uav_bt.tree import MissionTree, Node, NodeKind, NodeRegistry
-from uav_bt.tree.observer import Happening, watch_nodes
+from uav_bt.tree.observer import NodeEvent, observe
 
 __all__ = ["FileCoverage", "TreeCoverage", "percentage"]
 
 _OUTCOMES: Final = {
-    Happening.SUCCEEDED: Outcome.SUCCESS,
-    Happening.FAILED: Outcome.FAILURE,
-    Happening.SKIPPED: Outcome.SKIPPED,
-    Happening.HALTED: Outcome.HALTED,
+    NodeEvent.STARTED: "TICKED",
+    NodeEvent.RAN: "TICKED",
+    NodeEvent.RAISED: "TICKED",
+    NodeEvent.SUCCEEDED: Outcome.SUCCESS.value,
+    NodeEvent.FAILED: Outcome.FAILURE.value,
+    NodeEvent.SKIPPED: Outcome.SKIPPED.value,
+    NodeEvent.HALTED: Outcome.HALTED.value,
 }
-_TICKED: Final = "TICKED"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,20 +73,14 @@ class TreeCoverage:
         seen = dict(self._places(tree))
         if not seen:
             return
-        for node in tree.nodes():
-            if node.path in seen:
-                self._kinds[node.node_id] = node.kind
+        nodes = [node for node in tree.nodes() if node.path in seen]
+        self._kinds |= {node.node_id: node.kind for node in nodes}
 
-        def note(node: Node, happening: Happening) -> None:
-            place = seen.get(node.path)
-            if place is None:
-                return
-            if happening in _OUTCOMES:
-                place.add(_OUTCOMES[happening].value)
-            else:
-                place.add(_TICKED)
+        def note(node: Node, event: NodeEvent) -> None:
+            if event in _OUTCOMES:
+                seen[node.path].add(_OUTCOMES[event])
 
-        watch_nodes(tree, note)
+        observe(nodes, note)
 
     def _places(self, tree: MissionTree) -> Iterator[tuple[str, set[str]]]:
         resolved: dict[Path, Path] = {}

@@ -78,24 +78,11 @@ class CoveragePlugin:
         self._least = least
         self._reports = reports
         self._results: list[FileCoverage] = []
-        self._patch = pytest.MonkeyPatch()
-        self._watch_new_trees()
-
-    def _watch_new_trees(self) -> None:
-        """Let trees tell when they are made: tests load them in ways that we do not see."""
-        make = MissionTree.__init__
-        coverage = self._coverage
-
-        def make_watched(tree: MissionTree, *arguments: Any, **given: Any) -> None:
-            make(tree, *arguments, **given)
-            if tree.places:
-                coverage.watch(tree)
-
-        self._patch.setattr(MissionTree, "__init__", make_watched)
+        MissionTree.made_hooks.append(coverage.watch)
 
     def pytest_unconfigure(self) -> None:
-        """Leave `MissionTree` as it was."""
-        self._patch.undo()
+        """Watch new trees no longer."""
+        MissionTree.made_hooks.remove(self._coverage.watch)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any, error: object) -> None:

@@ -9,14 +9,23 @@ from typing import Final
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import Clock
 from uav_bt.tree import MissionTree, Node
-from uav_bt.tree.observer import Happening, watch_nodes
+from uav_bt.tree.observer import NodeEvent, observe
 
 __all__ = ["Event", "EventLog"]
 
 # A failure message shows at most so many events, the last ones.
 _SHOWN: Final = 200
-_WORDS: Final = {happening.value: happening for happening in Happening}
-_TICKED: Final = (Happening.STARTED, Happening.RAN)
+_LOGGED: Final = (
+    NodeEvent.STARTED,
+    NodeEvent.RAN,
+    NodeEvent.SUCCEEDED,
+    NodeEvent.FAILED,
+    NodeEvent.SKIPPED,
+    NodeEvent.HALTED,
+    NodeEvent.RAISED,
+)
+_WORDS: Final = {kind.value: kind for kind in _LOGGED}
+_TICKED: Final = (NodeEvent.STARTED, NodeEvent.RAN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +35,11 @@ class Event:
     tick: int  # counted from 1; a halt between two ticks belongs to the first of them
     time_s: float  # of the mission clock
     path: str
-    happening: Happening
+    kind: NodeEvent
 
     def __str__(self) -> str:
         """Return a line of the table."""
-        return f"{self.tick:>5}  {self.time_s:>7.2f}  {self.happening.value:<9}  {self.path}"
+        return f"{self.tick:>5}  {self.time_s:>7.2f}  {self.kind.value:<9}  {self.path}"
 
 
 class EventLog:
@@ -52,35 +61,33 @@ class EventLog:
         for node in tree.nodes():
             for name in (node.path, node.name, node.node_id):
                 self._paths.setdefault(name, set()).add(node.path)
-        watch_nodes(tree, self._note)
+        observe(tree.nodes(), self._note)
 
-    def _note(self, node: Node, happening: Happening) -> None:
-        event = Event(tick=self.tick, time_s=self._clock.now(), path=node.path, happening=happening)
-        self.events.append(event)
+    def _note(self, node: Node, kind: NodeEvent) -> None:
+        if kind in _LOGGED:
+            self.events.append(
+                Event(tick=self.tick, time_s=self._clock.now(), path=node.path, kind=kind)
+            )
 
     # --- questions --------------------------------------------------------------------------------
 
-    def of(
-        self, node: str, *happenings: Happening | str, tick: int | None = None
-    ) -> tuple[Event, ...]:
+    def of(self, node: str, *kinds: NodeEvent | str, tick: int | None = None) -> tuple[Event, ...]:
         """Return what happened to a node.
 
         Args:
             node: its path, name or node id.
-            happenings: which kinds; none: all.
+            kinds: which kinds of events; none: all.
             tick: only in this tick.
 
         Raises:
             UnknownNameError: the tree has no such node, or there is no such kind.
         """
         paths = self._find(node)
-        wanted = {_happening(one) for one in happenings} or set(Happening)
+        wanted = {_kind(one) for one in kinds} or set(_LOGGED)
         return tuple(
             event
             for event in self.events
-            if event.path in paths
-            and event.happening in wanted
-            and (tick is None or event.tick == tick)
+            if event.path in paths and event.kind in wanted and (tick is None or event.tick == tick)
         )
 
     def _find(self, node: str) -> set[str]:
@@ -107,7 +114,7 @@ class EventLog:
     ) -> None:
         """Fail unless a node began, at all or so many times, in any tick or that one."""
         __tracebackhide__ = True
-        self._assert(node, (Happening.STARTED,), times, tick)
+        self._assert(node, (NodeEvent.STARTED,), times, tick)
 
     def assert_ran(self, node: str, *, times: int | None = None, tick: int | None = None) -> None:
         """Fail unless a node was ticked, be it for the first time or again."""
@@ -119,38 +126,38 @@ class EventLog:
     ) -> None:
         """Fail unless a node was stopped while it ran."""
         __tracebackhide__ = True
-        self._assert(node, (Happening.HALTED,), times, tick)
+        self._assert(node, (NodeEvent.HALTED,), times, tick)
 
     def assert_succeeded(
         self, node: str, *, times: int | None = None, tick: int | None = None
     ) -> None:
         """Fail unless a node answered SUCCESS."""
         __tracebackhide__ = True
-        self._assert(node, (Happening.SUCCEEDED,), times, tick)
+        self._assert(node, (NodeEvent.SUCCEEDED,), times, tick)
 
     def assert_failed(
         self, node: str, *, times: int | None = None, tick: int | None = None
     ) -> None:
         """Fail unless a node answered FAILURE."""
         __tracebackhide__ = True
-        self._assert(node, (Happening.FAILED,), times, tick)
+        self._assert(node, (NodeEvent.FAILED,), times, tick)
 
     def assert_skipped(
         self, node: str, *, times: int | None = None, tick: int | None = None
     ) -> None:
         """Fail unless a node was passed over by itself or by its conditions."""
         __tracebackhide__ = True
-        self._assert(node, (Happening.SKIPPED,), times, tick)
+        self._assert(node, (NodeEvent.SKIPPED,), times, tick)
 
     def assert_not_started(self, node: str, *, tick: int | None = None) -> None:
         """Fail when a node began."""
         __tracebackhide__ = True
-        self._assert(node, (Happening.STARTED,), 0, tick)
+        self._assert(node, (NodeEvent.STARTED,), 0, tick)
 
     def assert_not_halted(self, node: str, *, tick: int | None = None) -> None:
         """Fail when a node was stopped while it ran."""
         __tracebackhide__ = True
-        self._assert(node, (Happening.HALTED,), 0, tick)
+        self._assert(node, (NodeEvent.HALTED,), 0, tick)
 
     def assert_order(self, *steps: str) -> None:
         """Fail unless these things happened one after another; others may lie between.
@@ -167,20 +174,20 @@ class EventLog:
         __tracebackhide__ = True
         wanted = [self._step(step) for step in steps]
         events = iter(self.events)
-        for index, (paths, happening) in enumerate(wanted):
-            if not any(e.path in paths and e.happening is happening for e in events):
+        for index, (paths, kind) in enumerate(wanted):
+            if not any(e.path in paths and e.kind is kind for e in events):
                 after = f" after '{steps[index - 1]}'" if index else ""
                 raise AssertionError(
                     f"expected in this order: {', '.join(steps)}; "
                     f"'{steps[index]}' did not happen{after}\n{self.table()}"
                 )
 
-    def _step(self, step: str) -> tuple[set[str], Happening]:
+    def _step(self, step: str) -> tuple[set[str], NodeEvent]:
         node, _, word = step.strip().rpartition(" ")
-        return self._find(node.strip()), _happening(word)
+        return self._find(node.strip()), _kind(word)
 
     def _assert(
-        self, node: str, kinds: Iterable[Happening], times: int | None, tick: int | None
+        self, node: str, kinds: Iterable[NodeEvent], times: int | None, tick: int | None
     ) -> None:
         __tracebackhide__ = True
         kinds = tuple(kinds)
@@ -195,10 +202,10 @@ class EventLog:
         )
 
 
-def _happening(word: Happening | str) -> Happening:
-    if isinstance(word, Happening):
+def _kind(word: NodeEvent | str) -> NodeEvent:
+    if isinstance(word, NodeEvent):
         return word
     try:
         return _WORDS[word]
     except KeyError:
-        raise UnknownNameError("happening", word, _WORDS) from None
+        raise UnknownNameError("event", word, _WORDS) from None

@@ -18,12 +18,6 @@ from uav_bt.types import DroneState, GimbalTo, Movement
 __all__ = ["TickOutcome", "TreeBench", "load_tree", "parse_tree"]
 
 _SHOWN: Final = 40  # answers in a failure message
-_LETTERS: Final = {
-    Status.SUCCESS: "S",
-    Status.FAILURE: "F",
-    Status.RUNNING: "R",
-    Status.INVALID: "K",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +26,7 @@ class TickOutcome:
 
     tick: int  # counted from 1
     time_s: float  # of the mission clock
-    status: Status  # of the root; `Status.INVALID`: skipped
+    status: Status  # of the root
     movement: Movement | None  # proposed in this tick
     proposed_by: str | None  # the path of the leaf
     gimbal: GimbalTo | None
@@ -128,18 +122,14 @@ class TreeBench(BenchWorld):
         answers = self.answers[-_SHOWN:]
         running = " > ".join(self.tree.active_path()) or "nothing"
         raise AssertionError(
-            f"expected {_name(status)} within {max_ticks} ticks, the last answers were {answers}; "
+            f"expected {status.name} within {max_ticks} ticks, the last answers were {answers}; "
             f"running: {running}\n{self.log.table()}"
         )
 
     @property
     def answers(self) -> str:
         """What the root answered so far, a letter a tick, as in scripts: R, S, F and K."""
-        return "".join(_LETTERS[outcome.status] for outcome in self.outcomes)
-
-
-def _name(status: Status) -> str:
-    return "SKIPPED" if status is Status.INVALID else status.name
+        return "".join(outcome.status.letter for outcome in self.outcomes)
 
 
 def load_tree(

@@ -6,11 +6,10 @@ from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.status import SKIPPED, Status
+from uav_bt.tree.status import Status
 from uav_bt.tree.variables import Variables
 
 __all__ = [
-    "SKIPPED",
     "Leaf",
     "MissionTree",
     "Node",

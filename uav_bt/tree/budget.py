@@ -13,11 +13,14 @@ from dataclasses import dataclass
 
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.mission_tree import MissionTree
+from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
+from uav_bt.tree.observer import NodeEvent, observe
 
 __all__ = ["BudgetWatch", "SlowLeaf"]
 
 _LOG = logging.getLogger(__name__)
+_BEGINNINGS = (NodeEvent.STARTED, NodeEvent.RAN, NodeEvent.HALTING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +35,7 @@ class SlowLeaf:
 class BudgetWatch:
     """Measures every leaf of a tree, from now on: `initialise`, `update` and `terminate`.
 
-    The leaves get wrappers around their own methods, each leaf by itself, so that a tree which
-    nobody watches pays nothing. The format's own leaves never block and are left alone.
+    The format's own leaves never block and are left alone.
 
     Args:
         tree: the tree.
@@ -44,11 +46,11 @@ class BudgetWatch:
         self, tree: MissionTree, *, timer: Callable[[], float] = time.perf_counter
     ) -> None:
         self._timer = timer
+        self._began_s: float | None = None  # of the leaf that is at work; there is at most one
         self._new: list[SlowLeaf] = []
         self._worst_s: dict[str, float] = {}
-        for leaf in tree.leaves():
-            if type(leaf) not in BUILTIN_NODES:
-                self._watch(leaf)
+        leaves = [leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES]
+        observe(leaves, self._note)
 
     @property
     def worst_s(self) -> dict[str, float]:
@@ -56,40 +58,23 @@ class BudgetWatch:
         return dict(self._worst_s)
 
     def take(self) -> tuple[SlowLeaf, ...]:
-        """Return who exceeded the budget since the last question."""
+        """Return which leaves exceeded their budgets since the last call."""
         taken = tuple(self._new)
         self._new.clear()
         return taken
 
-    def _watch(self, leaf: Leaf) -> None:
-        timer, budget_s, exceeded = self._timer, leaf.budget_s, self._exceeded
-        tick, halt = leaf._tick, leaf._halt  # noqa: SLF001  # wrapped, with no call in between
-
-        def timed_tick() -> object:
-            began_s = timer()
-            try:
-                return tick()
-            finally:
-                took_s = timer() - began_s
-                if took_s > budget_s:
-                    exceeded(leaf, took_s)
-
-        def timed_halt() -> None:
-            began_s = timer()
-            try:
-                halt()
-            finally:
-                took_s = timer() - began_s
-                if took_s > budget_s:
-                    exceeded(leaf, took_s)
-
-        setattr(leaf, "_tick", timed_tick)  # noqa: B010  # of the instance, not of the class
-        setattr(leaf, "_halt", timed_halt)  # noqa: B010
+    def _note(self, node: Node, event: NodeEvent) -> None:
+        if event in _BEGINNINGS:
+            self._began_s = self._timer()
+        elif event is not NodeEvent.STATUS and self._began_s is not None:
+            took_s, self._began_s = self._timer() - self._began_s, None
+            if isinstance(node, Leaf) and took_s > node.budget_s:
+                self._exceeded(node, took_s)
 
     def _exceeded(self, leaf: Leaf, took_s: float) -> None:
         self._new.append(SlowLeaf(path=leaf.path, took_s=took_s, budget_s=leaf.budget_s))
         if took_s <= self._worst_s.get(leaf.path, 0.0):
-            return  # said before, and worse
+            return  # reported before, and longer
         self._worst_s[leaf.path] = took_s
         _LOG.warning(
             "leaf '%s' blocked for %.2f s, its budget is %.2f s: "

@@ -8,6 +8,7 @@ from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError
 from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.observer import Observer
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
 
@@ -21,7 +22,7 @@ class Leaf(Node):
 
     When what runs: `on_setup` once, before the first tick; `initialise` when an activation begins;
     `update` every tick, returning at once; `terminate` exactly once per activation, with SUCCESS or
-    FAILURE when it ended by itself and with INVALID when it was halted. `terminate` commands
+    FAILURE when it ended by itself and with IDLE when it was halted. `terminate` commands
     nothing: a tree starts its new branch before it stops the old one. In flight, a leaf that takes
     longer than `budget_s` is reported by name.
 
@@ -48,13 +49,11 @@ class Leaf(Node):
     def on_setup(self, mission: MissionContext) -> None:
         """Get what the leaf needs for the whole mission; raise when it is not there."""
 
-    def update(self) -> Status:
-        """Do one tick's work, at once, and say how it stands.
+    def initialise(self) -> None:
+        """Begin an activation."""
 
-        Raises:
-            NotImplementedError: the subclass did not say what it does.
-        """
-        raise NotImplementedError(f"{type(self).__qualname__} must define update()")
+    def terminate(self, new_status: Status) -> None:
+        """Let go of what the activation held; see the class for when, and with which status."""
 
     # --- for authors to call ----------------------------------------------------------------------
 
@@ -124,8 +123,12 @@ class Leaf(Node):
     def _write_board(self, key: Key[T], value: T) -> None:
         self._board.write(key, value)
 
+    def _notify_work(self, observer: Observer) -> None:
+        if self.condition or self.node_status in (IDLE, RUNNING):  # else it is not ticked again
+            super()._notify_work(observer)
+
     def _tick(self) -> Status:
-        standing = self.status
+        standing = self.node_status
         if standing is RUNNING:
             status = self.update()
         elif standing is IDLE or self.condition:
@@ -133,10 +136,10 @@ class Leaf(Node):
                 self.initialise()
                 status = self.update()
             except BaseException:
-                self.status = RUNNING  # it has begun, so halting the tree must end it
+                self.set_status(RUNNING)  # it has begun, so halting the tree must end it
                 raise
         else:
-            return standing  # done, and nobody reset it: the engine does not tick it again
+            return standing  # done and not reset: the engine does not tick it again
         if status is RUNNING and not self.condition:
             return status
         if status is SKIPPED:
@@ -144,7 +147,7 @@ class Leaf(Node):
                 self._end(IDLE)
             return status
         if status is not SUCCESS and status is not FAILURE:
-            self.status = RUNNING
+            self.set_status(RUNNING)
             raise MissionError(self._wrong_answer(status))
         self._end(status)
         return status
@@ -157,9 +160,9 @@ class Leaf(Node):
         try:
             self.terminate(new_status)
         finally:
-            self.status = new_status
+            self.set_status(new_status)
 
     def _halt(self) -> None:
-        if self.status is RUNNING:
+        if self.node_status is RUNNING:
             self._end(IDLE)
-        self.status = IDLE
+        self.set_status(IDLE)

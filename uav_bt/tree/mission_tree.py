@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError, NodeFailedError
@@ -52,6 +53,10 @@ class MissionTree:
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
     """
 
+    # Called with every tree of the process once it is made: for tools such as coverage, which
+    # measure trees that code beyond their reach loads.
+    made_hooks: ClassVar[list[Callable[[MissionTree], None]]] = []
+
     def __init__(
         self,
         root: Node,
@@ -67,6 +72,8 @@ class MissionTree:
         self.variables = Variables()
         self._ready = False
         self._place(root, f"{name}/{root.name}", self.variables)
+        for hook in self.made_hooks:
+            hook(self)
 
     def _place(self, node: Node, path: str, scope: Variables) -> None:
         node.place(path, scope)
@@ -118,7 +125,7 @@ class MissionTree:
         """Tick exactly once.
 
         Returns:
-            SUCCESS, FAILURE, RUNNING, or SKIPPED (`Status.INVALID`) when the root was skipped.
+            SUCCESS, FAILURE, RUNNING, or SKIPPED when the root was skipped.
 
         Raises:
             NodeFailedError: an exception in a node; nothing is running any more.
@@ -127,7 +134,7 @@ class MissionTree:
         if not self._ready:
             raise MissionError(f"tree '{self.name}' is not set up: call setup(context) first")
         root = self.root
-        if root.status is SUCCESS or root.status is FAILURE:
+        if root.node_status is SUCCESS or root.node_status is FAILURE:
             root.reset()
         try:
             return root.execute_tick()
@@ -148,8 +155,8 @@ class MissionTree:
             NodeFailedError: a leaf's `terminate` raised; the first of them, when all are halted.
         """
         first: NodeFailedError | None = None
-        if self.root.status is not RUNNING:
-            self.root.status = IDLE  # to the engine a finished root is idle at once
+        if self.root.node_status is not RUNNING:
+            self.root.set_status(IDLE)  # to the engine a finished root is idle at once
         # As the engine does: the root, which passes it on, and then each node by itself, for those
         # that did not hear of it. `_onHalted` scripts of nodes that do not run are run, too.
         for node in (self.root, *self.nodes()):
@@ -158,17 +165,17 @@ class MissionTree:
             except NodeFailedError as error:
                 first = first or error
         for node in self.nodes():
-            node.status = IDLE
+            node.set_status(IDLE)
         if first is not None:
             raise first
 
     def active_nodes(self) -> tuple[Node, ...]:
         """Return the nodes along the running branch, from the root down; empty when idle."""
         nodes: list[Node] = []
-        node: Node | None = self.root if self.root.status is RUNNING else None
+        node: Node | None = self.root if self.root.node_status is RUNNING else None
         while node is not None:
             nodes.append(node)
-            running = [child for child in node.children if child.status is RUNNING]
+            running = [child for child in node.children if child.node_status is RUNNING]
             # Of several, the last one: the mission comes after the perception that feeds it.
             node = running[-1] if running else None
         return tuple(nodes)

@@ -1,33 +1,65 @@
 """What all nodes share: ports, place in the tree, and the tick.
 
-A node is a py_trees behaviour, so py_trees' visitors and renderers work on our trees. It is ticked
-through `execute_tick`, plain calls that follow BehaviorTree.CPP 4.10 step by step; py_trees' `tick`
-generator wraps that.
+A node is ticked through `execute_tick`, plain calls that follow BehaviorTree.CPP 4.10 step by step.
+py_trees has another model of a tick (generators, four statuses, a composite per policy), so none of
+its engine is used. A node is a `py_trees.behaviour.Behaviour` for the sake of py_trees' tools: from
+there it has its id, children, parent, feedback message and `iterate`, and it answers `setup`,
+`tick`, `stop` and `status` as py_trees' trees, visitors and renderers expect. `status` is py_trees'
+status; `node_status` is ours.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator
-from typing import Any, ClassVar, Final, TypeVar
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
-from py_trees.behaviour import Behaviour
+from py_trees import common
 
 from uav_bt.board.blackboard import Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailedError
 from uav_bt.protocols import Clock
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
+from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
 from uav_bt.tree.port import Port, Reference, bind_ports
 from uav_bt.tree.script import Environment
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.variables import Variables
+
+if TYPE_CHECKING:
+    from abc import ABC
+    from uuid import UUID
+
+    class Behaviour(ABC):
+        """What a node has of py_trees' class.
+
+        The methods there take and return py_trees' statuses; to a type checker no class of ours
+        could override them.
+        """
+
+        id: UUID
+        name: str
+        parent: Behaviour | None
+        feedback_message: str
+
+        def __init__(self, name: str) -> None: ...  # noqa: B027
+        def iterate(self) -> Iterator[Node]: ...  # noqa: B027
+else:
+    from py_trees.behaviour import Behaviour
 
 __all__ = ["Node", "NodeKind"]
 
 T = TypeVar("T")
 
 _NO_LITERAL: Final = object()
+_ANSWERED: Final = {
+    RUNNING.value: NodeEvent.CONTINUES,
+    SUCCESS.value: NodeEvent.SUCCEEDED,
+    FAILURE.value: NodeEvent.FAILED,
+    SKIPPED.value: NodeEvent.SKIPPED,
+}
+_ANSWERS: Final = {event: Status(value) for value, event in _ANSWERED.items()}
 
 
 class NodeKind(enum.Enum):
@@ -45,10 +77,12 @@ class Node(Behaviour):
 
     Args:
         name: the instance's name; default: the node's id.
+        children: the nodes below it, in order.
         given: values of the ports, typed or as texts; a text in braces is a reference.
 
     Raises:
         InputError: a port is missing, unknown or has a value of another type.
+        TypeError: a child is a py_trees behaviour, but none of our nodes.
     """
 
     node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
@@ -57,7 +91,8 @@ class Node(Behaviour):
     min_children: ClassVar[int] = 0
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 
-    children: list[Node]  # type: ignore[assignment]  # py_trees says Behaviour
+    children: list[Node]
+    observer: Observer | None = None  # filled by `uav_bt.tree.observer.observe`
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -67,11 +102,19 @@ class Node(Behaviour):
         if len(set(names)) != len(names):
             raise TypeError(f"{cls.__qualname__} declares a port twice: {', '.join(names)}")
 
-    def __init__(self, name: str | None = None, /, **given: object) -> None:
+    def __init__(
+        self, name: str | None = None, children: Iterable[Node] = (), /, **given: object
+    ) -> None:
         super().__init__(name or self.node_id)
-        self._bind(given)
-
-    def _bind(self, given: dict[str, object]) -> None:
+        self.node_status = IDLE
+        self.children = list(children)
+        for child in self.children:
+            if not isinstance(child, Node):
+                raise TypeError(
+                    f"a child of '{self.name}' must be a uav_bt.tree node, got "
+                    f"{type(child).__name__}: make a leaf class of it with uav_bt.tree.leaf_of"
+                )
+            child.parent = self
         scripts = {key: str(given[key]) for key in given if key in CONDITION_ATTRIBUTES}
         values = {key: value for key, value in given.items() if key not in scripts}
         bound, wrong = bind_ports(self.ports, values, CONDITION_ATTRIBUTES)
@@ -89,7 +132,7 @@ class Node(Behaviour):
         self._keys: dict[str, Key[Any]] = {}  # of the mission's board, by name, as they are used
         self._conditions = Conditions(scripts) if scripts else None
         self._environment: Environment | None = None
-        self._visits: list[tuple[Node, Status]] | None = None
+        self._visited: Status | None = None  # shown to a visitor of py_trees instead of the status
         self.path = self.name  # unique in its tree once the tree is made
 
     # --- surroundings -----------------------------------------------------------------------------
@@ -265,33 +308,61 @@ class Node(Behaviour):
             NodeFailedError: an exception came out of this node or of one below it.
         """
         try:
-            status = self._tick() if self._conditions is None else self._guarded(self._conditions)
-        except NodeFailedError:
+            conditions = self._conditions
+            status = None if conditions is None else self._forestalled(conditions)
+            if status is None:
+                if self.observer is not None:
+                    self._notify_work(self.observer)
+                status = self._tick()
+            if conditions is not None and (status is SUCCESS or status is FAILURE):
+                conditions.ended(status, self.environment)
+        except NodeFailedError as error:
+            if self.observer is not None and error.node_path == self.path:
+                self.observer(self, NodeEvent.RAISED)
             raise
         except Exception as error:
+            if self.observer is not None:
+                self.observer(self, NodeEvent.RAISED)
             raise NodeFailedError(self.path, error) from error
         if status is not SKIPPED:
-            self.status = status
-        if self._visits is not None:
-            self._visits.append((self, status))
+            self.set_status(status)
+        if self.observer is not None:
+            self.observer(self, _ANSWERED[status.value])
         return status
 
-    def _guarded(self, conditions: Conditions) -> Status:
-        status = conditions.forestall(self.status, self.environment)
-        if status is None:
-            status = self._tick()
-        elif status is SKIPPED and self.status is RUNNING:
+    def _forestalled(self, conditions: Conditions) -> Status | None:
+        status = conditions.forestall(self.node_status, self.environment)
+        if status is SKIPPED and self.node_status is RUNNING:
             self.halt()
-        if status is SUCCESS or status is FAILURE:
-            conditions.ended(status, self.environment)
         return status
+
+    def update(self) -> Status:
+        """Do one tick's work, at once, and answer; the conditions have let it through.
+
+        Raises:
+            NotImplementedError: the class does not say what it does.
+        """
+        raise NotImplementedError(f"{type(self).__qualname__} must define update()")
+
+    def _notify_work(self, observer: Observer) -> None:
+        observer(self, NodeEvent.RAN if self.node_status is RUNNING else NodeEvent.STARTED)
+
+    def set_status(self, status: Status) -> None:
+        """Let the node stand in a status; for the engine and for nodes written in Python."""
+        if self.node_status is not status:
+            self.node_status = status
+            if self.observer is not None:
+                self.observer(self, NodeEvent.STATUS)
 
     def halt(self) -> None:
-        """Stop what is going on below and here; leaves that run are told.
+        """Stop what is going on below and here; `terminate` of leaves that run is called.
 
         Raises:
             NodeFailedError: a leaf's `terminate` or a script raised.
         """
+        observer = self.observer if self.node_status is RUNNING else None
+        if observer is not None:
+            observer(self, NodeEvent.HALTING)
         try:
             self._halt()
             if self._conditions is not None:
@@ -300,53 +371,62 @@ class Node(Behaviour):
             raise
         except Exception as error:
             raise NodeFailedError(self.path, error) from error
+        finally:
+            if observer is not None:
+                observer(self, NodeEvent.HALTED)
 
     def reset(self) -> None:
         """Halt when running, then stand idle."""
-        if self.status is RUNNING:
+        if self.node_status is RUNNING:
             self.halt()
-        self.status = IDLE
+        self.set_status(IDLE)
 
     def _tick(self) -> Status:
-        raise NotImplementedError
+        return self.update()
 
     def _halt(self) -> None:
         for child in self.children:
             child.reset()
-        self.status = IDLE
+        self.set_status(IDLE)
 
     # --- py_trees' side ---------------------------------------------------------------------------
 
-    def update(self) -> Status:
-        """Never called: nodes that are no leaves decide in `_tick`."""
-        return IDLE
+    @property
+    def status(self) -> common.Status:
+        """The status in py_trees' terms; while a visitor sees the node, what its tick answered."""
+        return (self._visited or self.node_status).py_trees
+
+    @status.setter
+    def status(self, status: common.Status) -> None:
+        """Ignore the assignment of py_trees' constructor; `stop` is how py_trees changes it."""
 
     def tick(self) -> Iterator[Behaviour]:
         """Tick as py_trees does, yielding every ticked node, children first, for its visitors.
 
         Each node shows the status that its tick answered while it is being visited.
         """
-        if self.status is SUCCESS or self.status is FAILURE:
+        if self.node_status is SUCCESS or self.node_status is FAILURE:
             self.reset()
         visits: list[tuple[Node, Status]] = []
-        self._record_visits(visits)
+
+        def note(node: Node, event: NodeEvent) -> None:
+            if event in _ANSWERS:
+                visits.append((node, _ANSWERS[event]))
+
+        nodes = list(self.iterate())
+        observe(nodes, note)
         try:
             self.execute_tick()
         finally:
-            self._record_visits(None)
+            unobserve(nodes, note)
         for node, answered in visits:
-            standing, node.status = node.status, answered
+            node._visited = answered  # noqa: SLF001  # of the same class
             yield node
-            node.status = standing
+            node._visited = None  # noqa: SLF001
 
-    def _record_visits(self, visits: list[tuple[Node, Status]] | None) -> None:
-        self._visits = visits
-        for child in self.children:
-            child._record_visits(visits)  # noqa: SLF001  # of the same class
-
-    def stop(self, new_status: Status = IDLE) -> None:
+    def stop(self, new_status: common.Status = common.Status.INVALID) -> None:
         """Stop from outside, as py_trees' composites do."""
-        if new_status is IDLE:
+        if new_status is common.Status.INVALID:
             self.reset()
         else:
-            self.status = new_status
+            self.set_status(Status[new_status.name])

@@ -1,93 +1,81 @@
-"""Watching a tree from outside: what each node does, as it does it.
+"""Watching nodes: every node has one observer slot, and notifies it of what happens to the node.
 
-The watched nodes get wrappers around their own methods, each node by itself, so that a tree which
-nobody watches ticks exactly as it always does.
+The slot is empty in a tree that is not watched, which then pays for one comparison a tick. Budgets,
+logs, coverage, Groot2 and py_trees' visitors all watch through it. A node that has several
+observers notifies them in the order in which they came.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from uav_bt.errors import NodeFailedError
-from uav_bt.tree import Leaf, MissionTree, Node, Status
-from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS
+if TYPE_CHECKING:
+    from uav_bt.tree.node import Node
 
-__all__ = ["Happening", "Listener", "watch_nodes"]
+__all__ = ["NodeEvent", "Observer", "observe", "unobserve"]
 
 
-class Happening(enum.Enum):
+class NodeEvent(enum.Enum):
     """What can happen to a node."""
 
-    STARTED = "started"  # ticked for the first time of an activation
-    RAN = "ran"  # ticked again
+    STARTED = "started"  # its work begins: the first tick of an activation
+    RAN = "ran"  # its work goes on: a further tick
+    CONTINUES = "continues"  # answered RUNNING
     SUCCEEDED = "succeeded"  # answered SUCCESS, a `_successIf` included
     FAILED = "failed"  # answered FAILURE, a `_failureIf` included
-    SKIPPED = "skipped"  # was passed over, by itself or by a condition
+    SKIPPED = "skipped"  # answered SKIPPED, by itself or by a condition
+    RAISED = "raised"  # an exception came out of it instead of an answer
+    HALTING = "halting"  # is about to be stopped while it runs
     HALTED = "halted"  # was stopped while it ran
-    RAISED = "raised"  # an exception came out of it
+    STATUS = "status"  # `node_status` has changed
 
 
-Listener = Callable[[Node, Happening], None]
-"""Called with each happening, in the order in which they happen."""
-
-_ANSWERS = {SUCCESS: Happening.SUCCEEDED, FAILURE: Happening.FAILED}
+Observer = Callable[["Node", NodeEvent], None]
+"""Called with each event as it happens."""
 
 
-def watch_nodes(tree: MissionTree, listener: Listener) -> None:
-    """Tell a listener from now on what happens to each node of a tree."""
-    for node in tree.nodes():
-        _Watched(node, listener)
+@dataclass(frozen=True)
+class _Observers:
+    """Several observers in one slot."""
+
+    observers: tuple[Observer, ...]
+
+    def __call__(self, node: Node, event: NodeEvent) -> None:
+        for observer in self.observers:
+            observer(node, event)
 
 
-class _Watched:
-    """A node's own methods, and those that take their place."""
+def observe(nodes: Iterable[Node], observer: Observer) -> None:
+    """Notify an observer from now on, after those that the nodes already have.
 
-    def __init__(self, node: Node, listener: Listener) -> None:
-        self._node = node
-        self._listener = listener
-        self._own_tick = node._tick  # noqa: SLF001  # what the conditions let through
-        self._execute_tick = node.execute_tick
-        self._own_halt = node.halt
-        for name, wrapper in (
-            ("_tick", self._tick),
-            ("execute_tick", self._execute),
-            ("halt", self._halt),
-        ):
-            setattr(node, name, wrapper)
-
-    def _tick(self) -> Status:
-        node = self._node
-        if node.status is RUNNING:
-            self._listener(node, Happening.RAN)
-        elif not _rests(node):
-            self._listener(node, Happening.STARTED)
-        return self._own_tick()
-
-    def _execute(self) -> Status:
-        node = self._node
-        try:
-            status = self._execute_tick()
-        except NodeFailedError as error:
-            if error.node_path == node.path:
-                self._listener(node, Happening.RAISED)
-            raise
-        if status is not RUNNING:
-            self._listener(node, _ANSWERS.get(status, Happening.SKIPPED))
-        return status
-
-    def _halt(self) -> None:
-        node = self._node
-        runs = node.status is RUNNING
-        try:
-            self._own_halt()
-        finally:
-            if runs:
-                self._listener(node, Happening.HALTED)
+    Args:
+        nodes: which nodes.
+        observer: is called with each node and event.
+    """
+    for node in nodes:
+        node.observer = _joined((*_observers(node), observer))
 
 
-def _rests(node: Node) -> bool:
-    """Return whether a tick finds a finished leaf that nobody reset, which then does nothing."""
-    if not isinstance(node, Leaf) or node.condition:
-        return False
-    return node.status is SUCCESS or node.status is FAILURE
+def unobserve(nodes: Iterable[Node], observer: Observer) -> None:
+    """Notify an observer no longer; nodes that do not have it are left as they are.
+
+    Args:
+        nodes: which nodes.
+        observer: the one that was given to `observe`.
+    """
+    for node in nodes:
+        node.observer = _joined(tuple(one for one in _observers(node) if one != observer))
+
+
+def _observers(node: Node) -> tuple[Observer, ...]:
+    slot = node.observer
+    if slot is None:
+        return ()
+    return slot.observers if isinstance(slot, _Observers) else (slot,)
+
+
+def _joined(observers: tuple[Observer, ...]) -> Observer | None:
+    return _Observers(observers) if len(observers) > 1 else next(iter(observers), None)

@@ -5,16 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
+from uav_bt.tree.port import Port
+from uav_bt.tree.status import RUNNING, SUCCESS, Status
 
 __all__ = ["AnswerScript", "ScriptedLeaf", "mock_class"]
 
-_LETTERS: Final = {"R": RUNNING, "S": SUCCESS, "F": FAILURE, "K": SKIPPED}
+_LETTERS: Final = {status.letter: status for status in Status if status is not Status.IDLE}
 _SCRIPT: Final = re.compile(r"(?P<once>[RSFK]*)(?:\((?P<again>[RSFK]+)\))?")
 
 
@@ -85,6 +86,7 @@ class ScriptedLeaf(Leaf):
     def __init__(self, name: str | None = None, script: str = "S", /, **given: object) -> None:
         super().__init__(name, **given)
         self.script = self.check_script(script)
+        self.outputs: dict[Port[Any], Any] = {}  # what is written whenever it succeeds
         self._ticks = 0
 
     @classmethod
@@ -111,6 +113,9 @@ class ScriptedLeaf(Leaf):
         """Answer the next letter."""
         status = self.script.answer(self._ticks)
         self._ticks += 1
+        if status is SUCCESS:
+            for port, value in self.outputs.items():
+                self.set_port(port, value)
         return status
 
 

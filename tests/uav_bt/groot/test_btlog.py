@@ -12,16 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uav_bt.errors import FileError, ValueRangeError
-from uav_bt.groot import BtlogReader, BtlogWriter, NodeStatus, Transition
+from uav_bt.groot import BtlogReader, BtlogWriter, Transition
 from uav_bt.groot.btlog import MAX_XML_BYTES
 from uav_bt.groot.transitions import MAX_TIME_US, pack, unpack
+from uav_bt.tree import Status
 
 XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><A _uid="1"/></BehaviorTree></root>'
 HEAD = b"BTCPP4-FileLogger2\x01" + struct.pack("<i", len(XML)) + XML.encode()
 
 times = st.integers(min_value=0, max_value=MAX_TIME_US)
 uids = st.integers(min_value=0, max_value=0xFFFF)
-transitions = st.lists(st.builds(Transition, times, uids, st.sampled_from(NodeStatus)), max_size=50)
+transitions = st.lists(st.builds(Transition, times, uids, st.sampled_from(Status)), max_size=50)
 
 
 def write(path: Path, items: list[Transition], first_us: int = 0, xml: str = XML) -> None:
@@ -44,8 +45,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_bytes_are_those_of_the_format(tmp_path: Path) -> None:
     path = tmp_path / "flight.btlog"
     items = [
-        Transition(1_000_000, 1, NodeStatus.RUNNING),
-        Transition(1_000_000 + 0x0102030405, 0x0607, NodeStatus.FAILURE),
+        Transition(1_000_000, 1, Status.RUNNING),
+        Transition(1_000_000 + 0x0102030405, 0x0607, Status.FAILURE),
     ]
     write(path, items, first_us=1_000_000)
     assert path.read_bytes() == (
@@ -158,8 +159,8 @@ def test_every_write_is_in_the_file_at_once(tmp_path: Path) -> None:
     path = tmp_path / "flight.btlog"
     with BtlogWriter(path) as log:
         log.begin(XML, 0)
-        log.write([Transition(5, 1, NodeStatus.SUCCESS)])
-        assert read(path)[2] == [Transition(5, 1, NodeStatus.SUCCESS)]
+        log.write([Transition(5, 1, Status.SUCCESS)])
+        assert read(path)[2] == [Transition(5, 1, Status.SUCCESS)]
 
 
 def test_a_log_is_begun_once_and_before_it_is_written(tmp_path: Path) -> None:
@@ -184,7 +185,7 @@ def test_a_log_that_grows_too_large_ends_and_is_told_at_the_end(tmp_path: Path) 
     log = BtlogWriter(path, max_bytes=len(HEAD) + 8 + 9 + 8)
     log.begin(XML, 0)
     for time_us in range(3):
-        log.write([Transition(time_us, 1, NodeStatus.SUCCESS)])
+        log.write([Transition(time_us, 1, Status.SUCCESS)])
     with pytest.raises(FileError, match="ends early: it has grown too large"):
         log.close()
     log.close()  # told once
@@ -201,7 +202,7 @@ def test_a_full_disk_ends_the_log_not_the_mission(tmp_path: Path) -> None:
     whole, log._file = log._file, Full()  # type: ignore[assignment]
     assert whole is not None
     whole.close()
-    log.write([Transition(0, 1, NodeStatus.SUCCESS)])
+    log.write([Transition(0, 1, Status.SUCCESS)])
     with pytest.raises(RuntimeError, match="the flight's own") as error, log:
         raise RuntimeError("the flight's own")
     assert error.value.__notes__ == [
@@ -212,7 +213,7 @@ def test_a_full_disk_ends_the_log_not_the_mission(tmp_path: Path) -> None:
 @pytest.mark.parametrize("time_us", [-1, MAX_TIME_US + 1])
 def test_a_time_that_does_not_fit_is_refused(time_us: int) -> None:
     with pytest.raises(ValueRangeError, match=f"got {time_us} us"):
-        pack([Transition(time_us, 1, NodeStatus.IDLE)])
+        pack([Transition(time_us, 1, Status.IDLE)])
 
 
 def test_a_record_of_another_length_is_refused() -> None:

@@ -11,10 +11,11 @@ from tests.uav_bt.groot.groot_world import GrootClient, leaf, make_context, make
 from uav_bt import app, plugins
 from uav_bt.clock import ManualClock
 from uav_bt.errors import FileError, InputError
-from uav_bt.groot import BtlogReader, BtlogWriter, GrootConfig, NodeStatus, TreeWatch, watched_live
+from uav_bt.groot import BtlogReader, BtlogWriter, GrootConfig, TreeWatch, watched_live
 from uav_bt.groot.transitions import Transition
 from uav_bt.mission.runner import TickRecord
 from uav_bt.testing import ScriptedDrone
+from uav_bt.tree import Status
 
 HOP = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="0.5"/><Land/></Sequence>'
 
@@ -50,11 +51,11 @@ def test_a_flight_is_logged_from_its_first_tick_to_its_end(mission: Path, tmp_pa
         transitions = list(log)
     assert log.partial_bytes == 0
     names = {int(node.attrib["_uid"]): node.attrib["name"] for node in root.iterfind(".//*[@_uid]")}
-    changes: dict[str, list[NodeStatus]] = {}
+    changes: dict[str, list[Status]] = {}
     for _, uid, status in transitions:
         changes.setdefault(names[uid], []).append(status)
     assert list(changes) == ["Sequence", "TakeOff", "HoverFor", "Land"]
-    once = [NodeStatus.RUNNING, NodeStatus.SUCCESS, NodeStatus.IDLE]
+    once = [Status.RUNNING, Status.SUCCESS, Status.IDLE]
     assert all(statuses == once for statuses in changes.values())
     assert report.duration_s is not None
     assert transitions[-1].time_us / 1e6 == pytest.approx(report.duration_s, abs=0.2)
@@ -103,10 +104,10 @@ def test_an_aborted_mission_is_logged_up_to_its_halt(tmp_path: Path) -> None:
     with BtlogReader(path) as reader:
         assert reader.first_time_us == 5_000_000
         assert list(reader) == [
-            Transition(0, 1, NodeStatus.RUNNING),
-            Transition(0, 2, NodeStatus.RUNNING),
-            Transition(1_000_000, 2, NodeStatus.IDLE),
-            Transition(1_000_000, 1, NodeStatus.IDLE),
+            Transition(0, 1, Status.RUNNING),
+            Transition(0, 2, Status.RUNNING),
+            Transition(1_000_000, 2, Status.IDLE),
+            Transition(1_000_000, 1, Status.IDLE),
         ]
 
 

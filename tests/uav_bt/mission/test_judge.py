@@ -90,7 +90,7 @@ def test_a_tree_that_ends_in_the_air_ends_no_flight(status: Status) -> None:
     assert ask(flown(), 20.0, FlyingState.HOVERING, truth_of(), status) is None
 
 
-@pytest.mark.parametrize("status", [Status.RUNNING, Status.INVALID])
+@pytest.mark.parametrize("status", [Status.RUNNING, Status.IDLE])
 def test_a_tree_that_goes_on_ends_no_flight_on_the_ground(status: Status) -> None:
     assert ask(flown(), 20.0, FlyingState.LANDED, ON_PAD, status) is None
 

@@ -85,7 +85,7 @@ class Drift(Leaf):
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
-        if new_status is Status.INVALID:
+        if new_status is Status.IDLE:
             HALTED.append(self.path)
 
 
@@ -96,7 +96,7 @@ class Wait(Leaf):
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
-        if new_status is Status.INVALID:
+        if new_status is Status.IDLE:
             HALTED.append(self.path)
 
 
@@ -401,7 +401,7 @@ def test_a_leaf_that_raises_stops_the_tree_lands_and_is_named() -> None:
         flight.runner.run()
     assert caught.value.node_path == "Main/mission/ParallelAll/bad"
     assert flight.landed
-    assert flight.tree.root.status is Status.INVALID
+    assert flight.tree.root.node_status is Status.IDLE
     assert HALTED == ["Main/mission/ParallelAll/beside"]
     assert not any(isinstance(c.movement, MoveBy) for c in flight.drone.commands)
 
@@ -506,7 +506,7 @@ def test_an_abort_halts_the_tree_lands_and_is_the_outcome() -> None:
     assert HALTED == ["Main/Sequence/Drift"]
     after = flight.records[13:]
     assert all(record.override is Override.ABORT for record in after)
-    assert all(record.tree_status is Status.INVALID and not record.active for record in after)
+    assert all(record.tree_status is Status.IDLE and not record.active for record in after)
 
 
 def test_an_abort_during_take_off_lands_as_soon_as_it_can() -> None:

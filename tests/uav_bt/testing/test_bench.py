@@ -54,7 +54,7 @@ class Step(Leaf):
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
-        self.halts += new_status is Status.INVALID
+        self.halts += new_status is Status.IDLE
 
 
 def bench_of(**attributes: object) -> LeafBench:

@@ -37,7 +37,7 @@ def bench_of(body: str, **mocks: str) -> TreeBench:
 
 
 def happened(bench: TreeBench) -> list[str]:
-    return [f"{e.tick} {e.path.rpartition('/')[2]} {e.happening.value}" for e in bench.log.events]
+    return [f"{e.tick} {e.path.rpartition('/')[2]} {e.kind.value}" for e in bench.log.events]
 
 
 REACTIVE = '<ReactiveSequence name="r"><Clear/><Fly/></ReactiveSequence>'
@@ -145,5 +145,5 @@ def test_misspelt_names_are_no_silent_pass() -> None:
     bench = bench_of("<Fly/>", Fly="R")
     with pytest.raises(UnknownNameError, match="unknown node 'Flu'; did you mean 'Fly'"):
         bench.log.assert_not_started("Flu")
-    with pytest.raises(UnknownNameError, match="unknown happening 'halts'; did you mean 'halted'"):
+    with pytest.raises(UnknownNameError, match="unknown event 'halts'; did you mean 'halted'"):
         bench.log.assert_order("Fly halts")

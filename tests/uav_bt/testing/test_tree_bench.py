@@ -111,10 +111,10 @@ def test_a_root_that_is_skipped() -> None:
     assert bench.tick() is Status.RUNNING
     bench.halt()
     with pytest.raises(AssertionError, match="expected SKIPPED within 2 ticks"):
-        bench.tick_until(Status.INVALID, max_ticks=2)
+        bench.tick_until(Status.SKIPPED, max_ticks=2)
     bench.halt()
     bench.variables["late"] = True
-    assert bench.tick_until(Status.INVALID, max_ticks=1) == 1
+    assert bench.tick_until(Status.SKIPPED, max_ticks=1) == 1
     assert bench.answers == "RRRK"
 
 

@@ -10,7 +10,7 @@ from tests.uav_bt.tree.tree_world import World
 from uav_bt.board import ELAPSED, HEIGHT
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import BoardAccessError, MissionError, NodeFailedError, ProposalConflictError
-from uav_bt.tree import SKIPPED, Leaf, MissionTree, NodeKind, Port, Status
+from uav_bt.tree import Leaf, MissionTree, NodeKind, Port, Status
 from uav_bt.tree.nodes import Parallel, ReactiveFallback, Sequence
 from uav_bt.types import Hover, Land
 
@@ -28,7 +28,7 @@ class Probe(Leaf):
         "S": Status.SUCCESS,
         "F": Status.FAILURE,
         "R": Status.RUNNING,
-        "K": SKIPPED,
+        "K": Status.SKIPPED,
         "?": None,
     }
 
@@ -84,8 +84,8 @@ def test_a_halted_leaf_is_told_once(world: World) -> None:
     tree.tick()
     tree.halt()
     tree.halt()
-    assert probe.life == ["setup", "initialise", "update", "terminate INVALID"]
-    assert probe.status is Status.INVALID
+    assert probe.life == ["setup", "initialise", "update", "terminate IDLE"]
+    assert probe.node_status is Status.IDLE
 
 
 def test_a_finished_leaf_is_not_told_again(world: World) -> None:
@@ -95,7 +95,7 @@ def test_a_finished_leaf_is_not_told_again(world: World) -> None:
     tree.tick()
     tree.halt()
     assert done.life[-1] == "terminate SUCCESS"
-    assert going.life[-1] == "terminate INVALID"
+    assert going.life[-1] == "terminate IDLE"
 
 
 def test_a_leaf_that_skips_itself_ends(world: World) -> None:
@@ -103,7 +103,7 @@ def test_a_leaf_that_skips_itself_ends(world: World) -> None:
     skips, acts = Probe("skips", answers="K"), Probe("acts", answers="S")
     tree = ready(world, Sequence("s", [skips, acts]))
     assert tree.tick() is Status.SUCCESS
-    assert skips.life == ["setup", "initialise", "update", "terminate INVALID"]
+    assert skips.life == ["setup", "initialise", "update", "terminate IDLE"]
 
 
 @pytest.mark.parametrize("answers", ["!", "R!"])
@@ -116,11 +116,11 @@ def test_an_exception_names_the_node_and_leaves_nothing_running(world: World, an
     with pytest.raises(NodeFailedError, match="'Mission/both/fails' failed: ZeroDiv") as error:
         tree.tick()
     assert isinstance(error.value.__cause__, ZeroDivisionError)
-    assert [node.status for node in tree.nodes()] == [Status.INVALID] * 3
-    assert fails.life.count("terminate INVALID") == 1
-    assert other.life.count("terminate INVALID") == 1
+    assert [node.node_status for node in tree.nodes()] == [Status.IDLE] * 3
+    assert fails.life.count("terminate IDLE") == 1
+    assert other.life.count("terminate IDLE") == 1
     tree.halt()
-    assert fails.life.count("terminate INVALID") == 1
+    assert fails.life.count("terminate IDLE") == 1
 
 
 def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> None:
@@ -130,10 +130,10 @@ def test_an_exception_in_terminate_does_not_stop_the_halting(world: World) -> No
     tree.tick()
     with pytest.raises(NodeFailedError, match="'Mission/both/bad' failed: RuntimeError"):
         tree.halt()
-    assert good.life[-1] == "terminate INVALID"
-    assert [node.status for node in tree.nodes()] == [Status.INVALID] * 3
+    assert good.life[-1] == "terminate IDLE"
+    assert [node.node_status for node in tree.nodes()] == [Status.IDLE] * 3
     tree.halt()
-    assert bad.life.count("terminate INVALID") == 1
+    assert bad.life.count("terminate IDLE") == 1
 
 
 def test_an_exception_after_an_exception_is_noted(world: World) -> None:

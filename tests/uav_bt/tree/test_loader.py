@@ -354,7 +354,7 @@ def test_scripts_that_fail_say_so(world: World, code: str, message: str) -> None
     tree = world.tree(f'<Script name="s" code="{code}"/>')
     with pytest.raises(NodeFailedError, match=re.escape(message)):
         tree.tick()
-    assert tree.root.status is Status.INVALID
+    assert tree.root.node_status is Status.IDLE
 
 
 @pytest.mark.parametrize(

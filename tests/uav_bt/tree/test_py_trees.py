@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import py_trees
 import pytest
+from py_trees.common import Status
 
 from tests.conformance import Scripted
 from tests.uav_bt.tree.tree_world import World, leaf
 from uav_bt.errors import MissionError
-from uav_bt.tree import MissionTree, Status
+from uav_bt.tree import MissionTree
 
 BODY = (
     f"<ReactiveSequence>{leaf('a', 'S')}<Inverter>{leaf('b', 'F')}</Inverter>"

@@ -40,7 +40,6 @@ TREE = document(
     '<BehaviorTree ID="Home"><Fallback><Fly name="back"/><Fly name="back"/></Fallback>'
     "</BehaviorTree>",
 )
-LETTERS = {Status.RUNNING: "R", Status.SUCCESS: "S", Status.FAILURE: "F", Status.INVALID: "K"}
 
 
 def loaded(tmp_path: Path, world: World, **mocks: str) -> MissionTree:
@@ -71,7 +70,7 @@ def loaded_by(tmp_path: Path, world: World, mocks: dict[str, str]) -> MissionTre
 def test_a_script_is_answered_letter_by_letter(text: str, answers: str) -> None:
     """The last letter repeats for ever, or what stands in brackets does."""
     script = AnswerScript.parse(text)
-    assert "".join(LETTERS[script.answer(tick)] for tick in range(7)) == answers
+    assert "".join(script.answer(tick).letter for tick in range(7)) == answers
 
 
 @pytest.mark.parametrize("text", ["", "  ", "RRX", "rs", "(RS)F", "R()", "(R", "((R))", "R)"])
@@ -100,8 +99,8 @@ def test_mocks_keep_everything_but_the_code(tmp_path: Path, world: World) -> Non
     assert tree.find("Clear").kind is NodeKind.CONDITION
     tree.variables["nothing_to_do"] = True
     tree.tick()
-    assert out.status is Status.INVALID
-    assert tree.find("Main/Sequence/Home/Fallback/back").status is Status.RUNNING
+    assert out.node_status is Status.IDLE
+    assert tree.find("Main/Sequence/Home/Fallback/back").node_status is Status.RUNNING
 
 
 def test_the_most_exact_selector_counts(tmp_path: Path, world: World) -> None:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import NodeFailedError
-from uav_bt.tree import SKIPPED, Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 
-ANSWERS = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING, "K": SKIPPED}
+ANSWERS = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING, "K": Status.SKIPPED}
 
 
 class Told(Leaf):
@@ -124,12 +124,12 @@ def test_every_way_to_end_tells_the_leaf_once(way: str) -> None:
     elif "exception" in way or "wrong answer" in way:
         with pytest.raises(NodeFailedError):
             tree.tick()
-        assert {node.status for node in tree.nodes()} == {Status.INVALID}
+        assert {node.node_status for node in tree.nodes()} == {Status.IDLE}
     else:
         tree.tick()
     assert (x.begun, x.ended) == (1, 1)
     own = {"its own success": Status.SUCCESS, "its own failure": Status.FAILURE}
-    assert x.ends == [own.get(way, Status.INVALID)]
+    assert x.ends == [own.get(way, Status.IDLE)]
     for _ in range(2):
         tree.halt()
     assert (x.begun, x.ended) == (1, 1)
@@ -156,7 +156,7 @@ def test_an_exception_in_setup_has_the_path_of_its_node() -> None:
     tree = parse_tree(document(f"<Sequence>{leaf('x', 'setup')}</Sequence>"), REGISTRY)
     with pytest.raises(NodeFailedError, match=r"'Main/Sequence/x' failed: ZeroDiv.*in setup"):
         tree.setup(World().context)
-    assert {node.status for node in tree.nodes()} == {Status.INVALID}
+    assert {node.node_status for node in tree.nodes()} == {Status.IDLE}
 
 
 # --- any tree, any script -------------------------------------------------------------------------
@@ -218,7 +218,7 @@ def test_any_tree_any_script(body: str, steps: list[str]) -> None:
         assert failure is None or not isinstance(failure.__cause__, AssertionError), failure
         if failure is not None or step == "halt":
             assert [leaf.path for leaf in told(tree) if leaf.begun != leaf.ended] == []
-            assert {node.status for node in tree.nodes()} == {Status.INVALID}
+            assert {node.node_status for node in tree.nodes()} == {Status.IDLE}
 
 
 def _do(tree: MissionTree, step: str) -> NodeFailedError | None:

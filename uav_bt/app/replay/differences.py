@@ -13,7 +13,6 @@ from uav_bt.mission.runner import TickRecord
 from uav_bt.record.moment import Moment
 from uav_bt.record.notes import TreeNote
 from uav_bt.tree import MissionTree
-from uav_bt.tree.status import IDLE, Status
 from uav_bt.types import Command, GimbalTo, MoveBy, Movement
 
 __all__ = ["LOSSY_NUMBERS", "LOSSY_TICKS", "Comparison", "Difference", "ReplayReport"]
@@ -120,7 +119,7 @@ class Comparison:
 
     def _statuses(self, recorded: Sequence[str]) -> dict[str, tuple[str, str]]:
         pairs = {
-            path: (recorded[place], _name(node.status))
+            path: (recorded[place], node.node_status.name)
             for path, place, node in self._shared
             if place < len(recorded)
         }
@@ -145,10 +144,6 @@ class Comparison:
             abs(getattr(one, item.name) - getattr(other, item.name)) <= self._tolerance
             for item in fields(one)
         )
-
-
-def _name(status: Status) -> str:
-    return "IDLE" if status is IDLE else status.name
 
 
 def _words(command: Command) -> str:

@@ -17,7 +17,7 @@ __all__ = ["ComparingListener", "ReplayJudge", "ReplayRunner"]
 
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
 _AS_RECORDED: Final = "stopped, as in the recording"
-_NOT_TICKED: Final = "INVALID"
+_NOT_TICKED: Final = Status.IDLE.name
 
 
 class ReplayJudge(Judge):

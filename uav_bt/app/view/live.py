@@ -75,7 +75,7 @@ class ViewListeners:
         nodes = tuple(tree.nodes())
 
         def statuses() -> Mapping[str, Status]:
-            return {node.path: node.status for node in nodes}
+            return {node.path: node.node_status for node in nodes}
 
         def drawn(board: Blackboard, standing: Statuses) -> FlightView:
             return FlightView(self._stream, setting, board, standing)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from uav_bt.errors import FileError, TreeError, ValueRangeError, did_you_mean
-from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, load_tree
 from uav_bt.tree.dry_run.script_file import Scalar, SimulationScript
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
 from uav_bt.tree.nodes import BUILTIN_NODES
-from uav_bt.tree.scripted import mock_class
-from uav_bt.tree.status import SUCCESS
+from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 
 __all__ = ["scripted_tree"]
 
@@ -45,9 +43,9 @@ def _connect_outputs(tree: MissionTree, script: SimulationScript) -> None:
             line = next((scalar.line for scalar in outputs.values()), None)
             raise _unknown_leaf(script, selector, tree, line)
         for leaf in leaves:
-            values = [_output(script, leaf, name, scalar) for name, scalar in outputs.items()]
-            # The method of this one leaf: the values must be there before post-conditions run.
-            setattr(leaf, "update", _writing(leaf, values))  # noqa: B010
+            values = dict(_output(script, leaf, name, scalar) for name, scalar in outputs.items())
+            if isinstance(leaf, ScriptedLeaf):  # of the others none has an output
+                leaf.outputs |= values
 
 
 def _mocks(tree: MissionTree, path: Path, script: SimulationScript) -> dict[str, str]:
@@ -127,16 +125,3 @@ def _output(
         return ports[name], ports[name].convert(scalar.value)
     except ValueError as error:
         raise FileError(script.path, f"output '{name}': {error}", scalar.line) from error
-
-
-def _writing(leaf: Leaf, values: list[tuple[Port[Any], Any]]) -> Callable[[], Status]:
-    own = leaf.update
-
-    def update() -> Status:
-        status = own()
-        if status is SUCCESS:
-            for port, value in values:
-                leaf.set_port(port, value)
-        return status
-
-    return update

@@ -20,26 +20,22 @@ from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, FileError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import LeafPolicy
-from uav_bt.tree import Leaf, MissionTree, Node, NodeRegistry, Status
+from uav_bt.tree import MissionTree, Node, NodeRegistry, Status
 from uav_bt.tree.dry_run.script_file import SimulationScript
 from uav_bt.tree.dry_run.scripted_tree import scripted_tree
 from uav_bt.tree.nodes.subtree import SubTree
-from uav_bt.tree.observer import Happening, watch_nodes
+from uav_bt.tree.observer import NodeEvent, observe
 from uav_bt.tree.status import RUNNING
 
-__all__ = ["Answer", "SimulatedTick", "Simulation", "status_name"]
+__all__ = ["Answer", "SimulatedTick", "Simulation"]
 
 _PLAIN: Final = (bool, int, float, str)
 _ANSWERS: Final = {
-    Happening.SUCCEEDED: Status.SUCCESS,
-    Happening.FAILED: Status.FAILURE,
-    Happening.SKIPPED: Status.INVALID,
+    NodeEvent.CONTINUES: Status.RUNNING,
+    NodeEvent.SUCCEEDED: Status.SUCCESS,
+    NodeEvent.FAILED: Status.FAILURE,
+    NodeEvent.SKIPPED: Status.SKIPPED,
 }
-
-
-def status_name(status: Status) -> str:
-    """Return how an answer is written; `Status.INVALID` is that of a node that was skipped."""
-    return "SKIPPED" if status is Status.INVALID else status.name
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,7 @@ class Simulation:
         for name, scalar in script.variables.items():
             self.tree.variables[name] = scalar.value
         self._write_board()
-        watch_nodes(self.tree, self._note)
+        observe(self.tree.leaves(), self._note)
 
     def run(self, max_ticks: int) -> Iterator[SimulatedTick]:
         """Tick until the root has ended, at most so many times, and yield each tick.
@@ -138,20 +134,12 @@ class Simulation:
 
     # --- what leaves do ---------------------------------------------------------------------------
 
-    def _note(self, node: Node, happening: Happening) -> None:
-        if not isinstance(node, Leaf):
-            return
+    def _note(self, node: Node, event: NodeEvent) -> None:
         name = self._names[node.path]
-        if happening is Happening.HALTED:
+        if event is NodeEvent.HALTED:
             self._halted.append(name)
-        elif happening in {Happening.STARTED, Happening.RAN}:
-            self._answers.append(Answer(name, RUNNING))  # until it says otherwise
-        elif happening in _ANSWERS:
-            answer = Answer(name, _ANSWERS[happening])
-            if self._answers and self._answers[-1] == Answer(name, RUNNING):
-                self._answers[-1] = answer
-            else:
-                self._answers.append(answer)
+        elif event in _ANSWERS:
+            self._answers.append(Answer(name, _ANSWERS[event]))
 
     # --- values -----------------------------------------------------------------------------------
 

@@ -16,8 +16,7 @@ from uav_bt.tree.loading.source import MAX_DEPTH, Element
 from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
-from uav_bt.tree.nodes.control import ControlNode
-from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 

@@ -21,8 +21,7 @@ from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_models
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
-from uav_bt.tree.nodes.control import ControlNode
-from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.status import Status

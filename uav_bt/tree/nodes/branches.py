@@ -6,7 +6,7 @@ import re
 from typing import ClassVar, Final
 
 from uav_bt.errors import MissionError
-from uav_bt.tree.nodes.control import ControlNode
+from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.script.values import compare_equal
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
@@ -33,9 +33,10 @@ class IfThenElse(ControlNode):
 
     _chosen = 0  # index of the branch, 0 while the condition is asked
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the children."""
         children = self.children
-        self.status = RUNNING
+        self.set_status(RUNNING)
         if self._chosen == 0:
             answer = children[0].execute_tick()
             if answer is RUNNING:
@@ -62,9 +63,10 @@ class WhileDoElse(ControlNode):
     min_children = 2
     max_children = 3
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the children."""
         children = self.children
-        self.status = RUNNING
+        self.set_status(RUNNING)
         answer = children[0].execute_tick()
         if answer is RUNNING:
             return RUNNING
@@ -101,7 +103,8 @@ class _Switch(ControlNode):
 
     _running: int | None = None
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the children."""
         children = self.children
         chosen = self._choose()
         if self._running is not None and self._running != chosen:
@@ -186,11 +189,12 @@ class TryCatch(ControlNode):
     _skipped = 0
     _catching = False
 
-    def _tick(self) -> Status:
-        if self.status is IDLE:
+    def update(self) -> Status:
+        """Tick the children."""
+        if self.node_status is IDLE:
             self._skipped = 0
             self._catching = False
-        self.status = RUNNING
+        self.set_status(RUNNING)
         return self._catch() if self._catching else self._try()
 
     def _try(self) -> Status:
@@ -223,7 +227,7 @@ class TryCatch(ControlNode):
         return FAILURE
 
     def _halt(self) -> None:
-        if self.status is not IDLE and not self._catching and self.port(self.CATCH_ON_HALT):
+        if self.node_status is not IDLE and not self._catching and self.port(self.CATCH_ON_HALT):
             *tried, last = self.children
             for child in tried:
                 child.reset()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
@@ -20,8 +20,9 @@ __all__ = [
 class Inverter(DecoratorNode):
     """Turns SUCCESS into FAILURE and the other way round."""
 
-    def _tick(self) -> Status:
-        self.status = RUNNING
+    def update(self) -> Status:
+        """Tick the child."""
+        self.set_status(RUNNING)
         status = self.child.execute_tick()
         if status is SUCCESS:
             return FAILURE
@@ -33,8 +34,9 @@ class Inverter(DecoratorNode):
 class ForceSuccess(DecoratorNode):
     """Answers SUCCESS when its child finishes, however it finishes."""
 
-    def _tick(self) -> Status:
-        self.status = RUNNING
+    def update(self) -> Status:
+        """Tick the child."""
+        self.set_status(RUNNING)
         status = self.child.execute_tick()
         return SUCCESS if status is FAILURE else status
 
@@ -42,8 +44,9 @@ class ForceSuccess(DecoratorNode):
 class ForceFailure(DecoratorNode):
     """Answers FAILURE when its child finishes, however it finishes."""
 
-    def _tick(self) -> Status:
-        self.status = RUNNING
+    def update(self) -> Status:
+        """Tick the child."""
+        self.set_status(RUNNING)
         status = self.child.execute_tick()
         return FAILURE if status is SUCCESS else status
 
@@ -51,8 +54,9 @@ class ForceFailure(DecoratorNode):
 class KeepRunningUntilFailure(DecoratorNode):
     """Starts its child again and again until it fails."""
 
-    def _tick(self) -> Status:
-        self.status = RUNNING
+    def update(self) -> Status:
+        """Tick the child."""
+        self.set_status(RUNNING)
         status = self.child.execute_tick()
         return FAILURE if status is FAILURE else RUNNING
 
@@ -65,13 +69,14 @@ class Repeat(DecoratorNode):
 
     _done = 0
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         cycles = self.port(self.NUM_CYCLES)
         again = self._done < cycles or cycles == -1
-        self.status = RUNNING
+        self.set_status(RUNNING)
         child = self.child
         while again:
-            was_idle = child.status is IDLE
+            was_idle = child.node_status is IDLE
             status = child.execute_tick()
             if status is RUNNING:
                 return RUNNING
@@ -101,13 +106,14 @@ class RetryUntilSuccessful(DecoratorNode):
 
     _tried = 0
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         attempts = self.port(self.NUM_ATTEMPTS)
         again = self._tried < attempts or attempts == -1
-        self.status = RUNNING
+        self.set_status(RUNNING)
         child = self.child
         while again:
-            was_idle = child.status is IDLE
+            was_idle = child.node_status is IDLE
             status = child.execute_tick()
             if status is RUNNING:
                 return RUNNING
@@ -141,10 +147,11 @@ class RunOnce(DecoratorNode):
 
     _answer: Status | None = None
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         if self._answer is not None:
             return SKIPPED if self.port(self.THEN_SKIP) else self._answer
-        self.status = RUNNING
+        self.set_status(RUNNING)
         status = self.child.execute_tick()
         if status is SUCCESS or status is FAILURE:
             self._answer = status

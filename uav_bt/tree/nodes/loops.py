@@ -8,15 +8,14 @@ from typing import Any, ClassVar
 
 from uav_bt.errors import BoardAccessError
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes.decorator import DecoratorNode
-from uav_bt.tree.nodes.statuses import STATUS_NAMES, STATUSES
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
-from uav_bt.tree.status import FAILURE, IDLE, RUNNING, Status
+from uav_bt.tree.status import ANSWER_NAMES, FAILURE, IDLE, RUNNING, Status
 
 __all__ = ["LoopBool", "LoopDouble", "LoopInt", "LoopString"]
 
 IF_EMPTY = Port(
-    "if_empty", str, default="SUCCESS", doc="the answer when nothing is left", choices=STATUS_NAMES
+    "if_empty", str, default="SUCCESS", doc="the answer when nothing is left", choices=ANSWER_NAMES
 )
 
 
@@ -52,9 +51,10 @@ class _Loop(DecoratorNode):
         self._busy = False  # the child runs: no new element until it ends
         self._left: MutableSequence[Any] | None = None
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         fixed = self.QUEUE.name in self._literals
-        if self.status is IDLE:
+        if self.node_status is IDLE:
             self._busy = False
             if fixed:
                 self._left = deque(self._elements(self.port(self.QUEUE)))
@@ -62,12 +62,12 @@ class _Loop(DecoratorNode):
             if not fixed:
                 self._left = self._shared_queue()
             if not self._left:
-                return STATUSES[self.port(IF_EMPTY)]
+                return Status[self.port(IF_EMPTY)]
             element = self._left[0]
             del self._left[0]
             self.set_port(self.VALUE, element)
-        if self.status is IDLE:
-            self.status = RUNNING
+        if self.node_status is IDLE:
+            self.set_status(RUNNING)
         status = self.child.execute_tick()
         self._busy = status is RUNNING
         return FAILURE if status is FAILURE else RUNNING

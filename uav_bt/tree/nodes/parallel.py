@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uav_bt.errors import MissionError
-from uav_bt.tree.nodes.control import ControlNode
+from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
@@ -29,7 +29,8 @@ class Parallel(ControlNode):
     _successes = 0
     _failures = 0
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the children."""
         children = self.children
         count = len(children)
         success_count = self.port(self.SUCCESS_COUNT)
@@ -40,11 +41,11 @@ class Parallel(ControlNode):
                 f"success_count and failure_count must not exceed the {count} children, "
                 f"got {needed} and {fatal}"
             )
-        self.status = RUNNING
+        self.set_status(RUNNING)
         skipped = 0
         for child in children:
             # A child that finished keeps its status until all are reset, and is passed over.
-            if child.status is not SUCCESS and child.status is not FAILURE:
+            if child.node_status is not SUCCESS and child.node_status is not FAILURE:
                 status = child.execute_tick()
                 if status is SKIPPED:
                     skipped += 1
@@ -81,17 +82,18 @@ class ParallelAll(ControlNode):
 
     _failures = 0
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the children."""
         children = self.children
         count = len(children)
         fatal = _threshold(self.port(self.MAX_FAILURES), count)
         if fatal > count:
             raise MissionError(f"max_failures must not exceed the {count} children, got {fatal}")
-        self.status = RUNNING
+        self.set_status(RUNNING)
         skipped = 0
         finished = 0
         for child in children:
-            status = child.status
+            status = child.node_status
             if status is not SUCCESS and status is not FAILURE:
                 status = child.execute_tick()
                 self._failures += status is FAILURE

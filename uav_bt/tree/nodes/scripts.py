@@ -7,12 +7,11 @@ from typing import Final
 
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes.decorator import DecoratorNode
-from uav_bt.tree.nodes.statuses import STATUS_NAMES, STATUSES
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port, parse_reference
 from uav_bt.tree.script import Script, parse_script
 from uav_bt.tree.script.values import assigned, truth
-from uav_bt.tree.status import FAILURE, SUCCESS, Status
+from uav_bt.tree.status import ANSWER_NAMES, FAILURE, SUCCESS, Status
 
 __all__ = ["Precondition", "ScriptCondition", "ScriptNode", "SetBlackboard", "UnsetBlackboard"]
 
@@ -75,7 +74,7 @@ class Precondition(DecoratorNode):
     """Asks a script before it starts its child, and answers something else when that says no."""
 
     IF = Port("if", str, doc="a script that ends in true or false", check=parse_script)
-    ELSE = Port("else", str, default="FAILURE", doc="the answer otherwise", choices=STATUS_NAMES)
+    ELSE = Port("else", str, default="FAILURE", doc="the answer otherwise", choices=ANSWER_NAMES)
     ports = (IF, ELSE)
 
     _started = False
@@ -84,12 +83,13 @@ class Precondition(DecoratorNode):
         super().__init__(name, child, **given)
         self._code = _Code()
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         if not self._started:
             script = self._code.of(self.port(self.IF))
             self._started = truth(script.run(self.environment))
             if not self._started:
-                return STATUSES[self.port(self.ELSE)]
+                return Status[self.port(self.ELSE)]
         status = self.child.execute_tick()
         if status is SUCCESS or status is FAILURE:
             self._started = False

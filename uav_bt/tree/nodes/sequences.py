@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from uav_bt.tree.nodes.control import ControlNode
+from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
 __all__ = ["AsyncSequence", "ReactiveSequence", "Sequence", "SequenceWithMemory"]
@@ -19,15 +19,16 @@ class Sequence(ControlNode):
     _index = 0
     _skipped = 0
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the children."""
         children = self.children
         count = len(children)
-        if self.status is IDLE:
+        if self.node_status is IDLE:
             self._skipped = 0
-        self.status = RUNNING
+        self.set_status(RUNNING)
         while self._index < count:
             child = children[self._index]
-            was_idle = child.status is IDLE
+            was_idle = child.node_status is IDLE
             status = child.execute_tick()
             if status is RUNNING:
                 return RUNNING
@@ -76,10 +77,11 @@ class SequenceWithMemory(Sequence):
 class ReactiveSequence(ControlNode):
     """Asks all children again at every tick; a running child halts the others."""
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the children."""
         children = self.children
         all_skipped = True
-        self.status = RUNNING
+        self.set_status(RUNNING)
         for child in children:
             status = child.execute_tick()
             if status is SKIPPED:

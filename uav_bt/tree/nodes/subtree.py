@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port, parse_reference
 from uav_bt.tree.status import IDLE, RUNNING, Status
 from uav_bt.tree.variables import Variables
@@ -72,7 +72,8 @@ class SubTree(DecoratorNode):
             autoremap=self._autoremap,
         )
 
-    def _tick(self) -> Status:
-        if self.status is IDLE:
-            self.status = RUNNING
+    def update(self) -> Status:
+        """Tick the child."""
+        if self.node_status is IDLE:
+            self.set_status(RUNNING)
         return self.child.execute_tick()

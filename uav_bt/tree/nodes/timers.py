@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS, Status
 
@@ -27,17 +27,18 @@ class Timeout(DecoratorNode):
     _deadline_s: float | None = None  # None: not started
     _expired = False
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         limit_msec = self.port(self.MSEC)
         now_s = self.clock.now()
         if self._deadline_s is None:
             self._deadline_s = now_s + limit_msec / 1000 if limit_msec > 0 else float("inf")
             self._expired = False
-            self.status = RUNNING
+            self.set_status(RUNNING)
         if not self._expired and now_s >= self._deadline_s - _HAIR_S:
             # The engine's timer strikes once; a child that is not running then is left alone.
             self._expired = True
-            if self.child.status is RUNNING:
+            if self.child.node_status is RUNNING:
                 self.child.reset()
                 self._deadline_s = None
                 return FAILURE
@@ -59,12 +60,13 @@ class Delay(DecoratorNode):
 
     _start_at_s: float | None = None  # None: not waiting
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         delay_msec = self.port(self.DELAY_MSEC)
         now_s = self.clock.now()
         if self._start_at_s is None:
             self._start_at_s = now_s + delay_msec / 1000
-            self.status = RUNNING
+            self.set_status(RUNNING)
         if now_s < self._start_at_s - _HAIR_S:
             return RUNNING
         status = self.child.execute_tick()

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes.decorator import DecoratorNode
+from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
@@ -73,7 +73,8 @@ class _UnlessUpdated(DecoratorNode):
         super().__init__(name, child, **given)
         self._watch = _Watch(self)
 
-    def _tick(self) -> Status:
+    def update(self) -> Status:
+        """Tick the child."""
         if not self._busy and not self._watch.updated():
             return self._otherwise
         status = self.child.execute_tick()

@@ -43,7 +43,7 @@ class Seen:
             def on_tick(self, record: TickRecord) -> None:
                 seen.ticks.append(record)
                 seen.boards.append(copy.copy(context.board.snapshot()))
-                seen.statuses.append({node.path: node.status for node in tree.nodes()})
+                seen.statuses.append({node.path: node.node_status for node in tree.nodes()})
 
         return [Follower()]
 

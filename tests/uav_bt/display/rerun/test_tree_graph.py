@@ -46,7 +46,7 @@ def test_nodes_are_coloured_by_status_and_unnamed_ones_stand_idle() -> None:
     nodes = stream.last("tree")
     assert values(nodes.node_ids) == [node.path for node in NODES]
     assert values(nodes.labels) == ["root", "first", "second", "leaf"]
-    idle = colour_code(Status.INVALID)
+    idle = colour_code(Status.IDLE)
     expected = [colour_code(Status.RUNNING), colour_code(Status.FAILURE), idle, idle]
     assert values(nodes.colors) == expected
 

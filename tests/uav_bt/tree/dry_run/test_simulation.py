@@ -12,7 +12,7 @@ from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.dry_run import Answer, SimulatedTick, Simulation, read_script
 from uav_bt.tree.loading.palette import PaletteControl
 
-S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
+S, F, R, K = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.SKIPPED
 
 
 class Fly(Leaf):

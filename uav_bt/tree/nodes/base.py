@@ -1,16 +1,28 @@
-"""Base of the nodes that have one child."""
+"""Bases of the nodes that have children."""
 
 from __future__ import annotations
 
-from py_trees.decorators import Decorator
+from typing import ClassVar
 
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.status import FAILURE, SUCCESS, Status
 
-__all__ = ["DecoratorNode"]
+__all__ = ["ControlNode", "DecoratorNode"]
 
 
-class DecoratorNode(Node, Decorator):
+class ControlNode(Node):
+    """A node with children, ticked in some order."""
+
+    kind = NodeKind.CONTROL
+    min_children = 1
+    max_children: ClassVar[int | None] = None
+
+    def _reset_children(self) -> None:
+        for child in self.children:
+            child.reset()
+
+
+class DecoratorNode(Node):
     """A node with one child.
 
     Args:
@@ -27,10 +39,7 @@ class DecoratorNode(Node, Decorator):
     max_children = 1
 
     def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
-        if not isinstance(child, Node):
-            raise TypeError(f"the child of '{name or self.node_id}' must be a uav_bt.tree node")
-        Decorator.__init__(self, name or self.node_id, child)
-        self._bind(given)
+        super().__init__(name, (child,), **given)
         self.child = child
 
     def execute_tick(self) -> Status:
@@ -41,6 +50,6 @@ class DecoratorNode(Node, Decorator):
         """
         status = super().execute_tick()
         child = self.child
-        if child.status is SUCCESS or child.status is FAILURE:
-            child.status = Status.INVALID
+        if child.node_status is SUCCESS or child.node_status is FAILURE:
+            child.set_status(Status.IDLE)
         return status
