@@ -97,6 +97,7 @@ class LoopbackDrone:
                     host=setup.server.address,
                     port=setup.server.ports.rtsp,
                     encoder=encoder,
+                    serial=setup.server.identity.serial,
                     now=self._clock.now,
                     finish=self._camera.close,
                 )

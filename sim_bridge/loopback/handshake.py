@@ -26,6 +26,7 @@ __all__ = [
 MAX_REQUEST_BYTES: Final = 8192  # a client's request has some 200
 _MODEL: Final = "0x0914"  # the ANAFI 4K
 _BUSY: Final = -1
+_FRAMES_VERSION: Final = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +43,6 @@ class ConnectionRequest:
 
     events_port: int  # UDP, on the client's side
     controller: str = ""
-    version: int = 1  # of the frames: the newest that both sides speak
 
 
 def announcement(identity: Identity, control_port: int) -> bytes:
@@ -76,20 +76,18 @@ def parse_request(data: bytes) -> ConnectionRequest:
     if not isinstance(port, int) or isinstance(port, bool) or not 0 < port < 65536:
         raise WireError(f"a request for a link names d2c_port, a UDP port, got {data[:80]!r}")
     newest = request.get("proto_v_max", 1)
+    if not isinstance(newest, int) or newest < _FRAMES_VERSION:
+        raise WireError(
+            f"a client speaks version {_FRAMES_VERSION} of the frames, got {data[:80]!r}"
+        )
     return ConnectionRequest(
         events_port=port,
         controller=str(request.get("controller_name", "")),
-        version=2 if isinstance(newest, int) and newest >= 2 else 1,
     )
 
 
-def accepted(request: ConnectionRequest, commands_port: int) -> bytes:
-    """Return the answer that opens a link.
-
-    Args:
-        request: the client's.
-        commands_port: where the client's commands go (UDP).
-    """
+def accepted(commands_port: int) -> bytes:
+    """Return the answer that opens a link; commands go to a UDP port."""
     return _line(
         {
             "status": 0,
@@ -97,7 +95,7 @@ def accepted(request: ConnectionRequest, commands_port: int) -> bytes:
             "c2d_update_port": 51,
             "c2d_user_port": 21,
             "qos_mode": 0,
-            "proto_v": request.version,
+            "proto_v": _FRAMES_VERSION,
         }
     )
 

@@ -8,15 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from sim_bridge.loopback import frames
 from sim_bridge.loopback.frames import (
     ACK_OFFSET,
     EVENTS,
     EVENTS_WITHOUT_ACK,
     PING,
     PONG,
-    VERSION_1,
+    SEQUENCES,
     FrameType,
-    Framing,
     WireFrame,
 )
 
@@ -40,7 +40,6 @@ class Link:
     Args:
         transmit: sends a datagram; may lose it.
         now_s: the time.
-        framing: the version that the client speaks.
         timing: when it repeats an event, and when it is dead.
     """
 
@@ -49,11 +48,9 @@ class Link:
         transmit: Callable[[bytes], None],
         now_s: float,
         *,
-        framing: Framing = VERSION_1,
         timing: LinkTiming | None = None,
     ) -> None:
         self._transmit = transmit
-        self._framing = framing
         self._timing = timing or LinkTiming()
         self._received_s = now_s
         self._pinged_s = now_s
@@ -90,7 +87,7 @@ class Link:
             self._waiting.append(payload)
             self._launch(now_s)
         else:
-            self._send_frame(FrameType.DATA, EVENTS_WITHOUT_ACK, self._framing.pack([payload]))
+            self._send_frame(FrameType.DATA, EVENTS_WITHOUT_ACK, frames.pack([payload]))
 
     def receive(self, datagram: bytes, now_s: float) -> list[bytes]:
         """Take a datagram.
@@ -103,7 +100,7 @@ class Link:
             The encoded commands in it that were not taken before.
         """
         commands: list[bytes] = []
-        for frame in self._framing.parse(datagram):
+        for frame in frames.parse(datagram):
             self._received_s = now_s
             if frame.type is FrameType.ACK:
                 self._acknowledged(frame, now_s)
@@ -112,17 +109,17 @@ class Link:
             elif frame.buffer != PONG:
                 if frame.type is FrameType.DATA_WITH_ACK:
                     # Also when it is a double: the first acknowledgement may have been lost.
-                    answer = self._framing.sequence_bytes(frame.sequence)
-                    self._send_frame(FrameType.ACK, frame.buffer + ACK_OFFSET, answer)
+                    ack_buffer = frame.buffer + ACK_OFFSET
+                    self._send_frame(FrameType.ACK, ack_buffer, frame.acknowledgement)
                 if self._is_new(frame):
-                    commands += self._framing.unpack(frame.payload)
+                    commands += frames.unpack(frame.payload)
         return commands
 
     def poll(self, now_s: float) -> None:
         """Repeat what was not acknowledged, and ping when it is time."""
         if self._in_flight is not None and now_s - self._sent_s >= self._timing.repeat_s:
             self._sent_s = now_s
-            self._transmit(self._framing.to_bytes(self._in_flight))
+            self._transmit(self._in_flight.to_bytes())
         if now_s - self._pinged_s >= self._timing.ping_s:
             self.ping(now_s)
 
@@ -137,8 +134,8 @@ class Link:
     def _is_new(self, frame: WireFrame) -> bool:
         last = self._received.get(frame.buffer)
         if last is not None:
-            half = self._framing.sequences // 2
-            ahead = (frame.sequence - last + half) % self._framing.sequences - half
+            half = SEQUENCES // 2
+            ahead = (frame.sequence - last + half) % SEQUENCES - half
             if -_BEHIND < ahead <= 0:
                 return False
         self._received[frame.buffer] = frame.sequence
@@ -148,7 +145,7 @@ class Link:
         ours = self._in_flight
         if ours is None or frame.buffer != ours.buffer + ACK_OFFSET:
             return
-        if frame.payload == self._framing.sequence_bytes(ours.sequence):
+        if frame.payload == ours.acknowledgement:
             self._in_flight = None
             self._packed = 0
             self._launch(now_s)
@@ -156,16 +153,16 @@ class Link:
     def _launch(self, now_s: float) -> None:
         if self._in_flight is None and self._waiting:
             pack = [self._waiting.popleft()]
-            while self._waiting and self._framing.fits(pack, self._waiting[0]):
+            while self._waiting and frames.fits(pack, self._waiting[0]):
                 pack.append(self._waiting.popleft())
             self._sent_s, self._packed = now_s, len(pack)
-            payload = self._framing.pack(pack)
+            payload = frames.pack(pack)
             self._in_flight = self._send_frame(FrameType.DATA_WITH_ACK, EVENTS, payload)
 
     def _send_frame(self, kind: FrameType, buffer: int, payload: bytes) -> WireFrame:
         buffer %= 256
-        sequence = (self._sequences.get(buffer, -1) + 1) % self._framing.sequences
+        sequence = (self._sequences.get(buffer, -1) + 1) % SEQUENCES
         self._sequences[buffer] = sequence
         frame = WireFrame(type=kind, buffer=buffer, sequence=sequence, payload=payload)
-        self._transmit(self._framing.to_bytes(frame))
+        self._transmit(frame.to_bytes())
         return frame

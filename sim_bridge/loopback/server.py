@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from sim_bridge.loopback.codec import WireError, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
-from sim_bridge.loopback.frames import VERSION_1, VERSION_2
 from sim_bridge.loopback.handshake import (
     MAX_REQUEST_BYTES,
     ConnectionRequest,
@@ -206,7 +205,7 @@ class LoopbackServer:
                 writer.write(refused())
             else:
                 self._admit(host, request)
-                writer.write(accepted(request, self._ports.commands))
+                writer.write(accepted(self._ports.commands))
             await writer.drain()
 
     async def _probe(self) -> None:
@@ -230,8 +229,7 @@ class LoopbackServer:
         def transmit(datagram: bytes) -> None:
             udp.sendto(datagram, address)
 
-        framing = VERSION_2 if request.version == 2 else VERSION_1
-        link = Link(transmit, self._now(), framing=framing, timing=self._options.timing)
+        link = Link(transmit, self._now(), timing=self._options.timing)
         name = f"{request.controller or 'a client'} at {host}:{request.events_port}"
         self._client = _Client(link=link, address=address, name=name)
         _LOG.info("connected: %s", name)

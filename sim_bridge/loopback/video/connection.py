@@ -13,7 +13,7 @@ from sim_bridge.loopback.video.dialogue import CONTROL, Dialogue, refusal
 from sim_bridge.loopback.video.encoder import ParameterSets
 from sim_bridge.loopback.video.rtp import RtpStream
 from sim_bridge.loopback.video.rtsp_message import Request, RequestReader, RtspError
-from sim_bridge.loopback.video.sdp import StreamIdentity, describe
+from sim_bridge.loopback.video.sdp import describe
 from sim_bridge.loopback.video.streamer import Player, Streamer
 from sim_bridge.loopback.video.transport import (
     DatagramPair,
@@ -38,7 +38,7 @@ class ServerState:
 
     streamer: Streamer
     datagrams: DatagramPair
-    identity: StreamIdentity
+    serial: str  # of the drone
     sets: ParameterSets
     random: Random
     now: Callable[[], float]  # monotonic, the clock of the frames' times
@@ -130,8 +130,8 @@ class Connection(asyncio.Protocol):
     def description(self) -> str:
         """Return the SDP."""
         return describe(
-            self._state.identity,
             self._state.sets,
+            serial=self._state.serial,
             host=self._transport.get_extra_info("sockname")[0],
             session=round(1e6 * self._state.now()),
             control=CONTROL,
@@ -140,7 +140,7 @@ class Connection(asyncio.Protocol):
     def set_up(self, transport: Transport) -> str:
         """Prepare a stream in place of an earlier one."""
         self._forget()
-        stream = RtpStream(self._state.random, self._state.identity.serial)
+        stream = RtpStream(self._state.random, self._state.serial)
         self._player = Player(stream, self._sink(transport))
         return transport.header(self._state.datagrams.ports, stream.ssrc)
 

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from random import Random, SystemRandom
 from typing import Final
 
+from sim_bridge.loopback.handshake import Identity
 from sim_bridge.loopback.ports import port_error
 from sim_bridge.loopback.video.connection import Connection, ServerState
 from sim_bridge.loopback.video.encoder import EncoderConfig, parameter_sets
 from sim_bridge.loopback.video.frame import FrameSource
-from sim_bridge.loopback.video.sdp import StreamIdentity
 from sim_bridge.loopback.video.streamer import Streamer, VideoStats
 from sim_bridge.loopback.video.transport import open_datagram_pair
 from uav_bt.errors import ValueRangeError
@@ -69,7 +69,7 @@ async def serve_video(
     host: str = "127.0.0.1",
     port: int = 554,
     encoder: EncoderConfig | None = None,
-    identity: StreamIdentity | None = None,
+    serial: str = Identity().serial,
     now: Callable[[], float] = time.monotonic,
     random: Random | None = None,
     finish: Callable[[], None] | None = None,
@@ -85,7 +85,7 @@ async def serve_video(
         port: of RTSP; 0 takes a free one. The media go through two free UDP ports, or through the
             client's connection, as the client wishes.
         encoder: size, rate and quality.
-        identity: the sender's description for clients.
+        serial: the drone's serial number.
         now: the monotonic clock of the frames' times.
         random: where streams and sessions begin; unpredictable unless given.
         finish: called once by `close`, on the source's thread, where an OpenGL context must be
@@ -118,7 +118,7 @@ async def serve_video(
     state = ServerState(
         streamer=Streamer(source, config, now=now, failed=failed, finish=finish),
         datagrams=datagrams,
-        identity=identity or StreamIdentity(),
+        serial=serial,
         sets=sets,
         random=random or SystemRandom(),
         now=now,

@@ -8,7 +8,7 @@ from collections import deque
 from typing import Any
 
 from sim_bridge.loopback.codec import Received, decode, encode
-from sim_bridge.loopback.frames import VERSION_1, VERSION_2, FrameType, WireFrame
+from sim_bridge.loopback.frames import SEQUENCES, FrameType, WireFrame, pack, parse, unpack
 from sim_bridge.loopback.messages import Buffer, message_table
 from sim_bridge.loopback.ports import Ports
 
@@ -19,11 +19,9 @@ REPEAT_S = 0.1
 class Client(asyncio.DatagramProtocol):
     """Finds the drone, gets a link, sends commands and waits for events."""
 
-    def __init__(self, ports: Ports, *, version: int = 2, name: str = "test") -> None:
+    def __init__(self, ports: Ports, *, name: str = "test") -> None:
         self._ports = ports
-        self._version = version
         self._name = name
-        self._framing = VERSION_2 if version == 2 else VERSION_1
         self._sequences: dict[int, int] = {}
         self._last: dict[int, int] = {}
         self._acked: asyncio.Queue[int] = asyncio.Queue()
@@ -43,7 +41,7 @@ class Client(asyncio.DatagramProtocol):
             "d2c_port": self._udp.get_extra_info("sockname")[1],
             "device_id": self.card["serial"],
             "proto_v_min": 1,
-            "proto_v_max": self._version,
+            "proto_v_max": 2,
         }
         reader, writer = await asyncio.open_connection(host, self.card["port"])
         writer.write(json.dumps(request).encode() + b"\0")
@@ -59,12 +57,12 @@ class Client(asyncio.DatagramProtocol):
         """Send a command; return once it is acknowledged, where it must be."""
         message = message_table().named(name)
         acked = message.buffer is not Buffer.NOACK
-        payload = self._framing.pack([encode(message, values)])
+        payload = pack([encode(message, values)])
         kind = FrameType.DATA_WITH_ACK if acked else FrameType.DATA
         frame = self._frame(kind, 11 if acked else 10, payload)
         async with asyncio.timeout(PATIENCE_S):
             while True:
-                self.put(self._framing.to_bytes(frame))
+                self.put(frame.to_bytes())
                 if not acked:
                     return
                 try:
@@ -92,27 +90,26 @@ class Client(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         del addr
-        for frame in self._framing.parse(data):
+        for frame in parse(data):
             if frame.type is FrameType.ACK:
                 self._acked.put_nowait(int.from_bytes(frame.payload, "little"))
             elif frame.buffer == 0:
-                self.put(self._framing.to_bytes(self._frame(FrameType.DATA, 1, frame.payload)))
+                self.put(self._frame(FrameType.DATA, 1, frame.payload).to_bytes())
             elif frame.buffer in (126, 127):
                 self._take(frame)
 
     def _take(self, frame: WireFrame) -> None:
         if frame.type is FrameType.DATA_WITH_ACK:
-            seen = self._framing.sequence_bytes(frame.sequence)
-            ack = self._frame(FrameType.ACK, frame.buffer + 128, seen)
-            self.put(self._framing.to_bytes(ack))
+            ack = self._frame(FrameType.ACK, frame.buffer + 128, frame.acknowledgement)
+            self.put(ack.to_bytes())
             if self._last.get(frame.buffer) == frame.sequence:
                 return
             self._last[frame.buffer] = frame.sequence
         table = message_table()
-        self.events += [decode(one, table) for one in self._framing.unpack(frame.payload)]
+        self.events += [decode(one, table) for one in unpack(frame.payload)]
         self._news.set()
 
     def _frame(self, kind: FrameType, buffer: int, payload: bytes) -> WireFrame:
-        sequence = (self._sequences.get(buffer, -1) + 1) % self._framing.sequences
+        sequence = (self._sequences.get(buffer, -1) + 1) % SEQUENCES
         self._sequences[buffer] = sequence
         return WireFrame(type=kind, buffer=buffer, sequence=sequence, payload=payload)

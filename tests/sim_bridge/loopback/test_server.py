@@ -50,8 +50,8 @@ async def serving(world: FakeWorld | None = None) -> AsyncIterator[LoopbackServe
         await server.close()
 
 
-async def connected(server: LoopbackServer, version: int = 2) -> Client:
-    client = Client(server.ports, version=version)
+async def connected(server: LoopbackServer) -> Client:
+    client = Client(server.ports)
     assert await client.connect()
     await client.send("common.Common.AllStates")
     await client.wait("common.CommonState.AllStatesChanged")
@@ -60,13 +60,12 @@ async def connected(server: LoopbackServer, version: int = 2) -> Client:
     return client
 
 
-@pytest.mark.parametrize("version", [1, 2])
-def test_a_client_connects_flies_and_lands(version: int) -> None:
+def test_a_client_connects_flies_and_lands() -> None:
     async def run() -> None:
         async with serving() as server:
-            client = await connected(server, version)
+            client = await connected(server)
             assert client.card["model.id"] == "0x0914"
-            assert client.answer["proto_v"] == version
+            assert client.answer["proto_v"] == 2
             await client.send("ardrone3.Piloting.TakeOff")
             await client.wait(FLYING, state="hovering")
             await client.send("ardrone3.Piloting.moveBy", dX=1.0, dY=0.0, dZ=0.0, dPsi=0.0)

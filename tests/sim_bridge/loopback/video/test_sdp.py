@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import base64
 
-import pytest
-
 from sim_bridge.loopback.video.encoder import ParameterSets
-from sim_bridge.loopback.video.sdp import StreamIdentity, describe
-from uav_bt.errors import InputError
+from sim_bridge.loopback.video.sdp import describe
 
 SETS = ParameterSets(sps=b"\x67\x42\xc0\x1f\xda", pps=b"\x68\xce")
 
 
-def lines(**changes: str) -> list[str]:
-    text = describe(
-        StreamIdentity(**changes), SETS, host="127.0.0.1", session=42, control="stream=0"
-    )
+def lines(serial: str = "PI9") -> list[str]:
+    text = describe(SETS, serial=serial, host="127.0.0.1", session=42, control="stream=0")
     assert text.endswith("\r\n")
     return text.removesuffix("\r\n").split("\r\n")
 
@@ -50,17 +45,10 @@ def test_no_range_is_given_which_parrots_parser_refuses() -> None:
     assert not any(line.startswith("a=range") for line in lines())
 
 
-def test_identity_is_told() -> None:
+def test_the_serial_number_is_in_it() -> None:
     assert "a=X-com-parrot-serial:PI9" in lines(serial="PI9")
-    assert "s=Lab drone" in lines(name="Lab drone")
-
-
-@pytest.mark.parametrize("text", ["", "two\r\nlines", "x" * 65])
-def test_a_name_that_is_no_line_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="one line"):
-        StreamIdentity(name=text)
 
 
 def test_an_ipv6_address_is_called_one() -> None:
-    text = describe(StreamIdentity(), SETS, host="::1", session=1, control="stream=0")
+    text = describe(SETS, serial="PI9", host="::1", session=1, control="stream=0")
     assert "c=IN IP6 ::1\r\n" in text
