@@ -1,5 +1,6 @@
 """The tree language: nodes, ports, registry and the loader of tree files."""
 
+from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.loader import load_tree, parse_tree
 from uav_bt.tree.mission_tree import MissionTree
@@ -18,6 +19,7 @@ __all__ = [
     "Port",
     "Status",
     "Variables",
+    "leaf_of",
     "load_tree",
     "parse_tree",
 ]

@@ -421,8 +421,10 @@ class Node(Behaviour):
             unobserve(nodes, note)
         for node, answered in visits:
             node._visited = answered  # noqa: SLF001  # of the same class
-            yield node
-            node._visited = None  # noqa: SLF001
+            try:
+                yield node
+            finally:  # py_trees' composites leave the generator here
+                node._visited = None  # noqa: SLF001
 
     def stop(self, new_status: common.Status = common.Status.INVALID) -> None:
         """Stop from outside, as py_trees' composites do."""

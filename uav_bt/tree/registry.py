@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from py_trees.behaviour import Behaviour
+
 from uav_bt import plugins
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -22,7 +25,7 @@ class NodeRegistry:
         nodes: further classes to register.
     """
 
-    def __init__(self, nodes: Iterable[type[Node]] = ()) -> None:
+    def __init__(self, nodes: Iterable[type[Node | Behaviour]] = ()) -> None:
         self._nodes: dict[str, type[Node]] = {}
         for node in (*BUILTIN_NODES, *nodes):
             self.register(node)
@@ -31,7 +34,8 @@ class NodeRegistry:
     def installed(cls) -> NodeRegistry:
         """Return a registry with the nodes of all installed packages.
 
-        An entry point of the group `uav_bt.behaviours` names an iterable of node classes.
+        An entry point of the group `uav_bt.behaviours` names an iterable of node classes, or of
+        py_trees behaviours.
 
         Raises:
             InputError: a package's entry point is broken, or two packages use one name.
@@ -48,14 +52,19 @@ class NodeRegistry:
                 registry.register(node)
         return registry
 
-    def register(self, node: type[Node]) -> type[Node]:
-        """Add a node class; usable as a decorator.
+    def register(self, node: type[Node | Behaviour]) -> type[Node]:
+        """Add a node class, or a leaf class made of a plain py_trees behaviour.
+
+        Returns:
+            The class that the tree will have; usable as a decorator for node classes.
 
         Raises:
-            InputError: it is no node class, or its id is taken.
+            InputError: it is neither, its id is taken, or a constructor's argument is no port.
         """
-        if not (isinstance(node, type) and issubclass(node, Node)):
+        if not (isinstance(node, type) and issubclass(node, Behaviour)):
             raise InputError(f"expected a node class to register, got {node!r}")
+        if not issubclass(node, Node):
+            node = leaf_of(node)
         known = self._nodes.setdefault(node.node_id, node)
         if known is not node:
             raise InputError(
@@ -68,7 +77,7 @@ class NodeRegistry:
         """Return a node class.
 
         Raises:
-            UnknownNameError: nobody registered one of that name.
+            UnknownNameError: no such node is registered.
         """
         try:
             return self._nodes[node_id]

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import ClassVar
 
+import py_trees
 import pytest
+from py_trees.parsers.behaviour_tree_xml import parse_behaviour_tree_xml
+from py_trees.ports import BehaviourWithPorts
 
 from tests.conformance import read_traces
 from tests.uav_bt.tree.tree_world import World
@@ -103,12 +107,63 @@ def test_a_misspelt_entry_is_refused_as_the_page_says() -> None:
 
 def test_the_python_example_runs(world: World) -> None:
     """A tree composed in Python ticks as one from a file."""
-    names: dict[str, object] = {}
-    (code,) = PYTHON
-    exec(compile(code, "docs/tree-files.md", "exec"), names)  # noqa: S102  # our own page
-    tree = names["tree"]
+    tree = _run(PYTHON[0])["tree"]
     assert isinstance(tree, MissionTree)
     tree.setup(world.context)
     answers = [tree.tick() for _ in range(3)]
     assert answers == [Status.RUNNING, Status.RUNNING, Status.SUCCESS]
     assert tree.variables["count"] == 2
+
+
+@pytest.mark.parametrize("code", PYTHON[1:], ids=["a behaviour of theirs", "a leaf of ours"])
+def test_the_examples_with_py_trees_run(world: World, code: str) -> None:
+    """They assert by themselves."""
+    world.board.declare(HEIGHT)
+    _run(code, context=world.context)
+
+
+def _run(code: str, **names: object) -> dict[str, object]:
+    exec(compile(code, "docs/tree-files.md", "exec"), names)  # noqa: S102  # our own page
+    return names
+
+
+class Lamp(BehaviourWithPorts):
+    """A leaf for the parser of py_trees."""
+
+    INPUT_PORTS: ClassVar[dict[str, object]] = {}
+    OUTPUT_PORTS: ClassVar[dict[str, object]] = {}
+
+    def __init__(self, name: str, speed: float = 1.0, **given: object) -> None:
+        super().__init__(name, **given)
+        self.speed = speed
+
+    def update(self) -> py_trees.common.Status:
+        return py_trees.common.Status.SUCCESS
+
+
+@pytest.mark.parametrize(
+    ("body", "speed"),
+    [
+        ('<Sequence memry="false" _skipIf="true"><Lamp name="a"/></Sequence>', 1.0),
+        ('<Sequence><Lamp name="a" speed="fast"/></Sequence>', "fast"),
+        ('<Sequence><Lamp name="&a;"/></Sequence>', 1.0),
+        ('<Sequence><Lamp name="a"/><Lamp name="a"/></Sequence>', None),
+        ('<Sequence><Lamp name="a" spede="2"/></Sequence>', None),
+        ('<ReactiveSequence><Lamp name="a"/></ReactiveSequence>', None),
+    ],
+)
+def test_the_parser_of_py_trees_differs_as_the_page_says(
+    tmp_path: Path, body: str, speed: object
+) -> None:
+    """What it takes (with the speed that its leaf gets), and what it refuses (None)."""
+    path = tmp_path / "tree.xml"
+    path.write_text(
+        '<!DOCTYPE root [<!ENTITY a "a">]><root main_tree_to_execute="M">'
+        f'<BehaviorTree ID="M">{body}</BehaviorTree></root>'
+    )
+    if speed is None:
+        with pytest.raises(Exception, match=r"Duplicate|unexpected keyword|Unsupported tag"):
+            parse_behaviour_tree_xml(str(path), node_registry={"Lamp": Lamp})
+        return
+    (lamp,) = parse_behaviour_tree_xml(str(path), node_registry={"Lamp": Lamp}).children
+    assert (lamp.name, lamp.speed) == ("a", speed)

@@ -1,0 +1,159 @@
+"""Plain py_trees behaviours as leaves of tree files."""
+
+from __future__ import annotations
+
+import enum
+import inspect
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, ClassVar, Final, get_type_hints
+
+from py_trees import common
+from py_trees.behaviour import Behaviour
+
+from uav_bt.board.context import MissionContext
+from uav_bt.errors import InputError
+from uav_bt.tree.leaf import Leaf
+from uav_bt.tree.node import Node
+from uav_bt.tree.port import Port, Reference, parse_reference
+from uav_bt.tree.status import RUNNING, SKIPPED, Status
+
+__all__ = ["ForeignLeaf", "leaf_of"]
+
+_TYPES: Final = (str, int, float, bool)
+_EXPECTED: Final = "annotate it with str, int, float, bool or an enumeration"
+
+
+class _ConstructorPort(Port[Any]):
+    """A constructor's argument: known before the tree runs, so a literal."""
+
+    def bind(self, given: object) -> Any | Reference:
+        """Return the typed value.
+
+        Raises:
+            ValueError: it is a reference, or does not fit.
+        """
+        if isinstance(given, str) and parse_reference(given, self.name) is not None:
+            raise ValueError(
+                f"a py_trees behaviour is constructed before any variable has a value: "
+                f"expected a literal, got '{given}'"
+            )
+        return super().bind(given)
+
+
+class ForeignLeaf(Leaf):
+    """Ticks a py_trees behaviour, which stays as py_trees made it.
+
+    It is constructed and set up with the tree, and ticked by py_trees' own `tick`, so that its
+    methods are called when py_trees promises; when the leaf is halted it is stopped with INVALID.
+    INVALID as the answer of a tick is SKIPPED.
+    """
+
+    behaviour_class: ClassVar[type[Behaviour]]
+    enums: ClassVar[dict[str, type[enum.Enum]]]  # of the constructor's arguments
+
+    def __init__(self, name: str | None = None, /, **given: object) -> None:
+        super().__init__(name, **given)
+        arguments: dict[str, Any] = {
+            key: self.enums[key][value] if key in self.enums else value
+            for key, value in self._literals.items()
+        }
+        if "name" in inspect.signature(self.behaviour_class).parameters:
+            arguments["name"] = self.name
+        try:
+            self.behaviour = self.behaviour_class(**arguments)
+        except Exception as error:
+            raise InputError(
+                f"node '{self.name}' ({self.node_id}) cannot be constructed: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+        self._active = False  # ticked, and not at its end
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Set the behaviour up."""
+        del mission
+        self.behaviour.setup_with_descendants()
+
+    def update(self) -> Status:
+        """Tick the behaviour and answer what it answered."""
+        self._active = True
+        self.behaviour.tick_once()
+        self.feedback_message = self.behaviour.feedback_message
+        answered = self.behaviour.status
+        status = SKIPPED if answered is common.Status.INVALID else Status[answered.name]
+        self._active = status is RUNNING
+        return status
+
+    def terminate(self, new_status: Status) -> None:
+        """Stop a behaviour that has not ended by itself."""
+        del new_status
+        if self._active:
+            self._active = False
+            self.behaviour.stop(common.Status.INVALID)
+
+
+@cache
+def leaf_of(behaviour: type[Behaviour]) -> type[ForeignLeaf]:
+    """Return a leaf class that ticks behaviours of a plain py_trees class.
+
+    Its ports are the constructor's annotated arguments: `str`, `int`, `float`, `bool` or an
+    enumeration, given by its member's name. An argument with a default is an optional port; `name`
+    is the node's name; `*args` and `**kwargs` are left empty.
+
+    Raises:
+        InputError: it is no py_trees behaviour, or an argument has no annotation or another one.
+    """
+    if not issubclass(behaviour, Behaviour) or issubclass(behaviour, Node):
+        raise InputError(f"expected a class of py_trees behaviours, got {behaviour!r}")
+    where = f"{behaviour.__module__}.{behaviour.__qualname__}"
+    ports: list[Port[Any]] = []
+    enums: dict[str, type[enum.Enum]] = {}
+    for name, parameter, kind in _arguments(where, behaviour):
+        if isinstance(kind, type) and issubclass(kind, enum.Enum):
+            enums[name] = kind
+        ports.append(_port(where, name, parameter, kind))
+    body = {
+        "__doc__": behaviour.__doc__,
+        "__module__": behaviour.__module__,
+        "__qualname__": behaviour.__qualname__,
+        "node_id": behaviour.__name__,
+        "ports": tuple(ports),
+        "behaviour_class": behaviour,
+        "enums": enums,
+    }
+    return type(behaviour.__name__, (ForeignLeaf,), body)
+
+
+def _arguments(
+    where: str, behaviour: type[Behaviour]
+) -> Iterator[tuple[str, inspect.Parameter, Any]]:
+    try:
+        hints = get_type_hints(behaviour.__init__)
+    except NameError as error:
+        raise InputError(f"{where}: an annotation of its constructor: {error}") from error
+    skipped = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    for name, parameter in inspect.signature(behaviour).parameters.items():
+        if name == "name" or parameter.kind in skipped:
+            continue
+        if name not in hints:
+            raise InputError(
+                f"{where}: argument '{name}' of its constructor has no annotation; {_EXPECTED}"
+            )
+        yield name, parameter, hints[name]
+
+
+def _port(where: str, name: str, parameter: inspect.Parameter, kind: Any) -> _ConstructorPort:
+    default = Port.REQUIRED if parameter.default is inspect.Parameter.empty else parameter.default
+    choices: tuple[str, ...] = ()
+    if isinstance(kind, type) and issubclass(kind, enum.Enum):
+        choices, default = tuple(kind.__members__), getattr(default, "name", default)
+        kind = str
+    if kind not in _TYPES:
+        raise InputError(
+            f"{where}: argument '{name}' of its constructor has a type that no port has: {kind}; "
+            f"{_EXPECTED}"
+        )
+    try:
+        return _ConstructorPort(name, kind, default, choices=choices)
+    except ValueError as error:
+        raise InputError(f"{where}: argument '{name}' of its constructor: {error}") from error
