@@ -29,7 +29,7 @@ from perception.control.export import load_control_tensors
 from perception.control.samples import SampleConfig
 from perception.control.training import ControlTrainingConfig
 from uav_bt import campaign as campaigns
-from uav_bt.campaign.intervals import wilson
+from uav_bt.campaign.report.statistics import wilson
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.learning import student
 from uav_bt.learning.dataset import split_records

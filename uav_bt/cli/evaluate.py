@@ -216,7 +216,7 @@ def _figures(score: SegmentationScore) -> dict[str, Any]:
     from uav_bt.classes import CLASS_NAMES, GROUP_NAMES  # noqa: PLC0415 - late, for --help
 
     return {
-        "pictures": score.pictures,
+        "pictures": score.images,
         "accuracy": round(score.accuracy, 4),
         "group_miou": round(score.group_miou, 4),
         "miou": round(score.miou, 4),

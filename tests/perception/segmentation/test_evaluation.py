@@ -41,7 +41,7 @@ def test_a_class_that_never_appears_does_not_enter_the_mean() -> None:
 def test_pictures_add_up() -> None:
     pairs = [(_map([0, 1]), _map([0, 1])), (_map([0, 0]), _map([1, 1]))]
     score = evaluation.score_segmentation(pairs)
-    assert score.pictures == 2
+    assert score.images == 2
     assert score.iou[1] == pytest.approx(1 / 3)
 
 
@@ -56,5 +56,5 @@ def test_bad_maps_are_refused() -> None:
         evaluation.confusion(_map([0], [0]), _map([0, 0]))
     with pytest.raises(ValueRangeError, match="within 0 and 16"):
         evaluation.confusion(_map([17]), _map([0]))
-    with pytest.raises(ValueRangeError, match="no pictures"):
+    with pytest.raises(ValueRangeError, match="no images"):
         evaluation.score_segmentation([])

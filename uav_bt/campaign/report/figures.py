@@ -11,10 +11,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from uav_bt.campaign.report.density import bandwidth, density
 from uav_bt.campaign.report.paper import PAPER
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.campaign.report.statistics import summarise
+from uav_bt.campaign.report.statistics import bandwidth, density, summarise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

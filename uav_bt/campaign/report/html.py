@@ -1,19 +1,26 @@
-"""A page of its own: style and pictures inside, nothing from elsewhere, every text escaped."""
+"""A page of its own: style and images inside, nothing from elsewhere, every text escaped."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import Final
-from urllib.parse import quote
+
+from jinja2 import Environment, StrictUndefined
 
 from uav_bt.campaign.report.tables import Cell, Link, Table
 
 __all__ = ["Picture", "Section", "page"]
 
-_STYLE: Final = """
+_PAGE: Final = """\
+<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{{ title }}</title>
+<style>
 :root { color: #212529; background: #f4f5f7; font: 15px/1.5 system-ui, sans-serif; }
 body { margin: 0 auto; padding: 2rem 1.5rem 4rem; max-width: 76rem; }
 h1 { font-size: 1.7rem; margin: 0 0 .3rem; }
@@ -34,6 +41,55 @@ td.number, th.number { text-align: right; }
 code { font: .82rem/1.4 ui-monospace, monospace; background: #f1f3f5; border-radius: 3px;
   padding: .05rem .3rem; white-space: pre-wrap; overflow-wrap: anywhere; }
 .warning { border-left: 4px solid #e67700; }
+</style>
+</head>
+<body>
+<h1>{{ title }}</h1>
+<p class="lead">{{ lead }}</p>
+{% for section in sections %}
+<section{{ ' class="warning"'|safe if section.warning }}>
+<h2>{{ section.title }}</h2>
+{% for text in section.paragraphs %}
+<p>{{ text }}</p>
+{% endfor %}
+{% for image in section.pictures %}
+<figure><img src="data:image/png;base64,{{ image.png|base64 }}" alt="{{ image.alt }}"></figure>
+{% endfor %}
+{% for table in section.tables %}
+{% if table.title != section.title %}
+<h3>{{ table.title }}</h3>
+{% endif %}
+{% if table.note %}
+<p class="note">{{ table.note }}</p>
+{% endif %}
+{% set numeric = table|numeric %}
+<div class="wide"><table>
+<tr>
+{%- for column in table.columns -%}
+<th{{ ' class="number"'|safe if numeric[loop.index0] }}>{{ column }}</th>
+{%- endfor -%}
+</tr>
+{% for row in table.rows %}
+<tr>
+{%- for cell in row -%}
+<td{{ ' class="number"'|safe if numeric[loop.index0] }}>
+{%- if cell is link -%}
+<a href="{{ cell.target|urlencode }}">{{ cell.text }}</a>
+{%- elif cell is not none and table.columns[loop.index0] in table.code -%}
+<code>{{ cell|text }}</code>
+{%- else -%}
+{{ cell|text }}
+{%- endif -%}
+</td>
+{%- endfor -%}
+</tr>
+{% endfor %}
+</table></div>
+{% endfor %}
+</section>
+{% endfor %}
+</body>
+</html>
 """
 
 
@@ -58,63 +114,38 @@ class Section:
 
 
 def page(title: str, lead: str, sections: Sequence[Section]) -> str:
-    """Return a whole HTML page."""
-    body = "\n".join(_section(section) for section in sections)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
-        f'<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>\n{body}\n</body>\n</html>\n'
+    """Return a whole HTML page.
+
+    Args:
+        title: of the page.
+        lead: the line below it.
+        sections: in their order.
+    """
+    environment = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
     )
+    environment.filters |= {"base64": _base64, "numeric": _numeric, "text": _text}
+    environment.tests["link"] = lambda cell: isinstance(cell, Link)
+    return environment.from_string(_PAGE).render(title=title, lead=lead, sections=sections)
 
 
-def _section(section: Section) -> str:
-    parts = [f"<h2>{escape(section.title)}</h2>"]
-    parts += [f"<p>{escape(text)}</p>" for text in section.paragraphs]
-    parts += [_picture(picture) for picture in section.pictures]
-    for table in section.tables:
-        if table.title != section.title:
-            parts.append(f"<h3>{escape(table.title)}</h3>")
-        parts.append(_table(table))
-    kind = ' class="warning"' if section.warning else ""
-    return f"<section{kind}>\n" + "\n".join(parts) + "\n</section>"
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")
 
 
-def _picture(picture: Picture) -> str:
-    data = base64.b64encode(picture.png).decode("ascii")
-    return f'<figure><img src="data:image/png;base64,{data}" alt="{escape(picture.alt)}"></figure>'
-
-
-def _table(table: Table) -> str:
-    numeric = [
+def _numeric(table: Table) -> list[bool]:
+    """Return which columns hold numbers only."""
+    return [
         bool(table.rows) and all(isinstance(row[i], (int, float, type(None))) for row in table.rows)
         for i in range(len(table.columns))
     ]
-    head = "".join(
-        f"<th{_kind(number)}>{escape(column)}</th>"
-        for column, number in zip(table.columns, numeric, strict=True)
-    )
-    rows = "\n".join(
-        "<tr>"
-        + "".join(
-            f"<td{_kind(number)}>{_cell(cell, code=column in table.code)}</td>"
-            for column, cell, number in zip(table.columns, row, numeric, strict=True)
-        )
-        + "</tr>"
-        for row in table.rows
-    )
-    note = f'<p class="note">{escape(table.note)}</p>\n' if table.note else ""
-    return f'{note}<div class="wide"><table>\n<tr>{head}</tr>\n{rows}\n</table></div>'
 
 
-def _kind(number: bool) -> str:  # noqa: FBT001 - private
-    return ' class="number"' if number else ""
-
-
-def _cell(cell: Cell, *, code: bool) -> str:
+def _text(cell: Cell) -> str:
     if cell is None:
         return ""
-    if isinstance(cell, Link):
-        return f'<a href="{escape(quote(cell.target))}">{escape(cell.text)}</a>'
-    text = f"{cell:g}" if isinstance(cell, float) and abs(cell) < 1e5 else str(cell)
-    return f"<code>{escape(text)}</code>" if code else escape(text)
+    return f"{cell:g}" if isinstance(cell, float) and abs(cell) < 1e5 else str(cell)

@@ -1,4 +1,4 @@
-"""What many flights say together: outcomes with intervals, distances and times."""
+"""Statistics of many flights: outcomes with intervals, distances and times, densities."""
 
 from __future__ import annotations
 
@@ -8,13 +8,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest, gaussian_kde
 
 from uav_bt.campaign.flight_lines import METRICS
-from uav_bt.campaign.intervals import wilson
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import Outcome
 
-__all__ = ["Distribution", "FlightsSummary", "by_tree", "summarise"]
+__all__ = [
+    "Distribution",
+    "FlightsSummary",
+    "bandwidth",
+    "by_tree",
+    "density",
+    "summarise",
+    "wilson",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +66,6 @@ class FlightsSummary:
     success_95: tuple[float, float]  # its 95 % Wilson interval
     metrics: dict[str, Distribution | None]  # by field of the flight's report
 
-    def share_95(self, outcome: str) -> tuple[float, float]:
-        """Return the 95 % Wilson interval of an outcome's share."""
-        return wilson(self.outcomes.get(outcome, 0), self.flights)
-
 
 def summarise(flights: Iterable[Mapping[str, Any]]) -> FlightsSummary:
     """Return what flights say together.
@@ -91,3 +96,52 @@ def by_tree(flights: Iterable[Mapping[str, Any]]) -> dict[str, list[dict[str, An
     for flight in flights:
         trees.setdefault(str(flight["tree"]), []).append(dict(flight))
     return trees
+
+
+def wilson(successes: int, trials: int) -> tuple[float, float]:
+    """Return the 95 % Wilson score interval of a proportion, 0 to 1.
+
+    E. B. Wilson, Probable inference, the law of succession, and statistical inference, JASA 22
+    (1927). Unlike the textbook interval it is meaningful at 0 and at 100 %.
+
+    Args:
+        successes: how many trials went well.
+        trials: how many there were, at least one.
+
+    Raises:
+        ValueRangeError: there are no trials, or more successes than trials.
+    """
+    if not 0 <= successes <= trials or trials == 0:
+        raise ValueRangeError(
+            f"an interval needs 0 <= successes <= trials and a trial, got {successes} of {trials}"
+        )
+    ends = binomtest(successes, trials).proportion_ci(method="wilson")
+    return float(ends.low), float(ends.high)
+
+
+def bandwidth(values: Sequence[float]) -> float:
+    """Return Silverman's bandwidth of a Gaussian kernel density, in the values' unit.
+
+    B. W. Silverman, Density estimation for statistics and data analysis (1986), equation 3.31;
+    SciPy's own rule of that name knows nothing of quartiles.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    std = float(array.std(ddof=1)) if len(array) > 1 else 0.0
+    upper, lower = np.percentile(array, [75, 25])
+    spreads = [spread for spread in (std, float(upper - lower) / 1.34) if spread > 0.0]
+    # Where most values are one and the same, the spread of the rest decides.
+    return 0.9 * min(spreads) * len(array) ** -0.2 if spreads else 0.0
+
+
+def density(values: Sequence[float], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the density of values that end at zero: what lies below is reflected.
+
+    Args:
+        values: at least two different ones, none negative.
+        at: where to evaluate, (N,), none negative.
+
+    Returns:
+        (N,), integrates to one from zero upwards.
+    """
+    kernel = gaussian_kde(values, bw_method=bandwidth(values) / np.std(values, ddof=1))
+    return np.asarray(kernel(at) + kernel(-at))

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from uav_bt.campaign.report.coverage import free_cells, visited_cells
-from uav_bt.campaign.report.density import bandwidth, density
-from uav_bt.campaign.report.statistics import summarise
+from uav_bt.campaign.report.statistics import bandwidth, density, summarise, wilson
 from uav_bt.display.lab_map import LabMap, MapItem
-from uav_bt.errors import InputError
+from uav_bt.errors import InputError, ValueRangeError
 
 CARPET_M = (5.0, 4.0)
 
@@ -37,7 +36,7 @@ def test_nothing_cannot_be_summarised() -> None:
         summarise([])
 
 
-def test_a_density_integrates_to_one_above_nought() -> None:
+def test_a_density_integrates_to_one_above_zero() -> None:
     at = np.linspace(0.0, 60.0, 6001)
     values = [0.0, 0.0, 0.0, 1.0, 5.0, 20.0]
     assert np.trapezoid(density(values, at), at) == pytest.approx(1.0, abs=1e-3)
@@ -53,6 +52,32 @@ def test_a_density_is_that_of_the_distribution_the_values_come_from() -> None:
 def test_the_bandwidth_survives_values_that_are_mostly_the_same() -> None:
     assert bandwidth([0.0] * 20 + [5.0]) > 0.0
     assert bandwidth([3.0, 3.0]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "low", "high"),
+    [
+        (81, 263, 0.2553, 0.3662),  # Newcombe 1998, table I, method 3
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_wilsons_interval_agrees_with_newcombe(
+    successes: int, trials: int, low: float, high: float
+) -> None:
+    assert wilson(successes, trials) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_nothing_but_successes_is_no_certainty() -> None:
+    low, high = wilson(100, 100)
+    assert (round(low, 4), high) == (0.963, 1.0)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(0, 0), (3, 2), (-1, 2)])
+def test_impossible_counts_are_refused(successes: int, trials: int) -> None:
+    with pytest.raises(ValueRangeError, match="0 <= successes <= trials"):
+        wilson(successes, trials)
 
 
 def test_a_straight_way_covers_a_band_of_the_carpet() -> None:
