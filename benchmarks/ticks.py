@@ -1,7 +1,7 @@
 """Count ticks per second, ours beside py_trees' own composites on the same shapes.
 
     python benchmarks/ticks.py
-    python benchmarks/ticks.py --nodes 50 1000 --rounds 15 --json ticks.json
+    python benchmarks/ticks.py --nodes 50 1000 --rounds 15
 
 Every tree is a sequence of sequences and fallbacks in turn, and every tick visits all its nodes.
 The leaves do the same on both sides: nothing (bare), or read one number and compare it: through a
@@ -16,16 +16,12 @@ of them; medians and quartiles over the rounds are told, and ratios are taken wi
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import platform
 import statistics
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
 
 import py_trees
 
@@ -163,17 +159,6 @@ def _no_policy(name: str) -> LeafPolicy:
     raise UnknownNameError("policy", name, ())
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """What was measured of one contestant."""
-
-    nodes: int
-    contestant: str
-    ticks_per_s: float  # median over the rounds
-    quartiles: tuple[float, float]
-    times_py_trees: float | None  # median of the rounds' ratios; None for py_trees itself
-
-
 def rate(tick: Callable[[], object], duration_s: float) -> float:
     """Return ticks per second over about so long."""
     ticks = 0
@@ -184,8 +169,8 @@ def rate(tick: Callable[[], object], duration_s: float) -> float:
     return ticks / passed
 
 
-def measure(nodes: int, rounds: int, slice_s: float) -> list[Row]:
-    """Measure all contestants on trees of one size."""
+def measure(nodes: int, rounds: int, slice_s: float) -> Iterator[str]:
+    """Measure all contestants on trees of one size; give a table's rows."""
     rivals = {
         "py_trees, bare": their_tree(nodes, reads=False),
         "uav_bt, bare": our_tree(nodes, None),
@@ -199,41 +184,12 @@ def measure(nodes: int, rounds: int, slice_s: float) -> list[Row]:
     for _ in range(rounds):
         for name, tick in rivals.items():
             rates[name].append(rate(tick, slice_s))
-    rows = []
     for name, values in rates.items():
         base = rates["py_trees, Client reads" if "reads" in name else "py_trees, bare"]
         ratios = [ours / theirs for ours, theirs in zip(values, base, strict=True)]
         low, median, high = statistics.quantiles(values, n=4)
-        rows.append(
-            Row(
-                nodes=nodes,
-                contestant=name,
-                ticks_per_s=median,
-                quartiles=(low, high),
-                times_py_trees=None if values is base else statistics.median(ratios),
-            )
-        )
-    return rows
-
-
-def machine() -> dict[str, str]:
-    """Return what the numbers depend on."""
-    return {
-        "date": datetime.now(UTC).date().isoformat(),
-        "machine": f"{platform.machine()}, {platform.system()}",
-        "processor": _processor(),
-        "python": platform.python_version(),
-        "py_trees": version("py_trees"),
-    }
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor()
+        ratio = "" if values is base else f"{statistics.median(ratios):.1f}"
+        yield f"| {nodes} | {name} | {median:,.0f} | {low:,.0f} - {high:,.0f} | {ratio} |"
 
 
 def main() -> None:
@@ -242,25 +198,15 @@ def main() -> None:
     parser.add_argument("--nodes", type=int, nargs="+", default=[50, 1000])
     parser.add_argument("--rounds", type=int, default=15, help="how often each one's turn comes")
     parser.add_argument("--slice-s", type=float, default=0.2, help="how long a turn takes")
-    parser.add_argument("--json", type=Path, help="write the numbers there, too")
     arguments = parser.parse_args()
-    facts = machine()
-    print("; ".join(f"{name} {value}" for name, value in facts.items()))
-    rows: list[Row] = []
-    for nodes in arguments.nodes:
-        rows += measure(nodes, arguments.rounds, arguments.slice_s)
+    print(
+        f"{platform.machine()}, Python {platform.python_version()}, py_trees {version('py_trees')}"
+    )
     print("| nodes | tree | ticks/s (median) | quartiles | times py_trees |")
     print("|---|---|---|---|---|")
-    for row in rows:
-        low, high = row.quartiles
-        ratio = "" if row.times_py_trees is None else f"{row.times_py_trees:.1f}"
-        print(
-            f"| {row.nodes} | {row.contestant} | {row.ticks_per_s:,.0f} | "
-            f"{low:,.0f} - {high:,.0f} | {ratio} |"
-        )
-    if arguments.json is not None:
-        result = {**facts, "rows": [asdict(row) for row in rows]}
-        arguments.json.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    for nodes in arguments.nodes:
+        for row in measure(nodes, arguments.rounds, arguments.slice_s):
+            print(row)
 
 
 if __name__ == "__main__":
