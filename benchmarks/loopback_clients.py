@@ -13,15 +13,14 @@ the drone at its own ports, so that 80 and 554 must be free and allowed (root); 
 from __future__ import annotations
 
 import argparse
-import os
-import signal
+import asyncio
+import shutil
 import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
+
+from olympe_scripts import FaultError, run, served
 
 SCRIPTS = Path(__file__).parent / "olympe_clients"
 # Olympe's own, by the folder in which its releases keep them; those of other drones (the ANAFI Ai's
@@ -38,20 +37,6 @@ EXAMPLES = {
         *("streaming_single", "streaming_multiple", "streaming_process_frames"),
     ),  # 8.5
 }
-TIMEOUT_S = 180.0
-
-
-@contextmanager
-def served(address: str, ports: list[str]) -> Iterator[subprocess.Popen[str]]:
-    """Run a loopback ANAFI."""
-    command = [sys.executable, "-m", "uav_bt.cli", "serve-anafi", "--address", address, *ports]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603 - ours
-        if server.stdout is None or not server.stdout.readline().startswith("'ANAFI"):
-            raise SystemExit("the loopback ANAFI did not start")
-        try:
-            yield server
-        finally:
-            server.send_signal(signal.SIGINT)
 
 
 def examples_of(python: str) -> list[Path]:
@@ -63,37 +48,26 @@ def examples_of(python: str) -> list[Path]:
     return [path for path in paths if path.is_file()]
 
 
-def fly(python: str, script: Path, address: str, ports: list[str], rtsp: int | None) -> bool:
+async def fly(python: str, script: Path, address: str, ports: list[str], rtsp: int | None) -> bool:
     """Run one script against a drone of its own; print a line about it."""
-    env = os.environ | {"DRONE_IP": address}
-    if rtsp is not None:
-        env["DRONE_RTSP_PORT"] = str(rtsp)
-    with tempfile.TemporaryDirectory() as folder, served(address, ports) as server:
-        copy = Path(folder) / script.name
-        copy.write_text(script.read_text(encoding="utf-8"), encoding="utf-8")
-        start = time.monotonic()
+    env = {} if rtsp is None else {"DRONE_RTSP_PORT": str(rtsp)}
+    start, good, note = time.monotonic(), True, ""
+    # A folder of its own: scripts write files, and must not import each other by accident.
+    with tempfile.TemporaryDirectory() as folder:
         try:
-            run = subprocess.run(  # noqa: S603 - the Python that was asked for
-                [python, str(copy)],
-                check=False,
-                capture_output=True,
-                text=True,
-                env=env,
-                cwd=folder,
-                timeout=TIMEOUT_S,
-            )
-            failed, said, complaint = run.returncode != 0, run.stdout, run.stderr
-        except subprocess.TimeoutExpired:
-            failed, said, complaint = True, "", f"not done after {TIMEOUT_S:.0f} s"
-        took = time.monotonic() - start
-        alive = server.poll() is None
-    own = [line for line in said.splitlines() if line and not line.startswith("20")]
-    note = own[-1] if own and not failed else ""
-    if failed:
-        note = (complaint.strip().splitlines() or ["?"])[-1]
-    verdict = "FAILED" if failed else "ok" if alive else "SERVER DIED"
-    print(f"{script.stem:<26}{verdict:<8}{took:>6.1f} s  {note}", flush=True)
-    return not failed and alive
+            async with served(address, *ports):
+                note = await run(python, Path(shutil.copy(script, folder)), address, **env)
+        except FaultError as error:
+            good, note = False, str(error)
+    took_s, verdict = time.monotonic() - start, "ok" if good else "FAILED"
+    print(f"{script.stem:<26}{verdict:<8}{took_s:>6.1f} s  {note}", flush=True)
+    return good
+
+
+async def fly_all(options: argparse.Namespace, scripts: list[Path], ports: list[str]) -> list[bool]:
+    """Run the scripts one after the other."""
+    rtsp = options.rtsp_port
+    return [await fly(options.python, one, options.address, ports, rtsp) for one in scripts]
 
 
 def main() -> None:
@@ -115,9 +89,7 @@ def main() -> None:
     for name in ("http_port", "rtsp_port"):
         port = getattr(options, name)
         ports += [] if port is None else [f"--{name.replace('_', '-')}", str(port)]
-    results = [
-        fly(options.python, script, options.address, ports, options.rtsp_port) for script in scripts
-    ]
+    results = asyncio.run(fly_all(options, scripts, ports))
     print(f"{sum(results)} of {len(results)} flew")
     raise SystemExit(0 if all(results) else 1)
 

@@ -1,4 +1,4 @@
-"""moveBy, moveTo and return-to-home."""
+"""Relative movements."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 
-from sim_bridge.loopback.world import HOME, location, offset_m
 from tests.sim_bridge.loopback.loopback_world import Bench
-from uav_bt.types import FlyingState
 
 END = "ardrone3.PilotingEvent.moveByEnd"
+
+
 CHANGED = "ardrone3.PilotingState.moveByChanged"
-MOVE_TO = "ardrone3.PilotingState.moveToChanged"
+
+
 STATE = "ardrone3.PilotingState.FlyingStateChanged"
 
 
@@ -28,17 +29,6 @@ def move_by(
     bench: Bench, dx: float = 0.0, dy: float = 0.0, dz: float = 0.0, dpsi: float = 0.0
 ) -> None:
     bench.send("ardrone3.Piloting.moveBy", dX=dx, dY=dy, dZ=dz, dPsi=dpsi)
-
-
-def move_to(bench: Bench, north_m: float, east_m: float, altitude_m: float, **how: Any) -> None:
-    there = location(north_m, east_m)
-    bench.send(
-        "ardrone3.Piloting.moveTo",
-        latitude=there.latitude_deg,
-        longitude=there.longitude_deg,
-        altitude=altitude_m,
-        **({"orientation_mode": "NONE", "heading": 0.0} | how),
-    )
 
 
 def position(bench: Bench) -> tuple[float, float, float]:
@@ -155,103 +145,3 @@ def test_a_movement_keeps_below_the_greatest_altitude(bench: Bench) -> None:
     move_by(bench, dz=-5.0)
     bench.run(6.0)
     assert position(bench)[2] == pytest.approx(2.0, abs=0.05)
-
-
-def test_a_place_is_flown_to_and_told(bench: Bench) -> None:
-    move_to(bench, 3.0, -2.0, 2.0)
-    bench.run(5.0)
-    assert position(bench) == pytest.approx((3.0, -2.0, 2.0), abs=0.1)
-    assert [one["status"] for one in bench.values(MOVE_TO)] == ["RUNNING", "DONE"]
-    assert bench.world.state().attitude.yaw_rad == pytest.approx(0.0, abs=0.01)
-
-
-@pytest.mark.parametrize(
-    ("mode", "heading_deg", "wanted_deg"),
-    [("TO_TARGET", 0.0, 90.0), ("HEADING_START", -45.0, -45.0), ("HEADING_DURING", 30.0, 30.0)],
-)
-def test_a_place_is_flown_to_facing_as_asked(
-    bench: Bench, mode: str, heading_deg: float, wanted_deg: float
-) -> None:
-    move_to(bench, 0.0, 4.0, 1.0, orientation_mode=mode, heading=heading_deg)
-    bench.run(0.3)
-    turning_first = abs(position(bench)[1]) < 0.05
-    assert turning_first is (mode != "HEADING_DURING")
-    bench.run(8.0)
-    assert position(bench)[1] == pytest.approx(4.0, abs=0.1)
-    yaw = math.degrees(bench.world.state().attitude.yaw_rad)
-    assert yaw == pytest.approx(wanted_deg, abs=2.0)
-
-
-def test_a_place_can_be_called_off_and_replaced(bench: Bench) -> None:
-    move_to(bench, 10.0, 0.0, 1.0)
-    bench.run(1.0)
-    move_to(bench, 0.0, 10.0, 1.0)
-    bench.run(1.0)
-    bench.send("ardrone3.Piloting.CancelMoveTo")
-    bench.run(0.1)
-    assert [one["status"] for one in bench.values(MOVE_TO)] == ["RUNNING", "RUNNING", "CANCELED"]
-    assert bench.world.state().flying is FlyingState.HOVERING
-
-
-def test_the_sticks_do_not_interrupt_a_place(bench: Bench) -> None:
-    move_to(bench, 2.0, 0.0, 1.0)
-    bench.send(
-        "ardrone3.Piloting.PCMD", flag=1, roll=0, pitch=-50, yaw=0, gaz=0, timestampAndSeqNum=0
-    )
-    bench.run(4.0)
-    assert [one["status"] for one in bench.values(MOVE_TO)] == ["RUNNING", "DONE"]
-
-
-def test_it_returns_home_lands_and_says_so(bench: Bench) -> None:
-    move_by(bench, 3.0, 2.0)
-    bench.run(5.0)
-    bench.told.clear()
-    bench.send("rth.return_to_home")
-    bench.run(60.0)
-    states = [(one["state"], one["reason"]) for one in bench.values("rth.state")]
-    assert states == [
-        ("in_progress", "user_request"),
-        ("available", "finished"),
-        ("unavailable", "disabled"),
-    ]
-    assert position(bench) == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
-    assert bench.flying_states()[-2:] == ["landing", "landed"]
-
-
-def test_the_way_home_can_be_called_off(bench: Bench) -> None:
-    move_by(bench, 3.0)
-    bench.run(5.0)
-    bench.told.clear()
-    bench.send("ardrone3.Piloting.NavigateHome", start=1)
-    bench.run(1.0)
-    bench.send("rth.abort")
-    bench.run(1.0)
-    legacy = bench.values("ardrone3.PilotingState.NavigateHomeStateChanged")
-    assert [(one["state"], one["reason"]) for one in legacy] == [
-        ("inProgress", "userRequest"),
-        ("available", "stopped"),
-    ]
-    assert bench.world.state().flying is FlyingState.HOVERING
-
-
-def test_home_may_be_somewhere_else_and_hovered_over(bench: Bench) -> None:
-    there = location(2.0, 2.0)
-    bench.send(
-        "rth.set_custom_location",
-        latitude=there.latitude_deg,
-        longitude=there.longitude_deg,
-        altitude=0.0,
-    )
-    bench.send("rth.set_ending_behavior", ending_behavior="hovering")
-    bench.send("rth.set_ending_hovering_altitude", altitude=3.0)
-    bench.send("rth.return_to_home")
-    bench.run(60.0)
-    assert position(bench) == pytest.approx((2.0, 2.0, 3.0), abs=0.1)
-    assert bench.values("rth.home_type")[-1] == {"type": "custom"}
-    assert bench.world.state().flying is FlyingState.HOVERING
-
-
-def test_places_and_offsets_are_inverse() -> None:
-    there = location(120.0, -340.0)
-    assert offset_m(there.latitude_deg, there.longitude_deg) == pytest.approx((120.0, -340.0))
-    assert location(0.0, 0.0) == HOME

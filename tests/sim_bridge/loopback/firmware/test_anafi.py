@@ -1,0 +1,12 @@
+"""The firmware as a whole."""
+
+from __future__ import annotations
+
+from tests.sim_bridge.loopback.loopback_world import Bench
+
+
+def test_a_command_that_is_not_simulated_changes_nothing(bench: Bench) -> None:
+    bench.told.clear()
+    bench.send("ardrone3.Animations.Flip", direction="front")
+    assert bench.told == []
+    assert bench.world.orders == []

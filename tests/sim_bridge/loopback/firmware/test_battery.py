@@ -1,0 +1,40 @@
+"""The battery and its alerts."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_bridge.loopback.firmware.battery import BatteryOptions
+from tests.sim_bridge.loopback.loopback_world import Bench
+from uav_bt.types import FlyingState
+
+
+def test_the_battery_drains_warns_and_lands() -> None:
+    bench = Bench(battery=BatteryOptions(charge=0.23, life_s=100.0))
+    bench.fly()
+    bench.run(16.0)
+    percents = [one["percent"] for one in bench.values("common.CommonState.BatteryStateChanged")]
+    assert percents == sorted(percents, reverse=True)
+    alerts = [one["state"] for one in bench.values("ardrone3.PilotingState.AlertStateChanged")]
+    assert alerts == ["low_battery", "critical_battery"]
+    levels = [
+        (one["alert"], one["level"])
+        for one in bench.values("battery.alert")
+        if one["level"] != "none"
+    ]
+    assert levels == [("power_level", "warning"), ("power_level", "critical")]
+    assert bench.flying_states()[-1] == "landed"
+
+
+def test_an_empty_battery_does_not_take_off_and_a_new_one_does() -> None:
+    bench = Bench(battery=BatteryOptions(charge=0.05))
+    bench.send("ardrone3.Piloting.TakeOff")
+    bench.run(1.0)
+    assert bench.world.state().flying is FlyingState.LANDED
+    full = Bench(battery=BatteryOptions(charge=0.11, life_s=50.0))
+    full.fly()
+    full.send("ardrone3.Piloting.Landing")
+    full.run(3.0)
+    assert full.anafi.battery < 0.1
+    full.anafi.disconnected()
+    assert full.anafi.battery == pytest.approx(0.11)
