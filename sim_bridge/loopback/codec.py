@@ -80,7 +80,7 @@ def decode(payload: bytes, table: MessageTable) -> Received:
         table: the known messages.
 
     Raises:
-        WireError: it is cut off or too long, holds a value that is none, or nobody knows it.
+        WireError: it is cut off or too long, holds an invalid value, or is not in the table.
     """
     if len(payload) < _HEADER.size:
         raise WireError(f"a message has at least {_HEADER.size} bytes, got {len(payload)}")

@@ -7,6 +7,7 @@ events, the drone answers with the port for commands.
 
 from __future__ import annotations
 
+import asyncio
 import json
 from dataclasses import dataclass
 from typing import Any, Final
@@ -20,6 +21,7 @@ __all__ = [
     "accepted",
     "announcement",
     "parse_request",
+    "read_request",
     "refused",
 ]
 
@@ -27,6 +29,7 @@ MAX_REQUEST_BYTES: Final = 8192  # a client's request has some 200
 _MODEL: Final = "0x0914"  # the ANAFI 4K
 _BUSY: Final = -1
 _FRAMES_VERSION: Final = 2
+_REQUEST_TIMEOUT_S: Final = 5.0  # s for a client's request for a link to arrive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +87,25 @@ def parse_request(data: bytes) -> ConnectionRequest:
         events_port=port,
         controller=str(request.get("controller_name", "")),
     )
+
+
+async def read_request(reader: asyncio.StreamReader) -> ConnectionRequest:
+    """Read a request for a link, with or without the NUL at its end.
+
+    Raises:
+        WireError: it is none, too long or too slow.
+    """
+    data = b""
+    try:
+        async with asyncio.timeout(_REQUEST_TIMEOUT_S):
+            while len(data) <= MAX_REQUEST_BYTES:
+                more = await reader.read(MAX_REQUEST_BYTES)
+                data += more
+                if not more or data.endswith((b"\0", b"}", b"}\n")):
+                    return parse_request(data)
+    except TimeoutError as error:
+        raise WireError(f"no request for a link within {_REQUEST_TIMEOUT_S} s") from error
+    raise WireError(f"a request for a link has at most {MAX_REQUEST_BYTES} bytes")
 
 
 def accepted(commands_port: int) -> bytes:

@@ -40,7 +40,7 @@ class Buffer(enum.Enum):
 
 
 class Memory(enum.Enum):
-    """What of an event is told to those who connect later."""
+    """What of an event is sent to clients that connect later."""
 
     STATE = "state"  # the latest
     NOTE = "note"  # nothing: it happened

@@ -17,7 +17,7 @@ from sim_bridge.loopback.handshake import (
     Identity,
     accepted,
     announcement,
-    parse_request,
+    read_request,
     refused,
 )
 from sim_bridge.loopback.link import Link, LinkTiming
@@ -30,7 +30,6 @@ __all__ = ["LoopbackServer", "ServerOptions"]
 
 _LOG = logging.getLogger(__name__)
 
-_REQUEST_TIMEOUT_S: Final = 5.0  # s for a client's request for a link to arrive
 _MAX_CONNECTIONS: Final = 64  # open at once on a port; more are closed at once
 
 
@@ -196,7 +195,7 @@ class LoopbackServer:
     async def _serve_control(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        request = await _read_request(reader)
+        request = await read_request(reader)
         host = str(writer.get_extra_info("peername")[0])
         async with self._admission:
             await self._probe()
@@ -295,22 +294,3 @@ class _Datagrams(asyncio.DatagramProtocol):
     def error_received(self, exc: Exception) -> None:
         """Note that a datagram was not delivered; the link's time-out decides."""
         _LOG.debug("a datagram did not arrive: %s", exc)
-
-
-async def _read_request(reader: asyncio.StreamReader) -> ConnectionRequest:
-    """Read a request for a link, with or without the NUL at its end.
-
-    Raises:
-        WireError: it is none, too long or too slow.
-    """
-    data = b""
-    try:
-        async with asyncio.timeout(_REQUEST_TIMEOUT_S):
-            while len(data) <= MAX_REQUEST_BYTES:
-                more = await reader.read(MAX_REQUEST_BYTES)
-                data += more
-                if not more or data.endswith((b"\0", b"}", b"}\n")):
-                    return parse_request(data)
-    except TimeoutError as error:
-        raise WireError(f"no request for a link within {_REQUEST_TIMEOUT_S} s") from error
-    raise WireError(f"a request for a link has at most {MAX_REQUEST_BYTES} bytes")

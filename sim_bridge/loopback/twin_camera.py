@@ -12,7 +12,7 @@ from typing import Final
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.frame import GeoPosition, NorthEastDown, VideoFrame
+from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
 from sim_bridge.loopback.world import location, to_earth
 from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.render import Renderer
@@ -24,7 +24,6 @@ __all__ = ["TwinCamera"]
 
 # s that rendering, encoding and sending take; the rest of the profile's latency is added.
 _PIPELINE_S: Final = 0.03
-_SATELLITES: Final = 14
 
 
 class TwinCamera:
@@ -88,7 +87,6 @@ class TwinCamera:
         level_m = CAMERA_FORWARD_M * math.cos(measured.attitude.pitch_rad)
         north_m = lens.x_m - level_m * math.cos(lens.yaw_rad) - start.x_m
         east_m = start.y_m + level_m * math.sin(lens.yaw_rad) - lens.y_m
-        here = location(north_m, east_m)
         velocity, yaw_rad = measured.velocity, measured.attitude.yaw_rad
         north_mps, east_mps = to_earth(velocity.forward_mps, velocity.right_mps, yaw_rad)
         return VideoFrame(
@@ -99,12 +97,7 @@ class TwinCamera:
             camera=Attitude(pitch_rad=lens.pitch_rad, yaw_rad=yaw_rad),
             velocity_mps=NorthEastDown(north=north_mps, east=east_mps, down=velocity.down_mps),
             position_m=NorthEastDown(north=north_m, east=east_m, down=-measured.altitude_m),
-            location=GeoPosition(
-                latitude_deg=here.latitude_deg,
-                longitude_deg=here.longitude_deg,
-                altitude_m=measured.altitude_m,
-                satellites=_SATELLITES,
-            ),
+            location=location(north_m, east_m, measured.altitude_m),
             altitude_m=measured.altitude_m,
             height_m=measured.height_m,
             battery=self._battery(),

@@ -31,8 +31,8 @@ async def serve_web(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) 
     """Answer one connection's requests until it ends.
 
     Args:
-        reader: of the connection; its limit bounds a request's head.
-        writer: likewise.
+        reader: the connection's; its limit bounds a request's head.
+        writer: the connection's.
     """
     while True:
         try:

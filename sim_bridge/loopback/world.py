@@ -15,6 +15,7 @@ from uav_bt.types import Attitude, BodyVelocity, FlyingState, Movement, Movement
 
 __all__ = [
     "HOME",
+    "SATELLITES",
     "Location",
     "World",
     "WorldLimits",
@@ -25,6 +26,7 @@ __all__ = [
     "to_earth",
 ]
 
+SATELLITES: Final = 14  # of its position fix, as clients are shown
 _EQUATOR_M: Final = 6_378_137.0  # WGS84's semi-major axis
 _ECCENTRICITY_2: Final = 0.00669437999014  # WGS84's first eccentricity, squared
 
@@ -71,19 +73,15 @@ class World(Protocol):
     @property
     def limits(self) -> WorldLimits:
         """What the body can do."""
-        ...
 
     def state(self) -> WorldState:
         """Return the newest state; never blocks."""
-        ...
 
     def move(self, movement: Movement) -> None:
         """Order a movement; it replaces the one before. A `MoveBy` is ordered once, by its id."""
-        ...
 
     def point(self, pitch_rad: float) -> None:
         """Turn the camera: 0 level, negative down; within -pi/2 and pi/2."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from sim_bridge.loopback.firmware.publisher import Publisher
 from sim_bridge.loopback.handshake import Identity
+from sim_bridge.loopback.world import SATELLITES
 
 __all__ = ["publish_identity"]
 
 _SENSORS = ("IMU", "barometer", "ultrasound", "GPS", "magnetometer", "vertical_camera")
-_SATELLITES = 14
 _CALIBRATED = ("xAxisCalibration", "yAxisCalibration", "zAxisCalibration")
 _FLIGHTS = ("nbFlights", "lastFlightDuration", "totalFlightDuration")
 
@@ -38,7 +38,7 @@ def publish_identity(publisher: Publisher, identity: Identity) -> None:
     publish(f"{calibration}StateChanged", **dict.fromkeys(_CALIBRATED, 1), calibrationFailed=0)
     publish("common.FlightPlanState.AvailabilityStateChanged", AvailabilityState=0)
     publish("ardrone3.GPSSettingsState.GPSFixStateChanged", fixed=1)
-    publish("ardrone3.GPSState.NumberOfSatelliteChanged", numberOfSatellite=_SATELLITES)
+    publish("ardrone3.GPSState.NumberOfSatelliteChanged", numberOfSatellite=SATELLITES)
     publish("ardrone3.SettingsState.ProductGPSVersionChanged", software="1.0", hardware="1.0")
     publish("ardrone3.SettingsState.CPUID", id="loopback")
     publish("ardrone3.SettingsState.MotorErrorStateChanged", motorIds=0, motorError="noError")

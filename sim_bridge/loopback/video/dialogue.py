@@ -30,7 +30,6 @@ class SessionActions(Protocol):
 
     def description(self) -> str:
         """Return the SDP."""
-        ...
 
     def set_up(self, transport: Transport) -> str:
         """Prepare a stream, in place of an earlier one, and return the answer's `Transport`.
@@ -38,7 +37,6 @@ class SessionActions(Protocol):
         Raises:
             RtspError: there are too many already.
         """
-        ...
 
     def play(self) -> tuple[int, int]:
         """Begin to send; return the next packet's sequence number and the present time stamp.
@@ -46,15 +44,12 @@ class SessionActions(Protocol):
         Raises:
             RtspError: there is no video any more.
         """
-        ...
 
     def pause(self) -> None:
         """Stop sending."""
-        ...
 
     def tear_down(self) -> None:
         """Forget the stream."""
-        ...
 
 
 class _State(enum.Enum):

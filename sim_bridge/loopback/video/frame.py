@@ -8,10 +8,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_bridge.loopback.world import Location
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import Attitude, FlyingState
 
-__all__ = ["FrameSource", "GeoPosition", "NorthEastDown", "VideoFrame"]
+__all__ = ["FrameSource", "NorthEastDown", "VideoFrame"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,16 +22,6 @@ class NorthEastDown:
     north: float = 0.0
     east: float = 0.0
     down: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class GeoPosition:
-    """Where on earth."""
-
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float = 0.0  # above the WGS84 ellipsoid
-    satellites: int = 0  # 0 where the position does not come from satellites
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +35,7 @@ class VideoFrame:
     camera: Attitude = field(default_factory=Attitude)  # of the view, in the same frame
     velocity_mps: NorthEastDown = field(default_factory=NorthEastDown)
     position_m: NorthEastDown = field(default_factory=NorthEastDown)  # from the take-off point
-    location: GeoPosition | None = None
+    location: Location | None = None
     altitude_m: float = 0.0  # above the take-off point
     height_m: float = 0.0  # above the surface below
     battery: float = 1.0  # 0 to 1
@@ -70,4 +61,3 @@ class FrameSource(Protocol):
         instance to render now. A frame that was returned before is recognised by its time and not
         sent again.
         """
-        ...

@@ -15,7 +15,8 @@ import struct
 from typing import Final
 
 from sim_bridge.loopback.video import protobuf
-from sim_bridge.loopback.video.frame import GeoPosition, NorthEastDown, VideoFrame
+from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
+from sim_bridge.loopback.world import SATELLITES, Location
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, FlyingState
 
@@ -124,13 +125,13 @@ def _vector(vector: NorthEastDown) -> bytes:
     return b"".join(protobuf.float32(number, part) for number, part in enumerate(parts, 1))
 
 
-def _location(location: GeoPosition) -> bytes:
+def _location(location: Location) -> bytes:
     return b"".join(
         (
             protobuf.double(1, location.latitude_deg),
             protobuf.double(2, location.longitude_deg),
             protobuf.double(3, location.altitude_m),
-            protobuf.unsigned(4, location.satellites),
+            protobuf.unsigned(4, SATELLITES),
         )
     )
 

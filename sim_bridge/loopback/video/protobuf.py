@@ -2,7 +2,7 @@
 
 Source: the encoding guide of protocol buffers (proto3). A field that has its default value, zero,
 is left out, as generators of proto3 do it; a message within a message is written even when empty,
-because its presence says something.
+because its presence is information.
 """
 
 from __future__ import annotations

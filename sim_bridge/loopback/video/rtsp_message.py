@@ -55,7 +55,7 @@ class RtspError(Exception):
 
     Args:
         status: the answer's status.
-        why: a sentence for whoever reads the answer.
+        why: a sentence for the reader of the answer.
         headers: that the answer has besides.
         fatal: whether the connection must end, because the next request cannot be found.
     """

@@ -81,7 +81,7 @@ async def serve_video(
 
     Args:
         source: where frames come from.
-        host: numeric address to listen on; whoever can reach it can watch the video.
+        host: numeric address to listen on; anyone who reaches it can watch the video.
         port: of RTSP; 0 takes a free one. The media go through two free UDP ports, or through the
             client's connection, as the client wishes.
         encoder: size, rate and quality.

@@ -178,7 +178,7 @@ class Streamer:
         self._times_s.clear()
         try:
             await self._stream()
-        except Exception as error:  # noqa: BLE001  (the server goes on, and says what it was)
+        except Exception as error:  # noqa: BLE001  (the server goes on and reports it)
             _LOG.exception("the video has ended: its source or its encoder failed")
             self._players.clear()
             self._failed(error)

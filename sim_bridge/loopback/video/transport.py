@@ -36,15 +36,12 @@ class Sink(Protocol):
     @property
     def congested(self) -> bool:
         """Whether so much is waiting that nothing should be added."""
-        ...
 
     def send_data(self, packets: Iterable[bytes]) -> None:
         """Send RTP packets."""
-        ...
 
     def send_control(self, packet: bytes) -> None:
         """Send an RTCP packet."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

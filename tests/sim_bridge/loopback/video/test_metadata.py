@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_bridge.loopback.video.frame import GeoPosition, NorthEastDown, VideoFrame
+from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
 from sim_bridge.loopback.video.metadata import (
     EXTENSION_ID,
     MAX_METADATA_BYTES,
@@ -18,6 +18,7 @@ from sim_bridge.loopback.video.metadata import (
     quaternion,
     timed_metadata,
 )
+from sim_bridge.loopback.world import Location
 from tests.sim_bridge.loopback.video.video_client import fields, quadrants, unpack_metadata
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, FlyingState
@@ -30,19 +31,18 @@ FRAME = VideoFrame(
     camera=Attitude(pitch_rad=-0.5, yaw_rad=1.5),
     velocity_mps=NorthEastDown(north=1.0, east=2.0, down=-0.5),
     position_m=NorthEastDown(north=3.0, east=-4.0, down=-1.5),
-    location=GeoPosition(
-        latitude_deg=48.8789, longitude_deg=2.36778, altitude_m=100.0, satellites=12
-    ),
+    location=Location(latitude_deg=48.8789, longitude_deg=2.36778, altitude_m=100.0),
     altitude_m=1.5,
     height_m=1.25,
     battery=0.87,
     flying=FlyingState.HOVERING,
     fov_rad=(1.25, 0.75),
 )
-# What Parrot's own library (libvideo-metadata-protobuf of parrot-olympe 8.5.0) packs for FRAME.
+# What Parrot's own library (libvideo-metadata-protobuf of parrot-olympe 8.5.0) packs for FRAME
+# (with 12 satellites; here the byte is 14).
 PACKED_BY_PARROT = bytes.fromhex(
     "0a81010a140de145393f1564b6d53d1d75fb1fbd256a582e3f121d092a3a92cb7f70484011a9fb00a436f102401900"
-    "00000000005940200c19000000000000f43f220f0d0000803f15000000401d000000bf28ae0138024a0f0d00004040"
+    "00000000005940200e19000000000000f43f220f0d0000803f15000000401d000000bf28ae0138024a0f0d00004040"
     "15000080c01d0000c0bf520f0d0000404015000080c01d0000c0bf600169000000000000f83f125c08a0f8fa05120a"
     "0df64f3b3f25e17f2e3f1a140d407d353f15ffaf2c3e1d055e39be252313293f450000a03f4d0000403f5090a188c1"
     "c1c4820358e8077a140d407d353f15ffaf2c3e1d055e39be252313293f85010000803f880101"
