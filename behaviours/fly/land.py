@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from behaviours.fly.movement import MovingLeaf
-from perception.camera.geometry import ground_points
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
 from uav_bt.tree import Port, Status
 from uav_bt.types import CameraModel, ClassMap, FlyingState, Frame, GimbalTo, MissionPhase
 from uav_bt.types import Land as LandCommand
+from uav_bt.types.projection import ground_points
 
 __all__ = ["EmergencyLand", "Land", "LandingSpot", "nearest_landing_spot"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Cell", "Floats", "Grid", "costs_to_go", "descent", "heading_north"]
+__all__ = ["Cell", "Floats", "Grid", "costs_to_go", "descent"]
 
 Floats = NDArray[np.float64]
 Cell = tuple[int, int]
@@ -22,18 +22,12 @@ _NEIGHBOURS = tuple(
 )
 
 
-def heading_north(points_m: Floats, yaw_rad: float) -> Floats:
-    """Turn points (N, 2) forward and right of a drone to north and east of it.
-
-    A grid that turned with the drone would round differently, and change its mind, at every tick.
-    """
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    return np.asarray(points_m @ np.array([[c, s], [-s, c]]))
-
-
 @dataclass(frozen=True)
 class Grid:
-    """Cells, north by east; the drone stands at (0, 0) m."""
+    """Cells, north by east; the drone stands at (0, 0) m.
+
+    A grid that turned with the drone would round differently, and so change the plan, every tick.
+    """
 
     corner_m: Floats
     cell_m: float

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.grid import Floats, Grid, costs_to_go, descent, heading_north
+from behaviours.path.grid import Floats, Grid, costs_to_go, descent
 from behaviours.path.straight_edges import straight_edges
-from uav_bt.types import ObstaclePoints
+from uav_bt.types import ObstaclePoints, rotate_points
 
 __all__ = ["WayConfig", "first_leg"]
 
@@ -70,7 +70,7 @@ def first_leg(
     Returns:
         Radians from the heading, clockwise positive, within a half turn.
     """
-    there_m = heading_north(np.array([goal_m]), yaw_rad)[0]
+    there_m = rotate_points(np.array([goal_m]), yaw_rad)[0]
     grid = Grid.around(there_m, margin_m=config.margin_m, cell_m=config.cell_m)
     start, goal = grid.cell(np.zeros(2)), grid.cell(there_m)
     if start == goal:
@@ -93,9 +93,9 @@ def _costs(
     known: ObstaclePoints, goal_m: Floats, grid: Grid, config: WayConfig, yaw_rad: float
 ) -> Floats:
     """Return what a metre costs in each cell; inf where no way leads."""
-    clear_m = grid.clearance_m(heading_north(known.points_m, yaw_rad))
-    inside_m = _inside_m(grid, heading_north(known.edges_m, yaw_rad))
-    doubt_m = grid.clearance_m(heading_north(known.assumed_m, yaw_rad))
+    clear_m = grid.clearance_m(rotate_points(known.points_m, yaw_rad))
+    inside_m = _inside_m(grid, rotate_points(known.edges_m, yaw_rad))
+    doubt_m = grid.clearance_m(rotate_points(known.assumed_m, yaw_rad))
     narrowness = (config.wide_m - clear_m) / (config.wide_m - config.least_m)
     tightness = np.clip(1.0 - clear_m / config.least_m, 0.0, None)
     cost = 1.0 + config.narrow_cost * np.clip(narrowness, 0.0, 1.0)

@@ -53,9 +53,9 @@ class Advise(Leaf):
         advice = Advice(
             frame_index=frame.index,
             captured_s=frame.captured_s,
-            x_m=newest.x_m,
-            y_m=newest.y_m,
-            yaw_rad=newest.yaw_rad,
+            x_m=newest.pose.x_m,
+            y_m=newest.pose.y_m,
+            yaw_rad=newest.pose.yaw_rad,
             height_above_carpet_m=frame.height_above_carpet_m,
             gimbal_pitch_rad=frame.gimbal_pitch_rad,
             turning=held.direction,

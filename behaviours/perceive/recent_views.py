@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from uav_bt.board import FRAME, RECENT_VIEWS, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import PastView, RecentViews
+from uav_bt.types.dead_reckoning import Odometry
 
 __all__ = ["RememberViews"]
 
@@ -23,8 +25,6 @@ class RememberViews(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Make the odometry."""
         del mission
-        from perception.odometry.dead_reckoning import Odometry  # noqa: PLC0415 - late, as all perception
-
         self._odometry = Odometry()
         self._views: deque[PastView] = deque()
 
@@ -38,7 +38,7 @@ class RememberViews(Leaf):
             return Status.SUCCESS
         if self._views and self._views[-1].frame.index == frame.index:
             return Status.SUCCESS
-        self._views.append(PastView(frame=frame, x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad))
+        self._views.append(PastView(frame=frame, pose=replace(pose, time_s=frame.captured_s)))
         while self._views[0].frame.captured_s < frame.captured_s - self.port_value("keep_s"):
             self._views.popleft()
         recent = RecentViews(views=tuple(self._views))

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import project
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
+from uav_bt.types.projection import project
 
 __all__ = ["CorridorRule", "CorridorRuleConfig", "carpet_reach"]
 

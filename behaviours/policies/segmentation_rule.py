@@ -29,11 +29,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import ground_range_to_row
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import CameraModel
+from uav_bt.types.projection import ground_range_to_row
 
 __all__ = ["Rectangle", "SegmentationRule", "SegmentationRuleConfig"]
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from perception.control.runtime import SHIPPED_STUDENT, ControlEstimate, OnnxControlStudent
 from perception.control.situation import Standing, situation
-from perception.odometry.dead_reckoning import OdometryPose
 from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import PastView
@@ -91,7 +90,7 @@ class StudentPolicy:
         )
         said = self._student.estimate(
             [self._picture(past) for past in views],
-            situation(standing, [_pose(past) for past in views]),
+            situation(standing, [past.pose for past in views]),
         )
         return self._decision(said, view)
 
@@ -120,7 +119,3 @@ class StudentPolicy:
             if len(self._pictures) > _KEPT:
                 self._pictures.popitem(last=False)
         return self._pictures[key]
-
-
-def _pose(past: PastView) -> OdometryPose:
-    return OdometryPose(past.frame.captured_s, past.x_m, past.y_m, past.yaw_rad)

@@ -1,6 +1,6 @@
 """The ground plane in the image: how far away the carpet is at every pixel.
 
-Frames are those of `perception.camera.geometry`: a level frame at the lens, x forward, y right,
+Frames are those of `uav_bt.types.projection`: a level frame at the lens, x forward, y right,
 z down.
 Two distances are kept apart throughout:
 
@@ -21,9 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import camera_axes
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel, Frame
+from uav_bt.types.projection import camera_axes
 
 __all__ = ["CameraView", "ground_depth", "level_rays", "ray_lengths", "view_of"]
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from perception.control.config import ControlNetConfig
 from perception.control.situation import Standing, situation
-from perception.odometry.dead_reckoning import OdometryPose
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.protocols import Advice, Decision
+from uav_bt.types.dead_reckoning import OdometryPose
 
 __all__ = [
     "LABELS",
@@ -63,7 +63,8 @@ class ControlFlight:
 
     def pose(self, place: int) -> OdometryPose:
         """Return where the body was when a view was captured."""
-        return OdometryPose(*(float(number) for number in self.poses[place]))
+        time_s, x_m, y_m, yaw_rad = (float(number) for number in self.poses[place])
+        return OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
 
 class FlightBuilder:

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.odometry.dead_reckoning import OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 
 __all__ = ["Standing", "mirrored", "situation", "situation_size"]
 

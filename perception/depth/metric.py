@@ -22,7 +22,15 @@ from perception.depth.scale import (
     sample_carpet,
 )
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import CameraModel, ClassMap, DepthMap, DroneState, Frame, ObstaclePoints
+from uav_bt.types import (
+    CameraModel,
+    ClassMap,
+    DepthMap,
+    DroneState,
+    Frame,
+    ObstaclePoints,
+    rotate_points,
+)
 
 __all__ = [
     "SOURCES",
@@ -164,8 +172,7 @@ def remembered_bases(
     velocity, late_s = state.velocity, state.captured_s - frame.captured_s
     since_m = obstacles.points_m + late_s * np.array([velocity.forward_mps, velocity.right_mps])
     turn_rad = state.attitude.yaw_rad - frame.attitude.yaw_rad
-    c, s = math.cos(turn_rad), math.sin(turn_rad)
-    then_m = since_m @ np.array([[c, s], [-s, c]])
+    then_m = rotate_points(since_m, turn_rad)
     lever_m = camera.forward_offset_m * math.cos(frame.attitude.pitch_rad)
     return Remembered.at(then_m - (lever_m, 0.0))
 

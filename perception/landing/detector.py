@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import ground_points
 from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.types import CameraModel, ClassMap
+from uav_bt.types.projection import ground_points
 
 __all__ = ["HelipadDetection", "HelipadDetector", "HelipadDetectorConfig", "locate"]
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from perception.odometry.dead_reckoning import Odometry, OdometryPose
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import DroneState, HelipadFix
+from uav_bt.types import DroneState, HelipadFix, rotation
+from uav_bt.types.dead_reckoning import Odometry
 
-__all__ = ["HelipadTracker", "HelipadTrackerConfig", "Odometry", "OdometryPose"]
+__all__ = ["HelipadTracker", "HelipadTrackerConfig"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,6 +136,5 @@ class HelipadTracker:
         along = math.hypot(doubt, max(cfg.floor_std_m, cfg.range_std_ratio * range_m))
         across = math.hypot(doubt, max(cfg.floor_std_m, cfg.bearing_std_rad * range_m))
         direction = yaw_rad + math.atan2(right_m, forward_m)
-        c, s = math.cos(direction), math.sin(direction)
-        rotation = np.array([[c, -s], [s, c]])
-        return np.asarray(rotation @ np.diag([along**2, across**2]) @ rotation.T)
+        turn = rotation(direction)
+        return np.asarray(turn @ np.diag([along**2, across**2]) @ turn.T)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import project
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
 from uav_bt.types import CameraModel
+from uav_bt.types.projection import project
 
 __all__ = ["Bases", "find_bases"]
 

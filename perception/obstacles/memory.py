@@ -17,12 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import project
-from perception.landing.tracker import OdometryPose
 from perception.obstacles.contact_scan import find_bases
 from perception.odometry.visual import CarpetOdometry
 from uav_bt.classes import GROUP_CARPET, group_of
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
+from uav_bt.types.projection import project
 
 __all__ = ["ObstacleMemory", "ObstacleMemoryConfig"]
 
@@ -105,7 +104,7 @@ class ObstacleMemory:
             (bases.edges_m, cfg.edge_age_s, _Kind.EDGE),
         ):
             near = seen_m[np.hypot(*seen_m.T) <= cfg.max_range_m] + offset
-            self._add(_to_odometry(near, pose), frame.captured_s + age_s, kind)
+            self._add(pose.points_to_world(near), frame.captured_s + age_s, kind)
         unexplained = self._unexplained(hidden, pose, _Kind.BASE, frame.captured_s + cfg.max_age_s)
         self._unplaced_rad = unexplained + pose.yaw_rad
         ended = self._unexplained(
@@ -114,14 +113,16 @@ class ObstacleMemory:
         self._unplaced_edges_rad = ended + pose.yaw_rad
         rays = np.stack([np.cos(unexplained), np.sin(unexplained)], axis=-1)
         assumed = (rays[:, None, :] * np.array(cfg.assumed_ranges_m)[:, None]).reshape(-1, 2)
-        self._add(_to_odometry(assumed, pose), frame.captured_s + cfg.assumed_age_s, _Kind.ASSUMED)
+        self._add(
+            pose.points_to_world(assumed), frame.captured_s + cfg.assumed_age_s, _Kind.ASSUMED
+        )
 
     def points(self) -> ObstaclePoints:
         """Return what is remembered, from where the drone is now."""
         pose = self._odometry.now
         if pose is None:
             return ObstaclePoints(points_m=np.empty((0, 2)), captured_s=self._newest_s)
-        local = _to_body(self._points, pose)
+        local = pose.points_to_body(self._points)
         return ObstaclePoints(
             points_m=local[self._kinds == _Kind.BASE],
             assumed_m=local[self._kinds == _Kind.ASSUMED],
@@ -134,13 +135,13 @@ class ObstacleMemory:
     def _forget_where_carpet_shows(
         self,
         groups: NDArray[np.uint8],
-        pose: OdometryPose,
+        pose: Pose2D,
         frame: Frame,
         camera: CameraModel,
     ) -> None:
         if not len(self._points):
             return
-        local = _to_body(self._points, pose)
+        local = pose.points_to_body(self._points)
         ahead = np.column_stack(
             [
                 local[:, 0] - camera.forward_offset_m,
@@ -167,7 +168,7 @@ class ObstacleMemory:
         self._kinds = self._kinds[which]
 
     def _unexplained(
-        self, hidden: NDArray[np.float64], pose: OdometryPose, kind: _Kind, until_s: float
+        self, hidden: NDArray[np.float64], pose: Pose2D, kind: _Kind, until_s: float
     ) -> NDArray[np.float64]:
         """Return the bearings, from the pose's heading, that no remembered point explains.
 
@@ -176,7 +177,7 @@ class ObstacleMemory:
         bearings = np.arctan2(hidden[:, 1], hidden[:, 0])
         if not len(hidden) or not len(self._points):
             return bearings
-        local = _to_body(self._points, pose)
+        local = pose.points_to_body(self._points)
         known_bearings = np.arctan2(local[:, 1], local[:, 0])
         known_ranges = np.hypot(local[:, 0], local[:, 1])
         limits = np.hypot(hidden[:, 0], hidden[:, 1]) + self._config.explain_m
@@ -205,13 +206,3 @@ class ObstacleMemory:
 
 def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
-
-
-def _to_odometry(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:
-    c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
-    return np.asarray(points @ np.array([[c, s], [-s, c]]) + (pose.x_m, pose.y_m))
-
-
-def _to_body(points: NDArray[np.float64], pose: OdometryPose) -> NDArray[np.float64]:
-    c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
-    return np.asarray((points - (pose.x_m, pose.y_m)) @ np.array([[c, -s], [s, c]]))

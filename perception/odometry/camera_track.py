@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import camera_axes
 from perception.odometry.footage import Footage
-from perception.odometry.planar_flow import GroundMotion, GroundView, OdometryConfig, ground_motion
+from perception.odometry.planar_flow import GroundView, OdometryConfig, ground_motion
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose2D
+from uav_bt.types.projection import camera_axes
 
 __all__ = ["CameraTrack", "TrackConfig", "camera_track", "measured_motion"]
 
@@ -125,9 +126,9 @@ def measured_motion(
     apart = _turns(track.yaw_rad[origin : origin + 1])[0].T @ (
         track.position_m[target] - track.position_m[origin]
     )
-    guess = GroundMotion(
-        forward_m=float(apart[0]),
-        right_m=float(apart[1]),
+    guess = Pose2D(
+        x_m=float(apart[0]),
+        y_m=float(apart[1]),
         yaw_rad=float(track.yaw_rad[target] - track.yaw_rad[origin]),
     )
     # One height for both, and telemetry's climb between them: the heights' noise would pull.
@@ -149,7 +150,7 @@ def measured_motion(
         return None
     back = _turns(np.array([-found.yaw_rad]))[0]
     axes = [camera_axes(view.gimbal_pitch_rad) for view in (first, second)]
-    moved = np.array([found.forward_m, found.right_m, apart[2]])
+    moved = np.array([found.x_m, found.y_m, apart[2]])
     rotation = axes[1].T @ back @ axes[0]
     translation = -axes[1].T @ back @ moved
     return np.concatenate([rotation, translation[:, None]], axis=1)

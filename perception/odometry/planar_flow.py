@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import ground_points, project
-from uav_bt.types import CameraModel
+from uav_bt.types import CameraModel, Pose2D, rotate_points, rotation
+from uav_bt.types.projection import ground_points, project
 
-__all__ = ["GroundMotion", "GroundView", "OdometryConfig", "ground_motion"]
+__all__ = ["GroundView", "OdometryConfig", "ground_motion"]
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -40,30 +40,11 @@ class OdometryConfig:
     most_yaw_rad: float = 0.05
     most_shift_m: float = 0.12
 
-    def believes(self, measured: GroundMotion, told: GroundMotion) -> bool:
+    def believes(self, measured: Pose2D, expected: Pose2D) -> bool:
         """Return whether a measurement is near enough to telemetry."""
-        shift_m = math.hypot(measured.forward_m - told.forward_m, measured.right_m - told.right_m)
-        return abs(measured.yaw_rad - told.yaw_rad) <= self.most_yaw_rad and (
+        shift_m = math.hypot(measured.x_m - expected.x_m, measured.y_m - expected.y_m)
+        return abs(measured.yaw_rad - expected.yaw_rad) <= self.most_yaw_rad and (
             shift_m <= self.most_shift_m
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroundMotion:
-    """How the level frame of one camera lies in that of another (x forward, y right, z down)."""
-
-    forward_m: float
-    right_m: float
-    yaw_rad: float  # clockwise
-
-    def matrix(self) -> Floats:
-        """Return the movement of horizontal points from the first frame to the second, (2, 3)."""
-        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return np.array(
-            [
-                [c, s, -self.forward_m * c - self.right_m * s],
-                [-s, c, self.forward_m * s - self.right_m * c],
-            ]
         )
 
 
@@ -80,17 +61,18 @@ class GroundView:
 def ground_motion(
     first: GroundView,
     second: GroundView,
-    guess: GroundMotion,
+    guess: Pose2D,
     carpet: Image | None = None,
     config: OdometryConfig | None = None,
-) -> GroundMotion | None:
-    """Measure how the second camera stands to the first.
+) -> Pose2D | None:
+    """Measure where the second camera is in the level frame of the first.
 
     Args:
         first: where points are picked.
         second: where they are found again.
-        guess: telemetry's word, where the search begins.
-        carpet: (H, W), not nought where the first frame shows carpet; None to let the fit find out.
+        guess: the movement by telemetry, where the search begins; x forward, y right, yaw
+            clockwise.
+        carpet: (H, W), not zero where the first frame shows carpet; None to let the fit find out.
         config: how points are found.
 
     Returns:
@@ -127,14 +109,11 @@ def ground_motion(
     return _fitted(here[good], there[good], guess, config)
 
 
-def _moved(points: Floats, motion: GroundMotion) -> Floats:
-    matrix = motion.matrix()
-    return np.asarray(points @ matrix[:, :2].T + matrix[:, 2])
+def _moved(points: Floats, motion: Pose2D) -> Floats:
+    return rotate_points(points, -motion.yaw_rad) + motion.to_body(0.0, 0.0)
 
 
-def _fitted(
-    here: Floats, there: Floats, guess: GroundMotion, config: OdometryConfig
-) -> GroundMotion | None:
+def _fitted(here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig) -> Pose2D | None:
     """Fit a rigid movement of the plane, reweighted so that what is no carpet loses its say."""
     if len(here) < config.least_points:
         return None
@@ -155,7 +134,7 @@ def _fitted(
     return motion if enough else None
 
 
-def _rigid(here: Floats, there: Floats, weight: Floats) -> GroundMotion:
+def _rigid(here: Floats, there: Floats, weight: Floats) -> Pose2D:
     """Return the weighted least-squares rotation and translation (Umeyama, in the plane)."""
     share = weight / weight.sum()
     from_, to = share @ here, share @ there
@@ -165,7 +144,5 @@ def _rigid(here: Floats, there: Floats, weight: Floats) -> GroundMotion:
         float(share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1])),
         float(share @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])),
     )
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    back = np.array([[c, -s], [s, c]])  # from the second frame's directions to the first's
-    origin = from_ - back @ to
-    return GroundMotion(forward_m=float(origin[0]), right_m=float(origin[1]), yaw_rad=yaw_rad)
+    origin = from_ - rotation(yaw_rad) @ to
+    return Pose2D(x_m=float(origin[0]), y_m=float(origin[1]), yaw_rad=yaw_rad)

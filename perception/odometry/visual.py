@@ -1,4 +1,4 @@
-"""Dead reckoning whose drift the carpet takes away.
+"""Ground-plane visual odometry: dead reckoning, corrected by what the camera sees of the carpet.
 
 The drone's own velocity is off by a centimetre a second for seconds on end, which adds up to a
 quarter of a metre in half a minute. The carpet stands still: followed from frame to frame it tells
@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.landing.tracker import Odometry, OdometryPose
-from perception.odometry.planar_flow import GroundMotion, GroundView, OdometryConfig, ground_motion
+from perception.odometry.planar_flow import GroundView, OdometryConfig, ground_motion
 from uav_bt.classes import CARPET
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, Pose2D, rotate
+from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
 __all__ = ["CarpetOdometry", "CarpetOdometryConfig"]
 
@@ -48,7 +48,7 @@ class CarpetOdometry:
         self._config = config or CarpetOdometryConfig()
         self._odometry = Odometry()
         self._last: _Sight | None = None
-        self._astray_m = np.zeros(2)  # what telemetry's places lack
+        self._drift_m = np.zeros(2)  # to add to telemetry's positions
 
     @property
     def now(self) -> OdometryPose | None:
@@ -77,15 +77,14 @@ class CarpetOdometry:
             return
         if not 0.0 < self._last.lens.time_s - before.lens.time_s <= self._config.longest_gap_s:
             return
-        told = _between(before.lens, self._last.lens)
+        reckoned = _between(before.lens, self._last.lens)
         measured = ground_motion(
-            before.view, self._last.view, told, before.carpet, self._config.following
+            before.view, self._last.view, reckoned, before.carpet, self._config.following
         )
         if measured is None:
             return
-        forward_m, right_m = measured.forward_m - told.forward_m, measured.right_m - told.right_m
-        c, s = math.cos(before.lens.yaw_rad), math.sin(before.lens.yaw_rad)
-        self._astray_m += (c * forward_m - s * right_m, s * forward_m + c * right_m)
+        forward_m, right_m = measured.x_m - reckoned.x_m, measured.y_m - reckoned.y_m
+        self._drift_m += rotate(forward_m, right_m, before.lens.yaw_rad)
 
     def _sight(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> _Sight | None:
         pose, height_m = self._odometry.at(frame.captured_s), frame.height_above_carpet_m
@@ -114,12 +113,12 @@ class CarpetOdometry:
     def _corrected(self, pose: OdometryPose | None) -> OdometryPose | None:
         if pose is None:
             return None
-        x_m, y_m = self._astray_m
+        x_m, y_m = self._drift_m
         return replace(pose, x_m=pose.x_m + x_m, y_m=pose.y_m + y_m)
 
 
-def _between(first: OdometryPose, second: OdometryPose) -> GroundMotion:
-    """Return how the second pose lies in the first."""
+def _between(first: Pose2D, second: Pose2D) -> Pose2D:
+    """Return the second pose as seen from the first."""
     forward_m, right_m = first.to_body(second.x_m, second.y_m)
     turn_rad = math.remainder(second.yaw_rad - first.yaw_rad, 2.0 * math.pi)
-    return GroundMotion(forward_m=forward_m, right_m=right_m, yaw_rad=turn_rad)
+    return Pose2D(x_m=forward_m, y_m=right_m, yaw_rad=turn_rad)

@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 
 from sim_bridge.twin.model import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
+from uav_bt.types import Pose, rotate
 
 __all__ = ["CONTROL_STEP_S", "Airframe", "Motion"]
 
@@ -24,18 +25,14 @@ _TILT_RADPS = 18.0  # bandwidth of the attitude loop, rad/s; faster than the thr
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Motion:
+class Motion(Pose):
     """True motion of the body's centre, world axes; yaw counter-clockwise."""
 
-    x_m: float
-    y_m: float
-    z_m: float
     vx_mps: float
     vy_mps: float
     vz_mps: float
     roll_rad: float  # about the forward axis, right-down positive
     pitch_rad: float  # nose-up positive
-    yaw_rad: float
     yaw_rate_radps: float
 
 
@@ -110,8 +107,7 @@ class Airframe:
             thrust[axis] += gain * (demand_mps2[axis] - thrust[axis])
         ax, ay, az = thrust
         lift = max(_GRAVITY_MPS2 + az, 1.0)
-        cy, sy = math.cos(motion.yaw_rad), math.sin(motion.yaw_rad)
-        forward, left = cy * ax + sy * ay, cy * ay - sy * ax
+        forward, left = rotate(ax, ay, -motion.yaw_rad)
         # The rotors push along the body's up axis, so an acceleration needs a tilt towards it.
         want_pitch = -math.atan2(forward, lift)
         want_roll = -math.atan2(left, math.hypot(forward, lift))
@@ -125,8 +121,7 @@ class Airframe:
             mass * (ax + wind_mps2[0]),
             mass * (ay + wind_mps2[1]),
             mass * (az + _GRAVITY_MPS2 + wind_mps2[2]),
-            cy * torque_x - sy * torque_y,
-            sy * torque_x + cy * torque_y,
+            *rotate(torque_x, torque_y, motion.yaw_rad),
             torque_z,
         )
 

@@ -21,6 +21,7 @@ from uav_bt.types import (
     MovementStatus,
     TakeOff,
     Velocity,
+    rotate,
 )
 
 __all__ = ["Autopilot", "Demand"]
@@ -172,12 +173,8 @@ class Autopilot:
             self.refuse(move)
             return
         self._enter(Mode.MOVE)
-        cy, sy = math.cos(estimate.yaw_rad), math.sin(estimate.yaw_rad)
-        self._goal = (
-            estimate.x_m + cy * move.forward_m + sy * move.right_m,
-            estimate.y_m + sy * move.forward_m - cy * move.right_m,
-            estimate.z_m - move.down_m,
-        )
+        x_m, y_m = estimate.to_world(move.forward_m, -move.right_m)
+        self._goal = (x_m, y_m, estimate.z_m - move.down_m)
         ahead = self._reference.yaw_error(estimate.yaw_rad)
         self._goal_yaw_rad = self._reference.yaw_rad - ahead - move.yaw_rad
         self._movement = MovementStatus(id=move.id, state=MovementState.RUNNING)
@@ -222,13 +219,8 @@ class Autopilot:
             self._arrived_s += CONTROL_STEP_S if there and turned else 0.0
         elif self._mode is Mode.VELOCITY:
             order = self._velocity
-            cy, sy = math.cos(estimate.yaw_rad), math.sin(estimate.yaw_rad)
-            reference.steer(
-                cy * order.forward_mps + sy * order.right_mps,
-                sy * order.forward_mps - cy * order.right_mps,
-                -order.down_mps,
-                CONTROL_STEP_S,
-            )
+            vx_mps, vy_mps = rotate(order.forward_mps, -order.right_mps, estimate.yaw_rad)
+            reference.steer(vx_mps, vy_mps, -order.down_mps, CONTROL_STEP_S)
             reference.spin(-order.yaw_rate_radps, CONTROL_STEP_S)
         elif self._mode is Mode.DESCEND:
             speed = _DESCENT_MPS if height_m > _LOW_M else _TOUCH_DOWN_MPS

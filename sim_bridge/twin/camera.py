@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from uav_bt.types import Pose
+
 __all__ = ["CameraPose"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class CameraPose:
+class CameraPose(Pose):
     """Where the lens is and where it looks; the gimbal keeps the horizon level."""
 
-    x_m: float
-    y_m: float
-    z_m: float
-    yaw_rad: float  # counter-clockwise from +x
     pitch_rad: float  # 0 level, negative down
 
     def axes(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from sim_bridge.twin.airframe import CONTROL_STEP_S, Motion
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
-from uav_bt.types import Attitude, BodyVelocity, wrap_angle
+from uav_bt.types import Attitude, BodyVelocity, Pose, rotate, wrap_angle
 
 __all__ = ["Estimate", "Sensors", "Telemetry"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Estimate:
+class Estimate(Pose):
     """Where the autopilot believes to be: world axes, slowly wrong. Yaw counter-clockwise."""
 
-    x_m: float
-    y_m: float
-    z_m: float
     vx_mps: float
     vy_mps: float
     vz_mps: float
-    yaw_rad: float
     yaw_rate_radps: float
 
 
@@ -100,7 +95,7 @@ class Sensors:
         """
         profile, draw = self._profile, self._white.draw
         altitude = estimate.z_m - self._start_z_m + profile.altimeter_noise_std_m * draw()
-        cy, sy = math.cos(estimate.yaw_rad), math.sin(estimate.yaw_rad)
+        forward_mps, left_mps = rotate(estimate.vx_mps, estimate.vy_mps, -estimate.yaw_rad)
         shake = profile.velocity_noise_std_mps
         return Telemetry(
             attitude=Attitude(
@@ -109,8 +104,8 @@ class Sensors:
                 yaw_rad=wrap_angle(-estimate.yaw_rad + profile.yaw_noise_std_rad * draw()),
             ),
             velocity=BodyVelocity(
-                forward_mps=cy * estimate.vx_mps + sy * estimate.vy_mps + shake * draw(),
-                right_mps=sy * estimate.vx_mps - cy * estimate.vy_mps + shake * draw(),
+                forward_mps=forward_mps + shake * draw(),
+                right_mps=-left_mps + shake * draw(),
                 down_mps=-estimate.vz_mps + shake * draw(),
             ),
             altitude_m=altitude,

@@ -200,14 +200,14 @@ class Simulation:
     def _capture(self) -> None:
         motion = self._motion
         # The lens sits ahead on the body, so it moves with the body's tilt; the view does not tilt.
-        level = CAMERA_FORWARD_M * math.cos(motion.pitch_rad)
+        x_m, y_m = motion.to_world(CAMERA_FORWARD_M * math.cos(motion.pitch_rad), 0.0)
         self._frames.append(
             Capture(
                 index=self._frame_count,
                 time_s=self.now_s,
                 camera=CameraPose(
-                    x_m=motion.x_m + level * math.cos(motion.yaw_rad),
-                    y_m=motion.y_m + level * math.sin(motion.yaw_rad),
+                    x_m=x_m,
+                    y_m=y_m,
                     z_m=motion.z_m + CAMERA_FORWARD_M * math.sin(motion.pitch_rad),
                     yaw_rad=motion.yaw_rad,
                     pitch_rad=self._gimbal_rad,

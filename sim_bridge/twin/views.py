@@ -17,6 +17,7 @@ from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose2D
 
 load_mujoco()  # before the modules below do: how it draws is settled at its import
 
@@ -146,7 +147,7 @@ def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool)
             z = generator.normal(1.5, 0.05) if usual else generator.uniform(0.9, 1.7)
             pitch = math.radians(generator.uniform(-31.0, -24.0))
         yaw = generator.uniform(-math.pi, math.pi)
-        lens = x + CAMERA_FORWARD_M * math.cos(yaw), y + CAMERA_FORWARD_M * math.sin(yaw)
+        lens = Pose2D(x_m=x, y_m=y, yaw_rad=yaw).to_world(CAMERA_FORWARD_M, 0.0)
         inside = abs(x) <= half_x and abs(y) <= half_y
         if inside and _is_free(scene, ((x, y), lens), z):
             return CameraPose(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import Pose
+from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
 __all__ = ["FlownPath", "PathPoint"]
 
@@ -31,33 +32,29 @@ class FlownPath:
         self.points: list[PathPoint] = []
         self.distance_m = 0.0
         self.pose: Pose | None = None  # None before the first tick
-        self._time_s = 0.0
-        self._first_yaw_rad = 0.0
+        self._odometry = Odometry()
+        self._first: OdometryPose | None = None
 
     def add(self, record: TickRecord) -> Pose:
-        """Take note of a tick and return the pose of now."""
+        """Note a tick and return the present pose."""
         truth = record.truth
         pose = truth.pose if truth is not None else self._reckoned(record)
         if self.pose is not None:
             self.distance_m += math.hypot(pose.x_m - self.pose.x_m, pose.y_m - self.pose.y_m)
-        self.pose, self._time_s = pose, record.time_s
+        self.pose = pose
         self.points.append(PathPoint(x_m=pose.x_m, y_m=pose.y_m, phase=record.phase))
         return pose
 
     def _reckoned(self, record: TickRecord) -> Pose:
         state = record.observation.state
-        before = self.pose
-        if before is None:
-            self._first_yaw_rad = state.attitude.yaw_rad
-            return Pose(x_m=0.0, y_m=0.0, z_m=state.height_above_carpet_m, yaw_rad=0.0)
+        now = self._odometry.update(replace(state, captured_s=record.time_s))
+        if self._first is None:
+            self._first = now
+        forward_m, right_m = self._first.to_body(now.x_m, now.y_m)
         # The drone's yaw is clockwise, the world's counter-clockwise.
-        yaw_rad = self._first_yaw_rad - state.attitude.yaw_rad
-        dt = record.time_s - self._time_s
-        forward_m, left_m = state.velocity.forward_mps * dt, -state.velocity.right_mps * dt
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         return Pose(
-            x_m=before.x_m + c * forward_m - s * left_m,
-            y_m=before.y_m + s * forward_m + c * left_m,
+            x_m=forward_m,
+            y_m=-right_m,
             z_m=state.height_above_carpet_m,
-            yaw_rad=yaw_rad,
+            yaw_rad=self._first.yaw_rad - now.yaw_rad,
         )

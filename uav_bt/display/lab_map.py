@@ -26,6 +26,7 @@ from uav_bt.display.canvas import (
 )
 from uav_bt.display.flown_path import PathPoint
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose2D
 
 __all__ = [
     "LabMap",
@@ -54,27 +55,16 @@ _PHASE_COLOURS: Final[tuple[Colour, ...]] = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapItem:
-    """An upright thing seen from above: a box, or the helipad."""
+class MapItem(Pose2D):
+    """An upright thing in the world, seen from above: a box, or the helipad."""
 
-    x_m: float  # world, its centre
-    y_m: float
     size_m: tuple[float, float, float]  # along its own x and y, and its height
     yaw_rad: float = 0.0  # counter-clockwise from +x
     colour: Colour = (160, 120, 80)  # RGB, of its sides in class maps
 
     def corners(self) -> list[Point]:
         """Return the four corners in world metres, counter-clockwise."""
-        a, b = self.size_m[0] / 2, self.size_m[1] / 2
-        return [self.to_world(*corner) for corner in ((a, b), (-a, b), (-a, -b), (a, -b))]
-
-    def to_world(self, along_x_m: float, along_y_m: float) -> Point:
-        """Return a point given in the thing's own axes, in world metres."""
-        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        return (
-            self.x_m + c * along_x_m - s * along_y_m,
-            self.y_m + s * along_x_m + c * along_y_m,
-        )
+        return self.rectangle(self.size_m[0] / 2, self.size_m[1] / 2)
 
 
 @dataclass(frozen=True, kw_only=True)

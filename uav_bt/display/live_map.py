@@ -21,6 +21,7 @@ from uav_bt.display.canvas import (
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import LabMap, MapFrame, draw_lab, draw_legend, phase_colours
 from uav_bt.types import CameraModel, HelipadFix, Pose
+from uav_bt.types.projection import pixel_rays
 
 __all__ = ["LiveMap", "ground_view"]
 
@@ -49,11 +50,9 @@ def ground_view(
     """
     left, right = -0.5, camera.width_px - 0.5
     top, bottom = -0.5, camera.height_px - 0.5
-    c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
     points: list[Point] = []
-    for u, v in ((left, top), (right, top), (right, bottom), (left, bottom)):
-        across, below = (u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px
-        forward, down = c + below * s, below * c - s
+    for forward, across, down in pixel_rays(corners, camera, pitch_rad).tolist():
         longest = reach_m / max(math.hypot(forward, across), 1e-6)
         length = min(height_m / down, longest) if down > 0.0 else longest
         points.append((camera.forward_offset_m + forward * length, across * length))
@@ -117,10 +116,7 @@ class LiveMap:
 
     def _around(self, pose: Pose, forward_m: float, right_m: float) -> Point:
         """Return where a point given from the body's centre lies in the picture."""
-        c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        return self._frame.to_px(
-            pose.x_m + c * forward_m + s * right_m, pose.y_m + s * forward_m - c * right_m
-        )
+        return self._frame.to_px(*pose.to_world(forward_m, -right_m))
 
     def _draw_fix(self, image: Image, pose: Pose, fix: HelipadFix) -> None:
         x, y = self._around(pose, fix.forward_m, fix.right_m)

@@ -21,6 +21,7 @@ from uav_bt.types.commands import (
 from uav_bt.types.images import ClassMap, Corridor, DepthMap
 from uav_bt.types.observation import Observation, PastView, RecentViews
 from uav_bt.types.phase import MissionPhase, Phase
+from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
 from uav_bt.types.sizes import BODY_SIZE_M, PAD_HEIGHT_M, PAD_SIZE_M
 from uav_bt.types.surroundings import HeldTurn, HelipadFix, ObstaclePoints
 from uav_bt.types.telemetry import (
@@ -30,9 +31,8 @@ from uav_bt.types.telemetry import (
     FlyingState,
     MovementState,
     MovementStatus,
-    wrap_angle,
 )
-from uav_bt.types.truth import Pose, Truth
+from uav_bt.types.truth import Truth
 
 __all__ = [
     "BODY_SIZE_M",
@@ -65,10 +65,14 @@ __all__ = [
     "PastView",
     "Phase",
     "Pose",
+    "Pose2D",
     "RecentViews",
     "Release",
     "TakeOff",
     "Truth",
     "Velocity",
+    "rotate",
+    "rotate_points",
+    "rotation",
     "wrap_angle",
 ]

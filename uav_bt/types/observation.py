@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.camera import Frame
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.telemetry import DroneState
 
 __all__ = ["Observation", "PastView", "RecentViews"]
@@ -24,15 +25,12 @@ class PastView:
     """A frame, and where the body was when it was captured."""
 
     frame: Frame
-    # In a dead-reckoned frame of the mission's own: x along yaw 0, y to its right.
-    x_m: float
-    y_m: float
-    yaw_rad: float  # clockwise positive, as the drone reports it
+    pose: OdometryPose  # at the frame's capture
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecentViews:
-    """What was seen in the last seconds; two of them tell what movement lies between."""
+    """What was seen in the last seconds; two of them show the movement between."""
 
     views: tuple[PastView, ...]  # the oldest first
 

@@ -1,9 +1,8 @@
-"""What a drone tells of itself."""
+"""What a drone reports about itself."""
 
 from __future__ import annotations
 
 import enum
-import math
 from dataclasses import dataclass, field
 
 __all__ = [
@@ -13,13 +12,7 @@ __all__ = [
     "FlyingState",
     "MovementState",
     "MovementStatus",
-    "wrap_angle",
 ]
-
-
-def wrap_angle(angle_rad: float) -> float:
-    """Return the angle folded into [-pi, pi)."""
-    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +55,7 @@ class MovementState(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class MovementStatus:
-    """The drone's word on the latest `MoveBy` it was told."""
+    """How the drone's latest `MoveBy` is doing."""
 
     id: int
     state: MovementState

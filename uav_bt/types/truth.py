@@ -4,17 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Pose", "Truth"]
+from uav_bt.types.pose import Pose
 
-
-@dataclass(frozen=True, kw_only=True)
-class Pose:
-    """A pose in the world: z up, right-handed, origin in the carpet's middle."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    yaw_rad: float  # counter-clockwise from +x, as the world has it
+__all__ = ["Truth"]
 
 
 @dataclass(frozen=True, kw_only=True)

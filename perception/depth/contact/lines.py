@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.types import rotate_points
+
 __all__ = ["BaseLine", "fit_base"]
 
 Array = NDArray[np.float64]
@@ -89,10 +91,8 @@ def _fit(azimuth_rad: Array, steepness: Array, pixel_rad: float) -> BaseLine | N
         if both[best] < _GAIN * sse:
             faces, sse = np.stack([left[best], right[best]]), float(both[best])
             corner = _meeting(faces, middle, azimuth_rad[_LEAST - 1 + best])
-    c_mid, s_mid = math.cos(middle), math.sin(middle)
-    turned = faces @ np.array([[c_mid, s_mid], [-s_mid, c_mid]])
     return BaseLine(
-        faces=turned,
+        faces=rotate_points(faces, middle),
         corner_rad=corner,
         rms_px=math.sqrt(max(sse, 0.0) / count),
         spread_rad=float(azimuth_rad[-1] - azimuth_rad[0]),

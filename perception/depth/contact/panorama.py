@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import camera_axes, pixel_rays, project
 from perception.camera.ground_plane import CameraView
 from uav_bt.types import CameraModel
+from uav_bt.types.projection import camera_axes, pixel_rays, project
 
 __all__ = ["OUTSIDE", "Panorama", "Unroller"]
 

@@ -45,6 +45,7 @@ from uav_bt.types import (
     RecentViews,
     Velocity,
 )
+from uav_bt.types.dead_reckoning import OdometryPose
 
 # --- RememberViews --------------------------------------------------------------------------------
 
@@ -62,7 +63,7 @@ def test_views_are_kept_with_where_they_were_captured() -> None:
     assert len(recent.views) == 10
     then = recent.ago(0.5)
     assert recent.newest.frame.captured_s - then.frame.captured_s == pytest.approx(0.5)
-    assert recent.newest.x_m - then.x_m == pytest.approx(0.25)
+    assert recent.newest.pose.x_m - then.pose.x_m == pytest.approx(0.25)
     assert recent.ago(0.0) is recent.newest
 
 
@@ -88,7 +89,8 @@ def test_before_the_first_frame_there_is_nothing_to_remember() -> None:
 
 def remember(bench: LeafBench) -> None:
     """Write that the newest frame is the only one that is remembered."""
-    view = PastView(frame=bench.board[FRAME], x_m=1.0, y_m=2.0, yaw_rad=0.3)
+    pose = OdometryPose(time_s=0.0, x_m=1.0, y_m=2.0, yaw_rad=0.3)
+    view = PastView(frame=bench.board[FRAME], pose=pose)
     bench.board[RECENT_VIEWS] = RecentViews(views=(view,))
 
 

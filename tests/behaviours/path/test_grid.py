@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.path.grid import Grid, costs_to_go, descent, heading_north
+from behaviours.path.grid import Grid, costs_to_go, descent
 
 GRID = Grid.around(np.array([1.0, -0.5]), margin_m=0.5, cell_m=0.1)
 
@@ -25,14 +25,6 @@ def test_clearance_is_the_distance_to_the_nearest_point() -> None:
     assert clear_m[GRID.cell(np.zeros(2))] == 0.0
     assert clear_m[GRID.cell(np.array([0.5, 0.0]))] == pytest.approx(0.5, abs=0.02)
     assert np.isinf(GRID.clearance_m(np.empty((0, 2)))).all()
-
-
-def test_north_is_ahead_of_a_drone_that_flies_north() -> None:
-    """To the west after a quarter turn to the left, whose right is north."""
-    points = np.array([[2.0, 0.0], [0.0, 1.0]])
-
-    assert heading_north(points, 0.0) == pytest.approx(points)
-    assert heading_north(points, -math.pi / 2) == pytest.approx(np.array([[0.0, -2.0], [1.0, 0.0]]))
 
 
 def test_costs_to_go_grow_with_the_distance_round_what_is_closed() -> None:

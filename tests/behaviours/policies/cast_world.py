@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import ground_points, pixel_rays
 from uav_bt.classes import BACKGROUND, BOXES, CARPET
 from uav_bt.protocols import PolicyView
 from uav_bt.types import CameraModel, ClassMap
+from uav_bt.types.projection import ground_points, pixel_rays
 
 __all__ = ["CAMERA", "FOR_EVER", "HEIGHT_M", "HIGH_M", "PITCH_RAD", "Box", "cast", "view"]
 

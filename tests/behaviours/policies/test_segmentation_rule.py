@@ -15,12 +15,12 @@ from behaviours.policies.segmentation_rule import (
     SegmentationRule,
     SegmentationRuleConfig,
 )
-from perception.camera.geometry import ground_points
 from tests.behaviours.policies.cast_world import CAMERA, FOR_EVER, Box, cast, view
 from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_BOX
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
 from uav_bt.types import CameraModel, ObstaclePoints
+from uav_bt.types.projection import ground_points
 
 # Fixed here, so that tuning the defaults does not change what these tests ask.
 CONFIG = SegmentationRuleConfig(

@@ -22,6 +22,7 @@ from uav_bt.app import make_policy
 from uav_bt.errors import InputError, MissionError, ValueRangeError, WeightsError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import Frame, PastView, RecentViews
+from uav_bt.types.dead_reckoning import OdometryPose
 
 NET = ControlNetConfig(width_px=32, height_px=16, channels=(4, 8), narrow=4, embedding=8, hidden=8)
 GO = (3.0, 0.0, 0.7, -3.0, 0.9)  # advance, clockwise, step, carpet ends, free
@@ -56,9 +57,7 @@ def recent(count: int = 12) -> RecentViews:
                     captured_s=0.1 * index,
                     gimbal_pitch_rad=-0.5,
                 ),
-                x_m=0.04 * index,
-                y_m=0.0,
-                yaw_rad=0.0,
+                pose=OdometryPose(time_s=0.1 * index, x_m=0.04 * index, y_m=0.0, yaw_rad=0.0),
             )
             for index in range(count)
         )

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.camera.geometry import camera_axes, pixel_rays, project
 from perception.camera.ground_plane import (
     CameraView,
     ground_depth,
@@ -23,6 +22,7 @@ from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.classes import CARPET
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, CameraModel, Frame
+from uav_bt.types.projection import camera_axes, pixel_rays, project
 
 CAMERA = CameraModel(
     width_px=41, height_px=21, fx_px=20.0, fy_px=16.0, cx_px=20.0, cy_px=10.0, forward_offset_m=0.2

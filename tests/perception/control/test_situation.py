@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from perception.control.situation import Standing, mirrored, situation, situation_size
-from perception.odometry.dead_reckoning import OdometryPose
+from uav_bt.types.dead_reckoning import OdometryPose
 
-NOW = OdometryPose(10.0, 2.0, 1.0, math.pi / 2)  # it looks along y
+NOW = OdometryPose(time_s=10.0, x_m=2.0, y_m=1.0, yaw_rad=math.pi / 2)  # it looks along y
 STANDING = Standing(
     height_above_carpet_m=1.7, gimbal_pitch_rad=math.radians(-20), turning=-1, full_turns=2
 )
@@ -29,7 +29,7 @@ def test_a_stand_is_told_by_its_difference_from_the_usual() -> None:
 
 def test_an_earlier_view_is_told_from_the_body_now() -> None:
     """It came from 0.3 m behind and 0.1 m to the right, and has turned clockwise since."""
-    then = OdometryPose(9.5, 1.9, 0.7, math.pi / 2 - 0.2)
+    then = OdometryPose(time_s=9.5, x_m=1.9, y_m=0.7, yaw_rad=math.pi / 2 - 0.2)
     told = situation(STANDING, [NOW, then])[4:]
     assert told == pytest.approx([0.5, -0.3, 0.1, math.sin(-0.2), 1 - math.cos(0.2)], abs=1e-6)
 
@@ -45,7 +45,7 @@ def test_the_size_is_known_beforehand(views: int) -> None:
 
 
 def test_a_mirror_exchanges_left_and_right_and_nothing_else() -> None:
-    then = OdometryPose(9.5, 1.9, 0.7, math.pi / 2 - 0.2)
+    then = OdometryPose(time_s=9.5, x_m=1.9, y_m=0.7, yaw_rad=math.pi / 2 - 0.2)
     numbers = situation(STANDING, [NOW, then])
     turned = mirrored(np.stack([numbers, numbers]))[1]
     assert turned == pytest.approx(numbers * [1, 1, -1, 1, 1, 1, -1, -1, 1])

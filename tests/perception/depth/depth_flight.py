@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.geometry import camera_axes
 from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage, shrink
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views
+from uav_bt.types.projection import camera_axes
 
 PITCH_RAD = math.radians(-28.0)
 AHEAD_M = 0.15

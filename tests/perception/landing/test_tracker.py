@@ -1,4 +1,4 @@
-"""Odometry and the helipad's track: dead reckoning, latency, gating, doubt."""
+"""The helipad's track: latency, gating, doubt."""
 
 from __future__ import annotations
 
@@ -8,161 +8,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from perception.landing.tracker import HelipadTracker, HelipadTrackerConfig, Odometry, OdometryPose
+from perception.landing.tracker import HelipadTracker, HelipadTrackerConfig
+from tests.uav_bt.types.circle_flight import TICK_S, Flight, state
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, HelipadFix
-
-TICK_S = 0.1
-
-
-def state(
-    time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0, right_mps: float = 0.0
-) -> DroneState:
-    return DroneState(
-        captured_s=time_s,
-        flying=FlyingState.FLYING,
-        attitude=Attitude(yaw_rad=yaw_rad),
-        velocity=BodyVelocity(forward_mps=forward_mps, right_mps=right_mps),
-    )
-
-
-class Flight:
-    """A drone on a circle: it flies ahead and turns clockwise, both steadily."""
-
-    def __init__(self, speed_mps: float, yaw_rate_radps: float, yaw_rad: float = 0.4) -> None:
-        self.speed_mps, self.rate, self.yaw_rad = speed_mps, yaw_rate_radps, yaw_rad
-
-    def pose(self, time_s: float) -> OdometryPose:
-        """The true pose; x and y start at the origin."""
-        yaw = self.yaw_rad + self.rate * time_s
-        if self.rate == 0.0:
-            x, y = OdometryPose(0.0, 0.0, 0.0, yaw).to_world(self.speed_mps * time_s, 0.0)
-            return OdometryPose(time_s, x, y, yaw)
-        radius = self.speed_mps / self.rate
-        x = radius * (math.sin(yaw) - math.sin(self.yaw_rad))
-        y = -radius * (math.cos(yaw) - math.cos(self.yaw_rad))
-        return OdometryPose(time_s, x, y, yaw)
-
-    def state(self, time_s: float) -> DroneState:
-        """What telemetry says."""
-        wrapped = math.remainder(self.yaw_rad + self.rate * time_s, 2 * math.pi)
-        return state(time_s, wrapped, forward_mps=self.speed_mps)
+from uav_bt.types import HelipadFix
 
 
 def known(fix: HelipadFix | None) -> HelipadFix:
     assert fix is not None
     return fix
-
-
-# --- poses ----------------------------------------------------------------------------------------
-
-
-def test_heading_east_ahead_is_y() -> None:
-    """Yaw is clockwise and y to the right: at a quarter turn, ahead is +y and right is -x."""
-    pose = OdometryPose(0.0, 1.0, 2.0, math.pi / 2)
-
-    assert pose.to_world(3.0, 0.0) == pytest.approx((1.0, 5.0))
-    assert pose.to_world(0.0, 3.0) == pytest.approx((-2.0, 2.0))
-
-
-@pytest.mark.parametrize("yaw_rad", [-3.0, 0.0, 0.7, 2.5])
-def test_world_and_body_undo_each_other(yaw_rad: float) -> None:
-    """There and back again."""
-    pose = OdometryPose(0.0, -0.4, 1.3, yaw_rad)
-
-    assert pose.to_body(*pose.to_world(1.2, -0.7)) == pytest.approx((1.2, -0.7))
-
-
-# --- odometry -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rate", [0.0, 0.7, -1.4])
-def test_odometry_follows_a_circle(rate: float) -> None:
-    """Eight seconds on a circle at the mission's tick are followed to within 2 cm."""
-    flight, odometry = Flight(0.5, rate), Odometry()
-
-    for tick in range(81):
-        odometry.update(flight.state(TICK_S * tick))
-
-    found, truth = odometry.now, flight.pose(8.0)
-    assert found is not None
-    assert math.dist((found.x_m, found.y_m), (truth.x_m, truth.y_m)) < 0.02
-
-
-def test_odometry_follows_sideways_motion() -> None:
-    """Velocity to the right counts to the right of the heading."""
-    odometry = Odometry()
-    for tick in range(11):
-        odometry.update(state(TICK_S * tick, math.pi, right_mps=0.3))
-
-    assert odometry.now is not None
-    assert (odometry.now.x_m, odometry.now.y_m) == pytest.approx((0.0, -0.3))
-
-
-def test_odometry_counts_half_of_a_change_of_speed() -> None:
-    """Between two samples the speed is their mean."""
-    odometry = Odometry()
-    odometry.update(state(0.0))
-    pose = odometry.update(state(0.2, forward_mps=1.0))
-
-    assert pose.x_m == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        state(1.0, forward_mps=9.0),
-        state(0.5, forward_mps=9.0),
-        state(1.1, forward_mps=math.nan),
-        state(1.1, yaw_rad=math.nan),
-        state(1.1, right_mps=math.inf),
-    ],
-)
-def test_odometry_passes_over_useless_samples(bad: DroneState) -> None:
-    """A sample that is old, or has no numbers, changes nothing."""
-    odometry = Odometry()
-    odometry.update(state(1.0))
-
-    odometry.update(bad)
-    pose = odometry.update(state(1.2))
-
-    assert (pose.x_m, pose.y_m, pose.yaw_rad) == (0.0, 0.0, 0.0)
-
-
-def test_odometry_may_begin_with_a_useless_sample() -> None:
-    """Nothing is remembered of it."""
-    odometry = Odometry()
-
-    odometry.update(state(0.0, yaw_rad=math.nan))
-
-    assert odometry.now is None
-
-
-def test_odometry_interpolates_across_the_wrap() -> None:
-    """Half-way between 175 and -175 degrees lies 180, not 0."""
-    odometry = Odometry()
-    odometry.update(state(0.0, math.radians(175)))
-    odometry.update(state(0.1, math.radians(-175)))
-
-    pose = odometry.at(0.05)
-
-    assert pose is not None
-    assert math.cos(pose.yaw_rad) == pytest.approx(-1.0)
-
-
-def test_odometry_beyond_its_memory() -> None:
-    """Before the first sample there is nothing; earlier than its memory, the oldest; later, now."""
-    odometry = Odometry(memory_s=1.0)
-    assert odometry.at(0.0) is None
-    for tick in range(31):
-        odometry.update(state(TICK_S * tick, forward_mps=1.0))
-
-    oldest, newest = odometry.at(0.0), odometry.at(9.0)
-
-    assert oldest is not None
-    assert newest is not None
-    assert oldest.time_s == pytest.approx(2.0)
-    assert newest == odometry.now
 
 
 # --- the track ------------------------------------------------------------------------------------

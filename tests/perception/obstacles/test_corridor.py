@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.camera.geometry import pixel_rays
 from perception.camera.ground_plane import CameraView
 from perception.obstacles.corridor import (
     SIDES,
@@ -20,6 +19,7 @@ from perception.obstacles.corridor import (
 )
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import BodyVelocity, CameraModel, Corridor, DepthMap
+from uav_bt.types.projection import pixel_rays
 
 # Wide, so that every plane is seen.
 CAMERA = CameraModel(

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.camera.geometry import pixel_rays, project
 from perception.obstacles.contact_scan import Bases, find_bases
 from perception.obstacles.memory import ObstacleMemory, ObstacleMemoryConfig
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
@@ -26,6 +25,7 @@ from uav_bt.types import (
     Frame,
     ObstaclePoints,
 )
+from uav_bt.types.projection import pixel_rays, project
 
 CAMERA = anafi_camera(640, 360).resized(224, 112)
 PITCH_RAD = math.radians(-28)

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from perception.odometry.camera_track import TrackConfig, camera_track, measured_motion
-from perception.odometry.planar_flow import GroundMotion, GroundView, OdometryConfig, ground_motion
+from perception.odometry.planar_flow import GroundView, OdometryConfig, ground_motion
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose2D
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +73,7 @@ def test_without_texture_telemetry_stays(flight: KnownFlight) -> None:
     footage = flight.footage
     grey = np.full(footage.frames.shape[1:3], 90, np.uint8)
     view = GroundView(grey=grey, camera=footage.camera, gimbal_pitch_rad=-0.5, height_m=1.5)
-    still = GroundMotion(forward_m=0.0, right_m=0.0, yaw_rad=0.0)
+    still = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
     assert ground_motion(view, view, still) is None
 
 
@@ -84,11 +85,11 @@ def test_two_equal_pictures_show_no_movement(flight: KnownFlight) -> None:
         gimbal_pitch_rad=float(footage.gimbal_pitch_rad[4]),
         height_m=1.5,
     )
-    guess = GroundMotion(forward_m=0.02, right_m=-0.01, yaw_rad=0.01)
+    guess = Pose2D(x_m=0.02, y_m=-0.01, yaw_rad=0.01)
     found = ground_motion(view, view, guess)
     assert found is not None
-    assert abs(found.forward_m) < 2e-3
-    assert abs(found.right_m) < 2e-3
+    assert abs(found.x_m) < 2e-3
+    assert abs(found.y_m) < 2e-3
     assert abs(found.yaw_rad) < 1e-3
 
 

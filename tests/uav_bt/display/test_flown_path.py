@@ -20,10 +20,12 @@ def test_with_a_referee_the_path_is_the_true_one() -> None:
 
 def test_without_one_the_telemetry_is_added_up_from_where_it_looked_first() -> None:
     world, flown = World(), FlownPath()
-    flown.add(world.tick(yaw_rad=1.0))
     flown.add(world.tick(yaw_rad=1.0, forward_mps=2.0))
-    # The drone's yaw is clockwise: a quarter to the right looks along the world's -y.
-    pose = flown.add(world.tick(yaw_rad=1.0 + math.pi / 2, forward_mps=1.0))
-    assert (pose.x_m, pose.y_m) == (pytest.approx(0.2), pytest.approx(-0.1))
+    flown.add(world.tick(yaw_rad=1.0, forward_mps=2.0))
+    # Between two ticks it flies at their mean speed on their mean heading. The drone's yaw is
+    # clockwise: an eighth to the right is an eighth towards the world's -y.
+    pose = flown.add(world.tick(yaw_rad=1.0 + math.pi / 2, forward_mps=0.0))
+    eighth_m = 0.1 * math.sqrt(0.5)
+    assert (pose.x_m, pose.y_m) == (pytest.approx(0.2 + eighth_m), pytest.approx(-eighth_m))
     assert pose.yaw_rad == pytest.approx(-math.pi / 2)
     assert flown.distance_m == pytest.approx(0.3)

@@ -5,8 +5,6 @@ The world is z up, its yaw counter-clockwise; the body's telemetry is z down, it
 
 from __future__ import annotations
 
-import bisect
-import math
 from typing import Final
 
 import numpy as np
@@ -28,9 +26,20 @@ from uav_bt.display.rerun.entities import (
     WORLD,
 )
 from uav_bt.display.rerun.setting import CorridorSize, ViewSetting
-from uav_bt.types import BODY_SIZE_M, CameraModel, Corridor, Frame, HelipadFix, ObstaclePoints, Pose
+from uav_bt.types import (
+    BODY_SIZE_M,
+    CameraModel,
+    Corridor,
+    Frame,
+    HelipadFix,
+    ObstaclePoints,
+    Pose,
+    projection,
+    rotate,
+)
+from uav_bt.types.dead_reckoning import PoseHistory
 
-__all__ = ["PoseHistory", "WorldView", "camera_axes", "corridor_planes"]
+__all__ = ["WorldView", "camera_axes", "corridor_planes"]
 
 _CARPET: Final[Colour] = (52, 66, 54)
 _PLANE: Final = (120, 170, 255, 26)
@@ -50,15 +59,9 @@ def camera_axes(yaw_rad: float, pitch_rad: float) -> NDArray[np.float64]:
     Returns:
         (3, 3); its columns are the camera's axes in the world.
     """
-    cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
-    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
-    return np.array(
-        [
-            [sy, cy * sp, cy * cp],
-            [-cy, sy * sp, sy * cp],
-            [0.0, -cp, sp],
-        ]
-    )
+    forward, right = rotate(1.0, 0.0, yaw_rad), rotate(0.0, -1.0, yaw_rad)
+    level = np.array([[*forward, 0.0], [*right, 0.0], [0.0, 0.0, -1.0]]).T
+    return np.asarray(level @ projection.camera_axes(pitch_rad))
 
 
 def corridor_planes(
@@ -75,41 +78,6 @@ def corridor_planes(
     }
 
 
-class PoseHistory:
-    """The poses of the last seconds, so that a frame is drawn from where it was taken."""
-
-    def __init__(self) -> None:
-        self._times_s: list[float] = []
-        self._poses: list[Pose] = []
-
-    def add(self, time_s: float, pose: Pose) -> None:
-        """Take note of a pose; times rise."""
-        self._times_s.append(time_s)
-        self._poses.append(pose)
-        old = bisect.bisect_left(self._times_s, time_s - _KEPT_S)
-        del self._times_s[:old], self._poses[:old]
-
-    def at(self, time_s: float) -> Pose | None:
-        """Return the pose of a time, between the two notes around it; None before the first."""
-        if not self._poses:
-            return None
-        after = bisect.bisect_left(self._times_s, time_s)
-        if after == 0:
-            return self._poses[0]
-        if after == len(self._poses):
-            return self._poses[-1]
-        one, other = self._poses[after - 1], self._poses[after]
-        span_s = self._times_s[after] - self._times_s[after - 1]
-        share = (time_s - self._times_s[after - 1]) / span_s
-        turned = math.remainder(other.yaw_rad - one.yaw_rad, 2.0 * math.pi)
-        return Pose(
-            x_m=one.x_m + share * (other.x_m - one.x_m),
-            y_m=one.y_m + share * (other.y_m - one.y_m),
-            z_m=one.z_m + share * (other.z_m - one.z_m),
-            yaw_rad=one.yaw_rad + share * turned,
-        )
-
-
 class WorldView:
     """Draws the lab once, and what moves in it tick by tick.
 
@@ -122,7 +90,7 @@ class WorldView:
         self._stream = stream
         self._camera = setting.camera
         self._corridor = setting.corridor
-        self._history = PoseHistory()
+        self._history = PoseHistory[Pose](_KEPT_S)
         self._phases: list[str] = []
         self._frame_index: int | None = None
         self._corridor_s: float | None = None
@@ -228,20 +196,15 @@ def _placed(pose: Pose) -> rr.Transform3D:
 
 def _lens(pose: Pose, pitch_rad: float, camera: CameraModel) -> rr.Transform3D:
     ahead_m = camera.forward_offset_m
-    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     return rr.Transform3D(
-        translation=[pose.x_m + c * ahead_m, pose.y_m + s * ahead_m, pose.z_m],
+        translation=[*pose.to_world(ahead_m, 0.0), pose.z_m],
         mat3x3=camera_axes(pose.yaw_rad, pitch_rad),
     )
 
 
 def _on_carpet(pose: Pose, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points given forward and right of the body as (N, 3) of the world, on the carpet."""
-    c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-    forward, left = points_m[:, 0], -points_m[:, 1]
-    return np.column_stack(
-        [pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left, 0 * forward]
-    )
+    return np.column_stack([pose.points_to_world(points_m * (1.0, -1.0)), np.zeros(len(points_m))])
 
 
 def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:

@@ -31,6 +31,7 @@ from uav_bt.display.canvas import (
 from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
+from uav_bt.types.projection import camera_axes
 
 __all__ = [
     "Readings",
@@ -75,8 +76,9 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
     """
     forward_m = fix.forward_m - camera.forward_offset_m
     below_m = frame.height_above_carpet_m - PAD_HEIGHT_M
-    c, s = math.cos(frame.gimbal_pitch_rad), math.sin(frame.gimbal_pitch_rad)
-    return fix.right_m, s * forward_m + c * below_m, c * forward_m - s * below_m
+    level_m = np.array([forward_m, fix.right_m, below_m])
+    right_m, down_m, depth_m = (level_m @ camera_axes(frame.gimbal_pitch_rad)).tolist()
+    return right_m, down_m, depth_m
 
 
 def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:

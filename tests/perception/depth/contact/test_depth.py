@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from perception.camera.geometry import camera_axes
 from perception.camera.ground_plane import CameraView
 from perception.depth.contact.contacts import Remembered
 from perception.depth.contact.depth import FootingDepth, footing_depth
@@ -18,6 +17,7 @@ from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import View, render_views, sample_flight_poses
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.types.projection import camera_axes
 
 SIZE = (224, 112)
 CAMERA = anafi_camera(640, 360).resized(*SIZE)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.camera.geometry import project
 from perception.camera.ground_plane import ground_depth, view_of
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline, PipelineConfig
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H
@@ -23,6 +22,7 @@ from uav_bt.types import (
     FlyingState,
     Frame,
 )
+from uav_bt.types.projection import project
 
 SIZE = (224, 112)
 CAMERA = CameraModel(width_px=64, height_px=36, fx_px=46.0, fy_px=46.0, cx_px=31.5, cy_px=17.5)

@@ -10,7 +10,7 @@ import pytest
 from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.rerun.setting import CorridorSize
-from uav_bt.display.rerun.world import PoseHistory, WorldView, camera_axes, corridor_planes
+from uav_bt.display.rerun.world import WorldView, camera_axes, corridor_planes
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Corridor, HelipadFix, ObstaclePoints, Pose
 
@@ -51,33 +51,6 @@ def test_corridor_planes_lie_where_the_mission_has_them() -> None:
 def test_a_corridor_without_room_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="more than 0 m"):
         CorridorSize(side_m=0.0, front_m=2.0, up_down_m=0.8)
-
-
-def test_a_pose_of_the_past_lies_between_its_neighbours_and_turns_the_short_way() -> None:
-    history = PoseHistory()
-    history.add(1.0, pose(x_m=0.0, yaw_rad=math.pi - 0.1))
-    history.add(2.0, pose(x_m=2.0, yaw_rad=-math.pi + 0.1))
-    between = history.at(1.5)
-    assert between is not None
-    assert between.x_m == pytest.approx(1.0)
-    assert abs(math.remainder(between.yaw_rad - math.pi, 2 * math.pi)) < 1e-9
-
-
-def test_poses_before_and_after_all_notes_are_the_outermost() -> None:
-    history = PoseHistory()
-    assert history.at(1.0) is None
-    history.add(1.0, pose(x_m=1.0))
-    history.add(2.0, pose(x_m=2.0))
-    assert (history.at(0.0), history.at(9.0)) == (pose(x_m=1.0), pose(x_m=2.0))
-
-
-def test_old_poses_are_forgotten() -> None:
-    history = PoseHistory()
-    for tick in range(1000):
-        history.add(0.1 * tick, pose(x_m=float(tick)))
-    oldest = history.at(0.0)
-    assert oldest is not None
-    assert oldest.x_m > 950
 
 
 def test_the_lab_is_drawn_once_with_boxes_and_helipad() -> None:

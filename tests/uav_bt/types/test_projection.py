@@ -9,14 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from perception.camera.geometry import (
-    camera_axes,
-    elevation_to_row,
-    ground_points,
-    ground_range_to_row,
-    pixel_rays,
-    project,
-)
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import Helipad, Scene
@@ -24,6 +16,14 @@ from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
+from uav_bt.types.projection import (
+    camera_axes,
+    elevation_to_row,
+    ground_points,
+    ground_range_to_row,
+    pixel_rays,
+    project,
+)
 
 # Round numbers, unequal focal lengths as after a resize that changes the aspect.
 CAMERA = CameraModel(width_px=201, height_px=101, fx_px=100.0, fy_px=80.0, cx_px=100.0, cy_px=50.0)

@@ -1,0 +1,43 @@
+"""Poses and rotations in a level plane."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from uav_bt.types import Pose2D, rotate_points
+
+
+def test_heading_east_ahead_is_y() -> None:
+    """Yaw is clockwise and y to the right: at a quarter turn, ahead is +y and right is -x."""
+    pose = Pose2D(x_m=1.0, y_m=2.0, yaw_rad=math.pi / 2)
+
+    assert pose.to_world(3.0, 0.0) == pytest.approx((1.0, 5.0))
+    assert pose.to_world(0.0, 3.0) == pytest.approx((-2.0, 2.0))
+
+
+@pytest.mark.parametrize("yaw_rad", [-3.0, 0.0, 0.7, 2.5])
+def test_world_and_body_undo_each_other(yaw_rad: float) -> None:
+    """There and back again."""
+    pose = Pose2D(x_m=-0.4, y_m=1.3, yaw_rad=yaw_rad)
+
+    assert pose.to_body(*pose.to_world(1.2, -0.7)) == pytest.approx((1.2, -0.7))
+
+
+def test_points_go_to_the_world_and_back_as_single_ones_do() -> None:
+    """Arrays and numbers agree."""
+    here = Pose2D(x_m=1.0, y_m=2.0, yaw_rad=0.7)
+    points = np.array([[1.0, 0.5], [-2.0, 3.0]])
+    there = here.points_to_world(points)
+    assert there == pytest.approx(np.array([here.to_world(*point) for point in points.tolist()]))
+    assert here.points_to_body(there) == pytest.approx(points)
+
+
+def test_points_turn_clockwise_where_y_is_to_the_right() -> None:
+    """To the west after a quarter turn to the left, whose right is north."""
+    points = np.array([[2.0, 0.0], [0.0, 1.0]])
+
+    assert rotate_points(points, 0.0) == pytest.approx(points)
+    assert rotate_points(points, -math.pi / 2) == pytest.approx(np.array([[0.0, -2.0], [1.0, 0.0]]))

@@ -1,0 +1,104 @@
+"""Poses in a level plane, and rotations within it.
+
+One set of formulas serves both conventions of the project, because each is a pair of axes with the
+yaw turning the first towards the second:
+
+*world*          x, y with z up; yaw counter-clockwise; a body's axes are forward and left;
+*dead reckoning* x along yaw 0, y to its right, z down; yaw clockwise, as the drone reports it; a
+                 body's axes are forward and right.
+
+What is given as forward and right goes into the world with its second number negated.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Pose", "Pose2D", "rotate", "rotate_points", "rotation", "wrap_angle"]
+
+Floats = NDArray[np.float64]
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """Return the angle folded into [-pi, pi)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def rotation(yaw_rad: float) -> Floats:
+    """Return the matrix, (2, 2), that turns column vectors by a yaw."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return np.array([[c, -s], [s, c]])
+
+
+def rotate(x: float, y: float, yaw_rad: float) -> tuple[float, float]:
+    """Return a vector turned by a yaw."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return c * x - s * y, s * x + c * y
+
+
+def rotate_points(points: Floats, yaw_rad: float) -> Floats:
+    """Return vectors, (N, 2), turned by a yaw."""
+    return np.asarray(points @ rotation(yaw_rad).T)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose2D:
+    """Where a body is in a level plane and where it heads, in either convention."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+    def to_world(self, forward_m: float, side_m: float) -> tuple[float, float]:
+        """Return a point given from this pose in the frame that the pose is given in.
+
+        Args:
+            forward_m: along the heading.
+            side_m: along the body's second axis: left in the world, right in dead reckoning.
+        """
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return self.x_m + c * forward_m - s * side_m, self.y_m + s * forward_m + c * side_m
+
+    def to_body(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Return a point of the pose's frame as seen from the pose: forward, and to its side."""
+        return rotate(x_m - self.x_m, y_m - self.y_m, -self.yaw_rad)
+
+    def points_to_world(self, points_m: Floats) -> Floats:
+        """Return points, (N, 2) forward and to the side, in the frame that the pose is given in."""
+        return np.asarray(rotate_points(points_m, self.yaw_rad) + np.array([self.x_m, self.y_m]))
+
+    def points_to_body(self, points_m: Floats) -> Floats:
+        """Return points, (N, 2) of the pose's frame, forward and to the side of the pose."""
+        return rotate_points(points_m - np.array([self.x_m, self.y_m]), -self.yaw_rad)
+
+    def rectangle(self, half_x_m: float, half_y_m: float) -> list[tuple[float, float]]:
+        """Return the corners of a rectangle around this pose, in the order in which yaw grows."""
+        a, b = half_x_m, half_y_m
+        return [self.to_world(*corner) for corner in ((a, b), (-a, b), (-a, -b), (a, -b))]
+
+    def towards(self, other: Self, share: float) -> Self:
+        """Return the pose a share (0 to 1) of the way to another, turned the short way."""
+        turn = math.remainder(other.yaw_rad - self.yaw_rad, 2.0 * math.pi)
+        return replace(
+            self,
+            x_m=self.x_m + share * (other.x_m - self.x_m),
+            y_m=self.y_m + share * (other.y_m - self.y_m),
+            yaw_rad=self.yaw_rad + share * turn,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose(Pose2D):
+    """A pose in the world: z up, yaw counter-clockwise from +x, origin in the carpet's middle."""
+
+    z_m: float
+
+    def towards(self, other: Self, share: float) -> Self:
+        """Return the pose a share (0 to 1) of the way to another, turned the short way."""
+        z_m = self.z_m + share * (other.z_m - self.z_m)
+        return replace(super().towards(other, share), z_m=z_m)
