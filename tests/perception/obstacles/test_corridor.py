@@ -83,7 +83,7 @@ def brute_force(
         if multiple <= 1.0:
             continue
         crossing = c + multiple * (p_center - c)
-        distance = float(np.linalg.norm(crossing - c))
+        distance = math.hypot(*(crossing - c))  # a nearly parallel plane is very far
         if distance < nearest:
             nearest, side = distance, name
     return nearest, side
