@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, ground_depth, ray_lengths
 from perception.depth.contact.depth import FootingDepth, footing_depth
-from perception.depth.contact.panorama import Unroller
 from perception.depth.scale import AdaptiveScale, sample_carpet
 from perception.obstacles.corridor import CorridorBuilder
 from perception.segmentation.runtime import shipped_unet
@@ -146,7 +145,7 @@ def main() -> None:
     unet = shipped_unet(threads=2) if arguments.masks == "unet" else None
     network = load_network(arguments.network) if arguments.network else None
     generator = np.random.default_rng(arguments.seed)
-    unroller, corridors, watch = Unroller(), CorridorBuilder(), Stopwatch()
+    corridors, watch = CorridorBuilder(), Stopwatch()
     footing: dict[str, Tally] = defaultdict(Tally)
     scaled: dict[str, Tally] = defaultdict(Tally)
     scales = {
@@ -160,7 +159,7 @@ def main() -> None:
         if unet is not None:
             ids = watch.run("segmentation U-Net", lambda: unet.ids(view.image))  # noqa: B023 - at once
         points.append(check_ground(view, seen, generator))
-        found = watch.run("footing", lambda: footing_depth(ids, seen, unroller=unroller))  # noqa: B023
+        found = watch.run("footing", lambda: footing_depth(ids, seen))  # noqa: B023
         tally_footing(footing, found, view)
         metric = DepthMap(depth=found.depth, metric=True, captured_s=0.0, at_most=found.at_most)
         watch.run("corridor", lambda: corridors.build(metric, seen, things=ids > CARPET))  # noqa: B023
@@ -170,7 +169,7 @@ def main() -> None:
         fitting = cv2.resize(relative, SIZE)
         sample = watch.run(
             "scale",
-            lambda: sample_carpet(fitting, ids, seen, generator),  # noqa: B023
+            lambda: sample_carpet(fitting, ids, ground_depth(seen), generator),  # noqa: B023
         )
         counts = (ids > CARPET) & (view.depth < NEAR_M)
         metres = np.full_like(fitting, math.nan)

@@ -9,7 +9,7 @@ from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import PAD_HEIGHT_M, ClassMap
+from uav_bt.types import PAD_HEIGHT_M
 
 __all__ = ["FindHelipad", "RememberObstacles", "Segment", "StageTimer"]
 
@@ -85,53 +85,34 @@ class FindHelipad(Leaf):
     writes = (HELIPAD,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Make detector and tracker."""
-        from perception.landing.detector import HelipadDetector  # noqa: PLC0415 - late, as above
-        from perception.landing.tracker import HelipadTracker  # noqa: PLC0415
+        """Make the finder."""
+        from perception.landing.finder import HelipadFinder  # noqa: PLC0415  (OpenCV is heavy)
 
-        self._detector = HelipadDetector()
-        self._tracker = HelipadTracker()
+        self._finder = HelipadFinder(pad_height_m=self.port_value("pad_height_m"))
         self._timer = StageTimer(mission, "helipad")
         self._last_s = -1.0
-        self._detected = False
 
     def update(self) -> Status:
         """Follow the drone's motion, and take in a new class map."""
         state = self.read(STATE).value
         if state is None:
             return Status.SUCCESS
-        self._tracker.predict(state)
+        self._finder.predict(state)
         class_map = self.read(CLASS_MAP).value
         if class_map is None:
-            self._detected = False
+            self._finder.miss()
         elif class_map.captured_s != self._last_s:
             self._last_s = class_map.captured_s
+            frame, camera = self.read(FRAME).value, self.read(CAMERA).value
             with self._timer:
-                self._detected = self._detect(class_map)
-        fix = self._tracker.fix(detected=self._detected)
+                if frame is None or camera is None or frame.captured_s != self._last_s:
+                    self._finder.miss()
+                else:
+                    self._finder.see(class_map, frame, camera)
+        fix = self._finder.fix()
         if fix is not None:
             self.write(HELIPAD, fix, captured_s=fix.captured_s)
         return Status.SUCCESS
-
-    def _detect(self, class_map: ClassMap) -> bool:
-        from perception.landing.detector import locate  # noqa: PLC0415
-
-        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
-        if frame is None or camera is None or frame.captured_s != class_map.captured_s:
-            return False
-        detection = self._detector.detect(class_map)
-        if detection is None:
-            return False
-        height_px, width_px = class_map.ids.shape
-        place = locate(
-            detection,
-            camera.resized(width_px, height_px),
-            frame.gimbal_pitch_rad,
-            frame.height_above_carpet_m - self.port_value("pad_height_m"),
-        )
-        if place is None:
-            return False
-        return self._tracker.update(*place, captured_s=frame.captured_s, confidence=detection.score)
 
 
 class RememberObstacles(Leaf):

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numpy.typing import NDArray
 
 from behaviours.perceive.class_map import StageTimer
 from uav_bt.board import (
@@ -23,17 +19,10 @@ from uav_bt.board.context import MissionContext
 from uav_bt.classes import CARPET
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import CameraModel, DepthMap, DroneState, Frame
-
-if TYPE_CHECKING:
-    from perception.depth.contact.contacts import Remembered
 
 __all__ = ["BuildCorridor", "EstimateDepth"]
 
 _FOOTING = "footing"
-_EVERY = 8  # pixels of two frames compared, to tell whether the picture is frozen
-_MOVING_MPS = 0.2  # faster than this two pictures cannot be the same
-_ASPECT_SLACK = 0.01  # 640x360 and 854x480 are both 16:9; more was cropped
 
 
 class EstimateDepth(Leaf):
@@ -62,18 +51,20 @@ class EstimateDepth(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Load the network; raises WeightsError, FileError or UnknownNameError when it cannot."""
-        from perception.depth.metric import MetricDepthMaker  # noqa: PLC0415 - OpenCV is not light
+        from perception.depth.metric import MetricDepthMaker  # noqa: PLC0415  (OpenCV is heavy)
+        from perception.depth.stage import DepthStage  # noqa: PLC0415  (OpenCV is heavy)
 
         model = self.port_value("model")
-        self._network = None if model == _FOOTING else self._load(model, mission)
-        self._maker = MetricDepthMaker(
-            source=_FOOTING if model == _FOOTING else self.port_value("source"),
-            generator=mission.rng(self.path),
+        self._stage = DepthStage(
+            None if model == _FOOTING else self._load(model, mission),
+            MetricDepthMaker(
+                source=_FOOTING if model == _FOOTING else self.port_value("source"),
+                generator=mission.rng(self.path),
+            ),
         )
-        self._network_timer = StageTimer(mission, "relative_depth")
-        self._timer = StageTimer(mission, "metric_depth")
+        stages = ("relative_depth", "metric_depth")
+        self._timers = {stage: StageTimer(mission, stage) for stage in stages}
         self._last_index = -1
-        self._last_picture: NDArray[np.uint8] | None = None
 
     def update(self) -> Status:
         """Estimate the depth of the frame if it is a new one and has been segmented."""
@@ -82,45 +73,20 @@ class EstimateDepth(Leaf):
         if frame is None or camera is None or class_map is None or frame.index == self._last_index:
             return Status.SUCCESS
         self._last_index = frame.index
-        wrong = "the picture is frozen" if self._frozen(frame, state) else _misfit(frame, camera)
-        if wrong:
-            self.feedback_message = f"no depth: {wrong}"
-            return Status.SUCCESS
-        relative = self._relative(frame)
-        with self._timer:
-            remembered = self._remembered(frame, camera, state)
-            metric = self._maker.make(frame, class_map, camera, relative, remembered)
+        metric = self._stage.perceive(
+            frame,
+            class_map,
+            camera,
+            state=state,
+            obstacles=self.read(OBSTACLES).value,
+            timed=self._timers.__getitem__,
+        )
         self.feedback_message = f"no depth: {metric.refusal}" if metric.refusal else ""
+        if metric.relative is not None:
+            self.write(RELATIVE_DEPTH, metric.relative, captured_s=frame.captured_s)
         if metric.depth is not None:
             self.write(METRIC_DEPTH, metric.depth, captured_s=frame.captured_s)
         return Status.SUCCESS
-
-    def _relative(self, frame: Frame) -> DepthMap | None:
-        if self._network is None:
-            return None
-        with self._network_timer:
-            relative = self._network.estimate(frame)
-        self.write(RELATIVE_DEPTH, relative, captured_s=frame.captured_s)
-        return relative
-
-    def _remembered(
-        self, frame: Frame, camera: CameraModel, state: DroneState | None
-    ) -> Remembered | None:
-        from perception.depth.metric import remembered_bases  # noqa: PLC0415 - late
-
-        obstacles = self.read(OBSTACLES).value
-        if obstacles is None or state is None:
-            return None
-        return remembered_bases(obstacles, state, frame, camera)
-
-    def _frozen(self, frame: Frame, state: DroneState | None) -> bool:
-        """Return whether a moving drone sent the same picture again."""
-        before, self._last_picture = self._last_picture, frame.image[::_EVERY, ::_EVERY].copy()
-        if before is None or state is None:
-            return False
-        velocity = state.velocity
-        speed_mps = math.hypot(velocity.forward_mps, velocity.right_mps, velocity.down_mps)
-        return speed_mps > _MOVING_MPS and np.array_equal(before, self._last_picture)
 
     @staticmethod
     def _load(model: str, mission: MissionContext) -> DepthEstimator:
@@ -129,18 +95,6 @@ class EstimateDepth(Leaf):
 
         network: DepthEstimator = load_depth_estimator(model, threads=mission.inference_threads)
         return network
-
-
-def _misfit(frame: Frame, camera: CameraModel) -> str:
-    """Return why a frame cannot be of a camera; empty when it can."""
-    height_px, width_px = frame.image.shape[:2]
-    stretch = (width_px * camera.height_px) / (height_px * camera.width_px)
-    if abs(stretch - 1.0) <= _ASPECT_SLACK:
-        return ""
-    return (
-        f"the frame is {width_px}x{height_px}, its camera {camera.width_px}x{camera.height_px}: "
-        "another aspect"
-    )
 
 
 class BuildCorridor(Leaf):
@@ -157,7 +111,7 @@ class BuildCorridor(Leaf):
     writes = (CORRIDOR,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Raise the walls; raises ValueRangeError where they cannot stand."""
+        """Make the corridor; raises ValueRangeError where its distances are not positive."""
         from perception.obstacles.corridor import CorridorBuilder, CorridorConfig  # noqa: PLC0415 - late
 
         side_m, up_down_m = self.port_value("side_m"), self.port_value("up_down_m")

@@ -25,7 +25,7 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel, Frame
 from uav_bt.types.projection import camera_axes
 
-__all__ = ["CameraView", "ground_depth", "level_rays", "ray_lengths", "view_of"]
+__all__ = ["CameraView", "GroundPlane", "ground_depth", "level_rays", "ray_lengths", "view_of"]
 
 _LEVEL = 1e-6  # rays that descend less than this per unit of depth never meet the ground
 
@@ -131,3 +131,22 @@ def ground_depth(
     depth = np.full(down.shape, np.nan, dtype=np.float32)
     np.divide(np.float32(above_m), down, out=depth, where=meets)
     return depth
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundPlane:
+    """The carpet in one view, computed once for all that need it."""
+
+    view: CameraView
+    rays: NDArray[np.float32]  # (3, H, W), `level_rays`
+    depth_m: NDArray[np.float32]  # (H, W), `ground_depth`
+
+    @classmethod
+    def of(cls, view: CameraView) -> GroundPlane:
+        """Return the carpet in a view.
+
+        Raises:
+            ValueRangeError: the lens is not above the carpet.
+        """
+        rays = level_rays(view)
+        return cls(view=view, rays=rays, depth_m=ground_depth(view, rays=rays))

@@ -10,10 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import CameraView, view_of
+from perception.camera.ground_plane import CameraView, GroundPlane, view_of
 from perception.depth.contact.contacts import Remembered
 from perception.depth.contact.depth import FootingConfig, FootingDepth, footing_depth
-from perception.depth.contact.panorama import Unroller
 from perception.depth.scale import (
     AdaptiveScale,
     Scale,
@@ -66,6 +65,7 @@ class MetricDepth:
     depth: DepthMap | None
     refusal: str = ""  # for the status line and the records; without a scale footing may remain
     scale: Scale | None = None  # of the network's depth; None where none went in
+    relative: DepthMap | None = None  # the network's own depth, where it was asked here
 
 
 class MetricDepthMaker:
@@ -98,7 +98,6 @@ class MetricDepthMaker:
         self._config = config or MetricDepthConfig()
         self._scale = AdaptiveScale(self._config.sampling) if scale is None else scale
         self._generator = generator
-        self._unroller = Unroller()
 
     def make(
         self,
@@ -124,20 +123,22 @@ class MetricDepthMaker:
         view = view_of(frame, camera, (width_px, height_px), roll_rad=self._config.roll_rad)
         if not view.height_m > 0.0:
             return MetricDepth(depth=None, refusal="no height above the carpet")
+        ground = GroundPlane.of(view)
         footing = None
         if self._source != "network":
             footing = footing_depth(
                 class_map.ids,
                 view,
                 self._config.footing,
-                unroller=self._unroller,
+                ground=ground,
                 remembered=remembered,
             )
         known = None if footing is None else _as_map(footing, frame.captured_s)
         if self._source == "footing" or relative is None:
             return _footing_only(known, none="nothing in view stands on carpet")
         fitting = _resized(relative.depth, view)
-        sample = sample_carpet(fitting, class_map.ids, view, self._generator, self._config.sampling)
+        sampling, ids = self._config.sampling, class_map.ids
+        sample = sample_carpet(fitting, ids, ground.depth_m, self._generator, sampling)
         scale = self._scale.update(sample, frame.captured_s)
         if scale is None:
             why = "too little carpet" if sample is None else "the carpet disagrees with itself"

@@ -19,7 +19,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import CameraView, ground_depth
 from perception.depth.scale_filter import ScaleFilter
 from uav_bt.classes import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
@@ -84,7 +83,7 @@ class CarpetSample:
 def sample_carpet(
     relative: Floats,
     ids: NDArray[np.uint8],
-    view: CameraView,
+    ground_m: Floats,
     generator: np.random.Generator,
     config: ScaleConfig | None = None,
 ) -> CarpetSample | None:
@@ -93,7 +92,7 @@ def sample_carpet(
     Args:
         relative: (H, W) relative depth along the optical axis.
         ids: (H, W) class ids of the same size.
-        view: the camera at that size.
+        ground_m: (H, W) depth of the ground plane, metres; NaN where a ray does not meet it.
         generator: draws the pixels, without replacement.
         config: how many, and how far inside.
 
@@ -102,16 +101,14 @@ def sample_carpet(
 
     Raises:
         ShapeError: the sizes differ.
-        ValueRangeError: the lens is not above the carpet.
     """
     config = config or ScaleConfig()
     if relative.shape != ids.shape:
         expected = f"{ids.shape[0]}x{ids.shape[1]}, as the class map"
         raise ShapeError("relative depth", expected=expected, actual=relative.shape)
-    known = ground_depth(view)
-    if known.shape != ids.shape:
-        expected = f"{known.shape[0]}x{known.shape[1]}, as its camera"
-        raise ShapeError("class map", expected=expected, actual=ids.shape)
+    if ground_m.shape != ids.shape:
+        expected = f"{ids.shape[0]}x{ids.shape[1]}, as the class map"
+        raise ShapeError("depth of the ground", expected=expected, actual=ground_m.shape)
     reach = max(1, round(config.margin_share * ids.shape[0]))
     # The image's edge is no border of the carpet: it goes on behind it.
     padded = cv2.copyMakeBorder(
@@ -120,7 +117,7 @@ def sample_carpet(
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     inner = cv2.erode(padded, kernel)[reach:-reach, reach:-reach]
     with np.errstate(invalid="ignore"):
-        usable = (inner > 0) & (known <= config.farthest_m) & (relative > 0.0)
+        usable = (inner > 0) & (ground_m <= config.farthest_m) & (relative > 0.0)
     places = np.flatnonzero(usable)
     if places.size < config.least_points:
         return None
@@ -128,7 +125,7 @@ def sample_carpet(
     rows, columns = np.divmod(chosen, ids.shape[1])
     return CarpetSample(
         pixels=np.stack([columns, rows], axis=-1),
-        known_m=known[rows, columns],
+        known_m=ground_m[rows, columns],
         predicted=relative[rows, columns].astype(np.float32),
     )
 

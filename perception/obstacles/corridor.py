@@ -20,9 +20,9 @@ belongs to that side.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -245,24 +245,21 @@ def _impact(free_m: float, velocity: BodyVelocity | None, config: CorridorConfig
 
 
 class CorridorBuilder:
-    """Builds corridors, and keeps the planes of the last few attitudes."""
+    """Builds corridors, and keeps the planes of the last few attitudes.
 
-    def __init__(self, config: CorridorConfig | None = None, *, kept: int = 8) -> None:
+    Args:
+        config: the corridor.
+    """
+
+    def __init__(self, config: CorridorConfig | None = None) -> None:
         self._config = config or CorridorConfig()
-        self._kept = kept
-        # By what the planes depend on: the height is not among it.
-        self._planes: OrderedDict[tuple[object, float, float], CorridorPlanes] = OrderedDict()
+        self._planes = functools.lru_cache(maxsize=8)(
+            functools.partial(CorridorPlanes.of, config=self._config)
+        )
 
     def planes(self, view: CameraView) -> CorridorPlanes:
         """Return the planes of a view, made once for each camera and attitude."""
-        key = (view.camera, view.pitch_rad, view.roll_rad)
-        planes = self._planes.pop(key, None)
-        if planes is None:
-            planes = CorridorPlanes.of(view, self._config)
-        self._planes[key] = planes
-        while len(self._planes) > self._kept:
-            self._planes.popitem(last=False)
-        return planes
+        return self._planes(replace(view, height_m=0.0))  # on which they do not depend
 
     def intruding(
         self, depth: DepthMap, view: CameraView, *, things: NDArray[np.bool_] | None = None

@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import CameraView, ground_depth, level_rays
+from perception.camera.ground_plane import CameraView, GroundPlane
 from perception.depth.contact.contacts import Base, BaseConfig, Remembered, find_base, rows_above
-from perception.depth.contact.panorama import Panorama, Unroller
+from perception.depth.contact.panorama import Panorama
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
 from uav_bt.types import PAD_HEIGHT_M
@@ -59,7 +59,7 @@ def footing_depth(
     view: CameraView,
     config: FootingConfig | None = None,
     *,
-    unroller: Unroller | None = None,
+    ground: GroundPlane | None = None,
     remembered: Remembered | None = None,
 ) -> FootingDepth:
     """Estimate the depth of carpet, boxes, roofs and helipad.
@@ -68,7 +68,7 @@ def footing_depth(
         ids: (H, W) class ids of `uav_bt.classes`.
         view: the camera, at the map's size.
         config: what is known of the lab.
-        unroller: kept from map to map it saves a millisecond on each.
+        ground: `GroundPlane.of(view)` where it is at hand.
         remembered: bases seen earlier, for boxes whose base is out of view now.
 
     Raises:
@@ -79,8 +79,8 @@ def footing_depth(
     if ids.shape != size:
         expected = f"{size[0]}x{size[1]}, as its camera"
         raise ShapeError("class map", expected=expected, actual=ids.shape)
-    panorama = (unroller or Unroller()).unroll(ids, view)
-    return _Footing(ids, view, config or FootingConfig(), panorama, remembered).result()
+    ground, panorama = ground or GroundPlane.of(view), Panorama.of(ids, view)
+    return _Footing(ids, ground, config or FootingConfig(), panorama, remembered).result()
 
 
 class _Footing:
@@ -89,19 +89,17 @@ class _Footing:
     def __init__(
         self,
         ids: NDArray[np.uint8],
-        view: CameraView,
+        ground: GroundPlane,
         config: FootingConfig,
         panorama: Panorama,
         remembered: Remembered | None,
     ) -> None:
         self._shape, self._ids = ids.shape, ids.ravel()
-        self._height_m, self._config = view.height_m, config
-        rays = level_rays(view)
-        ground = ground_depth(view, rays=rays).ravel()
-        self._rays = rays.reshape(3, -1)
+        self._height_m, self._config = ground.view.height_m, config
+        self._rays, depth_m = ground.rays.reshape(3, -1), ground.depth_m.ravel()
         self._panorama, self._remembered = panorama, remembered
-        self._depth = np.where(self._ids == CARPET, ground, np.float32(np.nan))
-        self._at_most = np.where(np.isnan(ground), np.float32(np.inf), ground)
+        self._depth = np.where(self._ids == CARPET, depth_m, np.float32(np.nan))
+        self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
         self._present = np.bincount(self._ids, minlength=256) > 0
 
     def result(self) -> FootingDepth:

@@ -1,10 +1,10 @@
-"""A class map unrolled into azimuth by depression, so that vertical edges become columns."""
+"""A class map remapped to azimuth by depression, so that vertical edges become columns."""
 
 from __future__ import annotations
 
+import functools
 import math
-from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView
-from uav_bt.types import CameraModel
 from uav_bt.types.projection import camera_axes, pixel_rays, project
 
-__all__ = ["OUTSIDE", "Panorama", "Unroller"]
+__all__ = ["OUTSIDE", "Panorama"]
 
-OUTSIDE = 255  # in the unrolled map: not in the image
+OUTSIDE = 255  # in the panorama: not in the image
 _ROWS_PER_PX = 2.0  # finer than the image, so that the borders between its pixels are found
 _NO_FRACTIONS = np.empty(0, dtype=np.uint16)  # cells lie on whole pixels
 _FLATTEST_RAD = 0.02  # flatter than this the ground is beyond every lab
@@ -25,12 +24,36 @@ _FLATTEST_RAD = 0.02  # flatter than this the ground is beyond every lab
 
 @dataclass(frozen=True, kw_only=True)
 class Panorama:
-    """The unrolled map; row 0 looks down most steeply."""
+    """The remapped class map; row 0 looks down most steeply."""
 
     ids: NDArray[np.uint8]  # (R, A) class ids, OUTSIDE where the image does not reach
     azimuth_rad: NDArray[np.float64]  # (A,) of each column, growing, clockwise from the heading
     depression_rad: NDArray[np.float64]  # (R,) of each row, falling
     pixel_rad: float  # depression that one pixel of the image spans at its centre
+
+    @classmethod
+    def of(cls, ids: NDArray[np.uint8], view: CameraView) -> Panorama:
+        """Remap a class map below the horizon.
+
+        Args:
+            ids: (H, W) class ids.
+            view: the camera, at the map's size.
+        """
+        layout = _layout(replace(view, height_m=0.0))  # on which the layout does not depend
+        remapped = cv2.remap(
+            ids,
+            layout.places,
+            _NO_FRACTIONS,
+            cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=OUTSIDE,
+        )
+        return cls(
+            ids=np.asarray(remapped, dtype=np.uint8),
+            azimuth_rad=layout.azimuth_rad,
+            depression_rad=layout.depression_rad,
+            pixel_rad=1.0 / view.camera.fy_px,
+        )
 
     @property
     def rows_per_px(self) -> float:
@@ -59,46 +82,8 @@ class _Layout:
     places: Any  # (R, A, 2) int16, column and row
 
 
-class Unroller:
-    """Unrolls maps, and keeps the layouts of the last few attitudes: a gimbal mostly stands."""
-
-    def __init__(self, *, kept: int = 8) -> None:
-        self._kept = kept
-        self._layouts: OrderedDict[tuple[CameraModel, float, float], _Layout] = OrderedDict()
-
-    def unroll(self, ids: NDArray[np.uint8], view: CameraView) -> Panorama:
-        """Unroll a map below the horizon.
-
-        Args:
-            ids: (H, W) class ids.
-            view: the camera, at the map's size.
-        """
-        layout = self._layout(view)
-        unrolled = cv2.remap(
-            ids,
-            layout.places,
-            _NO_FRACTIONS,
-            cv2.INTER_NEAREST,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=OUTSIDE,
-        )
-        return Panorama(
-            ids=np.asarray(unrolled, dtype=np.uint8),
-            azimuth_rad=layout.azimuth_rad,
-            depression_rad=layout.depression_rad,
-            pixel_rad=1.0 / view.camera.fy_px,
-        )
-
-    def _layout(self, view: CameraView) -> _Layout:
-        key = (view.camera, view.pitch_rad, view.roll_rad)
-        layout = self._layouts.pop(key, None) or _lay_out(view)
-        self._layouts[key] = layout
-        while len(self._layouts) > self._kept:
-            self._layouts.popitem(last=False)
-        return layout
-
-
-def _lay_out(view: CameraView) -> _Layout:
+@functools.lru_cache(maxsize=8)  # a gimbal mostly stands still
+def _layout(view: CameraView) -> _Layout:
     camera = view.camera
     pixel_rad = 1.0 / camera.fy_px
     left, right, steepest = _extent(view)

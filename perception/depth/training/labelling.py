@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import view_of
 from perception.depth.contact.depth import footing_depth
-from perception.depth.contact.panorama import Unroller
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
@@ -123,7 +122,7 @@ def footing_labels(
     width, height = LABEL_SIZE_PX
     depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
     bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
-    memory, unroller = ObstacleMemory(), Unroller()
+    memory = ObstacleMemory()
     states = _states_of(footage)
     state = next(states)
     memory.predict(state)
@@ -138,7 +137,7 @@ def footing_labels(
             remembered = remembered_bases(memory.points(), state, frame, footage.camera)
             memory.update(class_map, frame, view.camera)
             if place % config.every == 0:
-                known = footing_depth(class_map.ids, view, unroller=unroller, remembered=remembered)
+                known = footing_depth(class_map.ids, view, remembered=remembered)
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)
         advance(place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=bound)

@@ -37,7 +37,9 @@ def sample(
     relative: np.ndarray, ids: np.ndarray | None = None, config: ScaleConfig | None = None
 ) -> CarpetSample | None:
     generator = np.random.default_rng(RNG_SEED)
-    return sample_carpet(relative, carpet_ids() if ids is None else ids, VIEW, generator, config)
+    return sample_carpet(
+        relative, carpet_ids() if ids is None else ids, ground_depth(VIEW), generator, config
+    )
 
 
 # --- sampling -------------------------------------------------------------------------------------
@@ -66,7 +68,7 @@ def test_pixels_keep_their_distance_to_the_carpets_border_not_to_the_images() ->
     ids = carpet_ids()
     ids[:, 100:] = BOXES[2]
     generator = np.random.default_rng(0)
-    drawn = sample_carpet(predicted(), ids, VIEW, generator, ScaleConfig(points=5000))
+    drawn = sample_carpet(predicted(), ids, ground_depth(VIEW), generator, ScaleConfig(points=5000))
 
     assert drawn is not None
     columns, rows = drawn.pixels.T

@@ -6,11 +6,11 @@ each, so that a tree file shows what it flies with.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import view_of
 from perception.camera.undistortion import Undistorter
-from perception.depth.metric import MetricDepth, MetricDepthMaker
+from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import Scale
-from perception.landing.detector import HelipadDetection, HelipadDetector, locate
-from perception.landing.tracker import HelipadTracker
+from perception.depth.stage import DepthStage
+from perception.landing.detector import HelipadDetection
+from perception.landing.finder import HelipadFinder
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.classes import CARPET
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import (
-    PAD_HEIGHT_M,
     CameraModel,
     ClassMap,
     Corridor,
@@ -40,7 +40,6 @@ from uav_bt.types import (
 __all__ = ["STAGES", "Perceived", "Pipeline", "PipelineConfig"]
 
 STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "helipad")
-_EVERY: Final = 8  # pixels of two frames compared, to tell whether the picture is frozen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,16 +48,11 @@ class PipelineConfig:
 
     source: str = "fused"  # of metric depth, where there is a network; footing without one
     corridor: CorridorConfig = field(default_factory=CorridorConfig)
-    pad_height_m: float = PAD_HEIGHT_M  # top of the helipad above the carpet
-    moving_mps: float = 0.2  # faster than this two pictures cannot be the same
     carried_s: float = 12.0  # a helipad that was not seen for longer is lost
 
     def __post_init__(self) -> None:
-        numbers = (self.pad_height_m, self.moving_mps, self.carried_s)
-        if not all(math.isfinite(value) and value > 0.0 for value in numbers):
-            raise ValueRangeError(
-                f"pad height, moving speed and carried time must be positive, got {numbers}"
-            )
+        if not self.carried_s > 0.0:
+            raise ValueRangeError(f"the carried time must be positive, got {self.carried_s} s")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,16 +98,16 @@ class Pipeline:
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._config = config or PipelineConfig()
-        self._segmenter, self._network = segmenter, network
+        self._segmenter = segmenter
         self._undistorter = Undistorter(camera)
-        self._maker = MetricDepthMaker(
+        maker = MetricDepthMaker(
             source="footing" if network is None else self._config.source,
             generator=generator,
         )
+        self._depth = DepthStage(network, maker)
         self._corridors = CorridorBuilder(self._config.corridor)
-        self._detector, self._tracker = HelipadDetector(), HelipadTracker()
+        self._finder = HelipadFinder()
         self._state: DroneState | None = None
-        self._last_picture: NDArray[np.uint8] | None = None
         self._timer = timer
 
     @property
@@ -136,23 +130,27 @@ class Pipeline:
         spent: dict[str, float] = {}
         frame = replace(frame, image=self._undistorter.picture(frame.image))
         for state in states:
-            self._tracker.predict(state)
+            self._finder.predict(state)
             self._state = state
         with self._timed(spent, "segmentation"):
             class_map = self._segmenter.segment(frame)
-        relative, metric = self._metric(frame, class_map, spent)
+        metric = self._depth.perceive(
+            frame, class_map, self.camera, state=self._state, timed=partial(self._timed, spent)
+        )
         corridor = intruding = None
         if metric.depth is not None:
             with self._timed(spent, "corridor"):
                 corridor = self._corridor(frame, class_map, metric.depth)
             intruding = self._intruding(frame, class_map, metric.depth)
         with self._timed(spent, "helipad"):
-            detection = self._detector.detect(class_map)
-            helipad = self._helipad(frame, class_map, detection)
+            detection = self._finder.see(class_map, frame, self.camera)
+            helipad = self._finder.fix()
+            if helipad and frame.captured_s - helipad.captured_s > self._config.carried_s:
+                helipad = None
         return Perceived(
             frame=frame,
             class_map=class_map,
-            relative=relative,
+            relative=metric.relative,
             depth=metric.depth,
             refusal=metric.refusal,
             scale=metric.scale,
@@ -169,35 +167,6 @@ class Pipeline:
         yield
         spent[stage] = self._timer() - begin_s
 
-    # --- depth ------------------------------------------------------------------------------------
-
-    def _metric(
-        self, frame: Frame, class_map: ClassMap, spent: dict[str, float]
-    ) -> tuple[DepthMap | None, MetricDepth]:
-        if self._frozen(frame):
-            return None, MetricDepth(depth=None, refusal="the picture is frozen")
-        relative = None
-        if self._network is not None:
-            with self._timed(spent, "relative_depth"):
-                relative = self._network.estimate(frame)
-        with self._timed(spent, "metric_depth"):
-            metric = self._maker.make(frame, class_map, self.camera, relative)
-        if metric.depth is not None and not np.isfinite(metric.depth.depth).any():
-            # Footing knows nothing here: a map of nothing would read as a free way.
-            return relative, MetricDepth(
-                depth=None, refusal=metric.refusal or "nothing in view stands on carpet"
-            )
-        return relative, metric
-
-    def _frozen(self, frame: Frame) -> bool:
-        """Return whether a moving drone sent the same picture again."""
-        before, self._last_picture = self._last_picture, frame.image[::_EVERY, ::_EVERY].copy()
-        if before is None or self._state is None:
-            return False
-        velocity = self._state.velocity
-        speed_mps = math.hypot(velocity.forward_mps, velocity.right_mps, velocity.down_mps)
-        return speed_mps > self._config.moving_mps and np.array_equal(before, self._last_picture)
-
     def _corridor(self, frame: Frame, class_map: ClassMap, depth: DepthMap) -> Corridor:
         height_px, width_px = depth.depth.shape
         return self._corridors.build(
@@ -211,43 +180,3 @@ class Pipeline:
         height_px, width_px = depth.depth.shape
         view = view_of(frame, self.camera, (width_px, height_px))
         return self._corridors.intruding(depth, view, things=class_map.ids > CARPET)
-
-    # --- helipad ----------------------------------------------------------------------------------
-
-    def _helipad(
-        self, frame: Frame, class_map: ClassMap, detection: HelipadDetection | None
-    ) -> HelipadFix | None:
-        place = None if detection is None else self._place(frame, class_map, detection)
-        if self._state is None:
-            if detection is None or place is None:
-                return None
-            return HelipadFix(
-                captured_s=frame.captured_s,
-                forward_m=place[0],
-                right_m=place[1],
-                detected=True,
-                confidence=detection.score,
-            )
-        seen = (
-            detection is not None
-            and place is not None
-            and self._tracker.update(
-                *place, captured_s=frame.captured_s, confidence=detection.score
-            )
-        )
-        fix = self._tracker.fix(detected=seen)
-        lost = fix is None or frame.captured_s - fix.captured_s > self._config.carried_s
-        return None if lost else fix
-
-    def _place(
-        self, frame: Frame, class_map: ClassMap, detection: HelipadDetection
-    ) -> tuple[float, float] | None:
-        if not math.isfinite(frame.height_above_carpet_m + frame.gimbal_pitch_rad):
-            return None
-        height_px, width_px = class_map.ids.shape
-        return locate(
-            detection,
-            self.camera.resized(width_px, height_px),
-            frame.gimbal_pitch_rad,
-            frame.height_above_carpet_m - self._config.pad_height_m,
-        )
