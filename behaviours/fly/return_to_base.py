@@ -7,8 +7,8 @@ import math
 
 from behaviours.fly.heading import HeadingController
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
-from behaviours.path.gimbal_pointing import PadGaze, shows_unplaced
-from behaviours.path.path_to_pad import WayToPad
+from behaviours.path.gimbal_pointing import GimbalPointing, shows_unplaced
+from behaviours.path.path_to_pad import PathToPad
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import UnknownNameError
@@ -93,13 +93,13 @@ class ReturnToBase(SteeringLeaf):
             raise UnknownNameError("approach", approach, _APPROACHES)
         self._by_policy = approach == "policy"
         self._heading = HeadingController()
-        self._way = WayToPad()
+        self._path = PathToPad()
 
     def initialise(self) -> None:
         """Begin with the search; a helipad in view ends it at once."""
         self._enter(_Phase.SEARCH)
         self._detour_steps = 0
-        self._gaze = PadGaze()
+        self._pointing = GimbalPointing()
         self._glance_s = self.clock.now() + _FIRST_GLANCE_S
 
     def update(self) -> Status:
@@ -132,7 +132,7 @@ class ReturnToBase(SteeringLeaf):
         nears = self._phase in {_Phase.APPROACH, _Phase.OVERFLY} and not self._by_policy
         if not nears or fix is None or state is None:
             return flight_rad
-        return self._gaze.pitch_rad(
+        return self._pointing.pitch_rad(
             fix,
             self.read(OBSTACLES).value,
             state,
@@ -144,7 +144,7 @@ class ReturnToBase(SteeringLeaf):
         self._phase = phase
         self._judged_s, self._room_m = -math.inf, math.inf
         self._entered_s = self._clear_s = self.clock.now()
-        self._way.drop()
+        self._path.drop()
         self._heading.reset()
         self.look_afresh()
         searching = phase in {_Phase.SEARCH, _Phase.GLANCE}
@@ -265,7 +265,7 @@ class ReturnToBase(SteeringLeaf):
         state = self.state()
         if state is None:
             return None
-        return self._way.bearing(obstacles, fix, state, self.clock.now())
+        return self._path.bearing(obstacles, fix, state, self.clock.now())
 
     def _is_blocked_ahead(self) -> bool:
         """Return whether something of unknown range stands ahead."""

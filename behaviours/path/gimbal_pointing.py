@@ -1,31 +1,50 @@
-"""Where the camera looks on the way to the helipad."""
+"""Where the camera points on the way to the helipad."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
+from uav_bt.errors import ValueRangeError
 from uav_bt.types import PAD_HEIGHT_M, DroneState, HelipadFix, ObstaclePoints
 
-__all__ = ["PadGaze", "shows_unplaced"]
+__all__ = ["GimbalPointing", "GimbalPointingConfig", "shows_unplaced"]
 
-# The lowest pitch at which bases are still told from roofs.
-_LOWEST_RAD = math.radians(-50)
-# What has an unknown range this near to ahead is looked at from above, for so long.
-_NEAR_AHEAD_RAD = math.radians(45)
-_LOOK_DOWN_S = 1.0
-# Degrees that must show an obstacle of unknown range; fewer are specks of the mask.
-_UNPLACED_MIN = 2
+_MIN_BEARINGS = 2  # degrees that must show something of unknown range; fewer are specks of the mask
+
+
+@dataclass(frozen=True, kw_only=True)
+class GimbalPointingConfig:
+    """How far down the camera looks, and when."""
+
+    min_pitch_rad: float = math.radians(-50)  # steeper, roofs are no longer told from bases
+    near_ahead_rad: float = math.radians(45)  # what is unplaced this near to ahead is looked at
+    look_down_s: float = 1.0  # so long, enough for the memory to place it
+
+    def __post_init__(self) -> None:
+        if not (-math.pi / 2 <= self.min_pitch_rad < 0.0 < self.near_ahead_rad):
+            raise ValueRangeError(f"the camera must look down, and ahead must be wide, got {self}")
 
 
 def shows_unplaced(obstacles: ObstaclePoints | None, half_angle_rad: float) -> bool:
-    """Return whether something of unknown range stands this near to ahead."""
-    return obstacles is not None and obstacles.unplaced_within(half_angle_rad) >= _UNPLACED_MIN
+    """Return whether something of unknown range stands this near to ahead.
+
+    Args:
+        obstacles: what is remembered.
+        half_angle_rad: of the sector around the heading.
+    """
+    return obstacles is not None and obstacles.unplaced_within(half_angle_rad) >= _MIN_BEARINGS
 
 
-class PadGaze:
-    """Follows the pad down, so that the carpet before it is in view, and looks at what is near."""
+class GimbalPointing:
+    """Follows the pad down, so that the carpet before it is in view, and looks at what is near.
 
-    def __init__(self) -> None:
+    Args:
+        config: how far down, and when.
+    """
+
+    def __init__(self, config: GimbalPointingConfig | None = None) -> None:
+        self._config = config or GimbalPointingConfig()
         self._look_down_until_s = -math.inf
 
     def pitch_rad(
@@ -37,16 +56,26 @@ class PadGaze:
         flight_rad: float,
         now_s: float,
     ) -> float:
-        """Return the camera's pitch, between the one in flight and the lowest."""
-        if shows_unplaced(obstacles, _NEAR_AHEAD_RAD) or _ends_unseen(obstacles):
-            self._look_down_until_s = now_s + _LOOK_DOWN_S
+        """Return the camera's pitch, between the one in flight and the lowest, negative down.
+
+        Args:
+            fix: where the pad lies.
+            obstacles: what is remembered.
+            state: of the drone.
+            flight_rad: the camera's pitch in flight.
+            now_s: the mission clock's time.
+        """
+        cfg = self._config
+        if shows_unplaced(obstacles, cfg.near_ahead_rad) or self._ends_unseen(obstacles):
+            self._look_down_until_s = now_s + cfg.look_down_s
         if now_s < self._look_down_until_s:
-            return _LOWEST_RAD
+            return cfg.min_pitch_rad
         above_m = max(state.height_above_carpet_m - PAD_HEIGHT_M, 0.0)
         pad_rad = -math.atan2(above_m, max(fix.range_m, 0.05))
-        return min(flight_rad, max(pad_rad, _LOWEST_RAD))
+        return min(flight_rad, max(pad_rad, cfg.min_pitch_rad))
 
-
-def _ends_unseen(obstacles: ObstaclePoints | None) -> bool:
-    """Return whether the carpet ends ahead, nearer than anything in view."""
-    return obstacles is not None and obstacles.ends_within(_NEAR_AHEAD_RAD) >= _UNPLACED_MIN
+    def _ends_unseen(self, obstacles: ObstaclePoints | None) -> bool:
+        """Return whether the carpet ends ahead, nearer than anything in view."""
+        if obstacles is None:
+            return False
+        return obstacles.ends_within(self._config.near_ahead_rad) >= _MIN_BEARINGS

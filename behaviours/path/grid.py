@@ -12,8 +12,6 @@ __all__ = ["Cell", "Floats", "Grid", "costs_to_go", "descent"]
 
 Floats = NDArray[np.float64]
 Cell = tuple[int, int]
-# Rounds until the costs to go are final: as many as the way has cells, which is far less.
-_MOST_ROUNDS = 300
 _NEIGHBOURS = tuple(
     (row, column, math.hypot(row, column))
     for row in (-1, 0, 1)
@@ -35,7 +33,13 @@ class Grid:
 
     @classmethod
     def around(cls, goal_m: Floats, *, margin_m: float, cell_m: float) -> Grid:
-        """Lay a grid over drone and goal and so far around both."""
+        """Return a grid over drone and goal, and so far around both.
+
+        Args:
+            goal_m: (2,) metres north and east of the drone.
+            margin_m: around both.
+            cell_m: size of a cell.
+        """
         corner_m = np.minimum(goal_m, 0.0) - margin_m
         size_m = np.maximum(goal_m, 0.0) + margin_m - corner_m
         rows, columns = np.ceil(size_m / cell_m).astype(int) + 1
@@ -53,7 +57,7 @@ class Grid:
 
     def clearance_m(self, points_m: Floats) -> Floats:
         """Return each cell's distance to the nearest of the points in the grid, inf without any."""
-        import cv2  # noqa: PLC0415 - late: `uav-bt check` must answer at once
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         cells = np.rint((points_m - self.corner_m) / self.cell_m).astype(int)
         inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
@@ -65,39 +69,51 @@ class Grid:
 
 
 def costs_to_go(step_costs: Floats, goal: Cell) -> Floats:
-    """Return what the cheapest way from each cell to the goal costs (Bellman's equation).
+    """Return the cost of the cheapest path from each cell to the goal (Dijkstra's algorithm).
 
     Args:
-        step_costs: of leaving each cell towards a neighbour beside it; inf for closed cells.
-        goal: where the cost is nothing.
+        step_costs: (rows, columns) of leaving each cell towards a neighbour beside it, positive;
+            inf for closed cells.
+        goal: where the cost is 0.
+
+    Returns:
+        (rows, columns), inf where no path leads to the goal.
     """
+    from scipy.sparse import coo_array  # noqa: PLC0415  (`uav-bt check` must answer at once)
+    from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (as above)
+
     height, width = step_costs.shape
-    priced = [(row, column, length * step_costs) for row, column, length in _NEIGHBOURS]
-    padded = np.full((height + 2, width + 2), np.inf)
-    to_go = padded[1:-1, 1:-1]
-    to_go[goal] = 0.0
-    for _ in range(_MOST_ROUNDS):
-        before = to_go.copy()
-        for row, column, price in priced:
-            neighbour = padded[1 + row : 1 + row + height, 1 + column : 1 + column + width]
-            np.minimum(to_go, neighbour + price, out=to_go)
-        if np.array_equal(before, to_go):
-            break
-    return to_go.copy()
+    cells = np.arange(step_costs.size).reshape(height, width)
+    framed = np.pad(cells, 1, constant_values=-1)
+    steps = [
+        (framed[1 + row : 1 + row + height, 1 + column : 1 + column + width], length * step_costs)
+        for row, column, length in _NEIGHBOURS
+    ]
+    beside, prices = (np.stack(arrays) for arrays in zip(*steps, strict=True))
+    open_ = (beside >= 0) & np.isfinite(prices)
+    # Dijkstra starts at the goal, so every step is entered the other way round.
+    ends = (beside[open_], np.broadcast_to(cells, beside.shape)[open_])
+    graph = coo_array((prices[open_], ends), shape=(cells.size, cells.size)).tocsr()
+    return np.asarray(dijkstra(graph, indices=cells[goal]).reshape(height, width))
 
 
 def descent(to_go: Floats, start: Cell) -> NDArray[np.intp]:
-    """Return the cells of the way, (K, 2), from the start to the goal."""
-    way = [start]
-    while to_go[way[-1]] > 0.0:
-        row, column = way[-1]
+    """Return the cells, (K, 2), from the start to the goal, always to the cheapest neighbour.
+
+    Args:
+        to_go: as `costs_to_go` returns it.
+        start: the first cell.
+    """
+    path = [start]
+    while to_go[path[-1]] > 0.0:
+        row, column = path[-1]
         around = [
             (row + down, column + right)
             for down, right, _ in _NEIGHBOURS
             if 0 <= row + down < to_go.shape[0] and 0 <= column + right < to_go.shape[1]
         ]
         best = min(around, key=lambda cell: float(to_go[cell]))
-        if to_go[best] >= to_go[way[-1]]:
+        if to_go[best] >= to_go[path[-1]]:
             break
-        way.append(best)
-    return np.array(way)
+        path.append(best)
+    return np.array(path)

@@ -3,38 +3,46 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
-from behaviours.path.planner import WayConfig, first_leg
+from behaviours.path.planner import PathConfig, first_segment
 from uav_bt.types import DroneState, HelipadFix, ObstaclePoints
 
-__all__ = ["WayToPad"]
-
-# Flown straight to the pad where it is this wide, half, from the body's centre.
-_WIDE_M = 0.52
-# What stands this much before the pad's centre, or behind it, is not in the way to it.
-_BEFORE_PAD_M = 0.35
-# A way is planned afresh this often, and not before the drone has turned to it.
-_REPLAN_S = 0.2
-_TURNED_RAD = math.radians(12)
-_REPLAN_TURNING_S = 1.5
+__all__ = ["PathToPad", "PathToPadConfig"]
 
 
-class WayToPad:
-    """Plans the way, and keeps to it while it is as good as another."""
+@dataclass(frozen=True, kw_only=True)
+class PathToPadConfig:
+    """When a path is planned at all, and how often."""
 
-    def __init__(self, config: WayConfig | None = None) -> None:
-        self._config = config or WayConfig()
+    straight_margin_m: float = 0.52  # flown straight where it is this wide, half, from the centre
+    before_pad_m: float = 0.35  # what stands this much before the pad's centre is not on the path
+    replan_s: float = 0.2  # a path is planned afresh this often,
+    turned_rad: float = math.radians(12)  # but not before the drone has turned to it,
+    replan_turning_s: float = 1.5  # or so long has passed
+    path: PathConfig = field(default_factory=PathConfig)
+
+
+class PathToPad:
+    """Plans the path, and keeps to it while it is as good as another.
+
+    Args:
+        config: when and how it is planned.
+    """
+
+    def __init__(self, config: PathToPadConfig | None = None) -> None:
+        self._config = config or PathToPadConfig()
         self.drop()
 
     def drop(self) -> None:
-        """Forget the way being flown."""
+        """Forget the path being flown."""
         self._yaw_rad: float | None = None
         self._planned_s = -math.inf
 
     def bearing(
         self, obstacles: ObstaclePoints, fix: HelipadFix, state: DroneState, now_s: float
     ) -> float | None:
-        """Return the bearing to fly on, None without a way.
+        """Return the bearing to fly on, None without a path.
 
         Args:
             obstacles: what is remembered.
@@ -45,22 +53,24 @@ class WayToPad:
         Returns:
             Radians from the heading, clockwise positive.
         """
-        share = max(fix.range_m - _BEFORE_PAD_M, 0.0) / max(fix.range_m, _BEFORE_PAD_M)
-        if obstacles.allows(share * fix.forward_m, share * fix.right_m, margin_m=_WIDE_M):
+        cfg = self._config
+        share = max(fix.range_m - cfg.before_pad_m, 0.0) / max(fix.range_m, cfg.before_pad_m)
+        straight = (share * fix.forward_m, share * fix.right_m)
+        if obstacles.allows(*straight, margin_m=cfg.straight_margin_m):
             self.drop()
             return fix.bearing_rad
-        yaw_rad, lately_rad = state.attitude.yaw_rad, None
+        yaw_rad, present_rad = state.attitude.yaw_rad, None
         if self._yaw_rad is not None:
-            lately_rad = math.remainder(self._yaw_rad - yaw_rad, 2.0 * math.pi)
-            wait_s = _REPLAN_S if abs(lately_rad) < _TURNED_RAD else _REPLAN_TURNING_S
-            if now_s - self._planned_s < wait_s:
-                return lately_rad
-        bearing_rad = first_leg(
+            present_rad = math.remainder(self._yaw_rad - yaw_rad, 2.0 * math.pi)
+            turned = abs(present_rad) < cfg.turned_rad
+            if now_s - self._planned_s < (cfg.replan_s if turned else cfg.replan_turning_s):
+                return present_rad
+        bearing_rad = first_segment(
             obstacles,
             (fix.forward_m, fix.right_m),
-            self._config,
+            cfg.path,
             yaw_rad=yaw_rad,
-            lately_rad=lately_rad,
+            present_rad=present_rad,
         )
         self._planned_s = now_s
         self._yaw_rad = None if bearing_rad is None else yaw_rad + bearing_rad

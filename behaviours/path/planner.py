@@ -1,71 +1,79 @@
-"""The cheapest way to a place round everything remembered, with room to spare where there is any.
+"""The cheapest path to a place round everything remembered, with room to spare where there is any.
 
-A metre costs more the nearer an obstacle stands or the carpet ends, and no way leads where the body
-would touch. Where an obstacle is only assumed a way is dear, not closed: it is looked at from
+A metre costs more the nearer an obstacle stands or the carpet ends, and no path leads where the
+body would touch. Where an obstacle is only assumed a path is dear, not closed: it is looked at from
 nearer before it is flown.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.grid import Floats, Grid, costs_to_go, descent
-from behaviours.path.straight_edges import straight_edges
+from behaviours.path.straight_edges import EdgeConfig, straight_edges
+from uav_bt.errors import ValueRangeError
 from uav_bt.types import ObstaclePoints, rotate_points
 
-__all__ = ["WayConfig", "first_leg"]
-
-_AHEAD_M = 0.3  # on the way being flown; further on it may turn
-_AS_CHEAP = 1.02  # the last cells of a straight line are rounded
-_FIRST_CELLS = 3  # of a way that no straight line cuts short: so many show its direction
+__all__ = ["PathConfig", "first_segment"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class WayConfig:
-    """How near to obstacles a way may pass, and what that costs.
+class PathConfig:
+    """How near to obstacles a path may pass, and what that costs.
 
     Distances are from the body's centre: half of its diagonal is 0.2 m, and the memory errs by a
-    decimetre. Costs are of a metre, in metres: so long a detour is a better way worth.
+    decimetre. Costs are of a metre, in metres: the length of a detour that is as good.
     """
 
-    cell_m: float = 0.1
-    margin_m: float = 1.5  # of the grid around drone and goal, for ways round
+    cell_m: float = 0.1  # of the grid
+    margin_m: float = 1.5  # of the grid around drone and goal, for paths round
     wide_m: float = 0.60  # further away obstacles cost nothing
-    narrow_cost: float = 3.0  # at the least distance; in proportion in between
-    least_m: float = 0.36
-    tight_cost: float = 20.0  # nearer than the least: only where there is no other way
-    touch_m: float = 0.24  # no way leads nearer
-    doubt_cost: float = 6.0  # nearer than the least to where an obstacle is assumed
+    narrow_cost: float = 3.0  # at the smallest distance; in proportion in between
+    min_m: float = 0.36  # smallest distance
+    tight_cost: float = 20.0  # nearer than the smallest: only where there is no other path
+    touch_m: float = 0.24  # no path leads nearer
+    doubt_cost: float = 6.0  # nearer than the smallest to where an obstacle is assumed
     edge_m: float = 0.3
     edge_cost: float = 5.0  # nearer than that to the carpet's edge
-    end_m: float = 0.12  # no way leads nearer to the edge
-    # The drone may already be nearer to something than a way may pass, and so may the goal.
+    end_m: float = 0.12  # no path leads nearer to the edge
+    # The drone may already be nearer to something than a path may pass, and so may the goal.
     free_start_m: float = 0.25
     free_goal_m: float = 0.35
-    waver_m: float = 0.4  # so much a way may cost more than another before it is given up
+    hysteresis_m: float = 0.4  # a path may cost so much more than another before it is given up
+    ahead_m: float = 0.3  # on the path being flown; further on it may turn
+    straight_slack: float = 1.02  # the last cells of a straight line are rounded
+    direction_cells: int = 3  # show a path's direction where no straight line cuts it short
+    edges: EdgeConfig = field(default_factory=EdgeConfig)  # of the carpet
+
+    def __post_init__(self) -> None:
+        lengths = (self.cell_m, self.margin_m, self.wide_m, self.min_m, self.touch_m, self.ahead_m)
+        if not min(lengths) > 0.0 or not self.touch_m <= self.min_m < self.wide_m:
+            raise ValueRangeError(
+                f"distances must be positive and in order (touch_m <= min_m < wide_m), got {self}"
+            )
 
 
-def first_leg(
+def first_segment(
     known: ObstaclePoints,
     goal_m: tuple[float, float],
-    config: WayConfig,
+    config: PathConfig,
     *,
     yaw_rad: float = 0.0,
-    lately_rad: float | None = None,
+    present_rad: float | None = None,
 ) -> float | None:
-    """Return the bearing of the way's first straight piece, or None without a way.
+    """Return the bearing of the path's first straight segment, or None without a path.
 
     Args:
         known: what stands around, and where the carpet ends.
         goal_m: forward and right of the body's centre.
-        config: what a way costs.
+        config: what a path costs.
         yaw_rad: of the drone.
-        lately_rad: the bearing of the way that is being flown, if one is; it is kept unless another
-            is clearly better.
+        present_rad: the bearing of the path being flown, if one is; it is kept unless another is
+            clearly better.
 
     Returns:
         Radians from the heading, clockwise positive, within a half turn.
@@ -79,29 +87,30 @@ def first_leg(
     to_go = costs_to_go(config.cell_m * costs, goal)
     if not math.isfinite(to_go[start]):
         return None
-    way, slack_m = descent(to_go, start), 0.0
-    if lately_rad is not None:
-        azimuth_rad = lately_rad + yaw_rad
-        ahead = grid.cell(_AHEAD_M * np.array([math.cos(azimuth_rad), math.sin(azimuth_rad)]))
-        if to_go[ahead] + _AHEAD_M <= to_go[start] + config.waver_m:
-            way, slack_m = np.vstack([way[:1], descent(to_go, ahead)]), config.waver_m
-    azimuth_rad = _azimuth(way, costs, to_go, config, slack_m)
+    path, slack_m = descent(to_go, start), 0.0
+    if present_rad is not None:
+        azimuth_rad = present_rad + yaw_rad
+        ahead = grid.cell(config.ahead_m * np.array([math.cos(azimuth_rad), math.sin(azimuth_rad)]))
+        if to_go[ahead] + config.ahead_m <= to_go[start] + config.hysteresis_m:
+            path = np.vstack([path[:1], descent(to_go, ahead)])
+            slack_m = config.hysteresis_m
+    azimuth_rad = _azimuth(path, costs, to_go, config, slack_m)
     return math.remainder(azimuth_rad - yaw_rad, 2.0 * math.pi)
 
 
 def _costs(
-    known: ObstaclePoints, goal_m: Floats, grid: Grid, config: WayConfig, yaw_rad: float
+    known: ObstaclePoints, goal_m: Floats, grid: Grid, config: PathConfig, yaw_rad: float
 ) -> Floats:
-    """Return what a metre costs in each cell; inf where no way leads."""
+    """Return what a metre costs in each cell; inf where no path leads."""
     clear_m = grid.clearance_m(rotate_points(known.points_m, yaw_rad))
-    inside_m = _inside_m(grid, rotate_points(known.edges_m, yaw_rad))
+    inside_m = _inside_m(grid, rotate_points(known.edges_m, yaw_rad), config.edges)
     doubt_m = grid.clearance_m(rotate_points(known.assumed_m, yaw_rad))
-    narrowness = (config.wide_m - clear_m) / (config.wide_m - config.least_m)
-    tightness = np.clip(1.0 - clear_m / config.least_m, 0.0, None)
+    narrowness = (config.wide_m - clear_m) / (config.wide_m - config.min_m)
+    tightness = np.clip(1.0 - clear_m / config.min_m, 0.0, None)
     cost = 1.0 + config.narrow_cost * np.clip(narrowness, 0.0, 1.0)
     # Within what is too near, outwards is cheaper.
     cost += config.tight_cost * ((tightness > 0.0) + 2.0 * tightness)
-    cost += config.doubt_cost * (doubt_m < config.least_m)
+    cost += config.doubt_cost * (doubt_m < config.min_m)
     cost += config.edge_cost * (inside_m < config.edge_m)
     closed = (clear_m < config.touch_m) | (inside_m < config.end_m)
     places_m = grid.places_m()
@@ -110,33 +119,34 @@ def _costs(
     return np.where(closed & ~exempt, np.inf, cost)
 
 
-def _inside_m(grid: Grid, edges_m: Floats) -> Floats:
+def _inside_m(grid: Grid, edges_m: Floats, config: EdgeConfig) -> Floats:
     """Return how far within the carpet each cell lies, negative beyond a straight edge of it."""
     inside_m = grid.clearance_m(edges_m)
     places_m = grid.places_m()
-    for normal, range_m in straight_edges(edges_m):
+    for normal, range_m in straight_edges(edges_m, config):
         inside_m = np.minimum(inside_m, range_m - places_m @ normal)
     return inside_m
 
 
 def _azimuth(
-    way: NDArray[np.intp],
+    path: NDArray[np.intp],
     costs: Floats,
     to_go: Floats,
-    config: WayConfig,
+    config: PathConfig,
     slack_m: float,
 ) -> float:
-    """Return the azimuth of the furthest cell of the way that is reached straight as cheaply.
+    """Return the azimuth of the furthest cell of the path that is reached straight as cheaply.
 
-    A way over the grid goes by eighths of a turn; what it costs more than a straight one is that.
+    A path over the grid goes by eighths of a turn, and only for that
+    costs more than a straight one.
     """
-    start = way[0]
-    for cell in way[:0:-1]:
+    start = path[0]
+    for cell in path[:0:-1]:
         straight_m = _straight_cost(start, cell, costs) * config.cell_m
-        if straight_m <= (_at(to_go, start) - _at(to_go, cell)) * _AS_CHEAP + slack_m:
+        if straight_m <= (_at(to_go, start) - _at(to_go, cell)) * config.straight_slack + slack_m:
             break
     else:
-        cell = way[min(_FIRST_CELLS, len(way) - 1)]
+        cell = path[min(config.direction_cells, len(path) - 1)]
     return math.atan2(cell[1] - start[1], cell[0] - start[0])
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.path.gimbal_pointing import PadGaze
+from behaviours.path.gimbal_pointing import GimbalPointing
 from uav_bt.types import DroneState, FlyingState, HelipadFix, ObstaclePoints
 
 FLIGHT_RAD = math.radians(-30)
@@ -15,11 +15,11 @@ LOWEST_RAD = math.radians(-50)
 
 
 def pitch_rad(
-    gaze: PadGaze, known: ObstaclePoints | None, *, range_m: float, now_s: float
+    pointing: GimbalPointing, known: ObstaclePoints | None, *, range_m: float, now_s: float
 ) -> float:
     state = DroneState(captured_s=now_s, flying=FlyingState.FLYING, height_above_carpet_m=1.5)
     fix = HelipadFix(captured_s=now_s, forward_m=range_m, right_m=0.0, detected=True)
-    return gaze.pitch_rad(fix, known, state, flight_rad=FLIGHT_RAD, now_s=now_s)
+    return pointing.pitch_rad(fix, known, state, flight_rad=FLIGHT_RAD, now_s=now_s)
 
 
 def known(**bearings_deg: list[float]) -> ObstaclePoints:
@@ -35,18 +35,22 @@ def known(**bearings_deg: list[float]) -> ObstaclePoints:
     [(3.0, FLIGHT_RAD), (1.5, -math.atan2(1.1, 1.5)), (0.2, LOWEST_RAD)],
 )
 def test_the_camera_follows_the_pad_down(range_m: float, expected_rad: float) -> None:
-    assert pitch_rad(PadGaze(), None, range_m=range_m, now_s=0.0) == pytest.approx(expected_rad)
+    assert pitch_rad(GimbalPointing(), None, range_m=range_m, now_s=0.0) == pytest.approx(
+        expected_rad
+    )
 
 
 @pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])
 def test_what_has_no_range_ahead_is_looked_at_from_above_for_a_while(what: str) -> None:
-    gaze = PadGaze()
-    assert pitch_rad(gaze, known(**{what: [-40.0, 44.0]}), range_m=3.0, now_s=0.0) == LOWEST_RAD
-    assert pitch_rad(gaze, known(), range_m=3.0, now_s=0.9) == LOWEST_RAD
-    assert pitch_rad(gaze, known(), range_m=3.0, now_s=1.1) == FLIGHT_RAD
+    pointing = GimbalPointing()
+    assert pitch_rad(pointing, known(**{what: [-40.0, 44.0]}), range_m=3.0, now_s=0.0) == LOWEST_RAD
+    assert pitch_rad(pointing, known(), range_m=3.0, now_s=0.9) == LOWEST_RAD
+    assert pitch_rad(pointing, known(), range_m=3.0, now_s=1.1) == FLIGHT_RAD
 
 
 @pytest.mark.parametrize("what", ["unplaced", "unplaced_edges"])
 @pytest.mark.parametrize("degrees", [[10.0], [-60.0, 50.0, 70.0]])
 def test_specks_and_what_is_beside_are_not(what: str, degrees: list[float]) -> None:
-    assert pitch_rad(PadGaze(), known(**{what: degrees}), range_m=3.0, now_s=0.0) == FLIGHT_RAD
+    assert (
+        pitch_rad(GimbalPointing(), known(**{what: degrees}), range_m=3.0, now_s=0.0) == FLIGHT_RAD
+    )

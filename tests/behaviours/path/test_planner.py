@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from behaviours.path.planner import WayConfig, first_leg
+from behaviours.path.planner import PathConfig, first_segment
 from uav_bt.types import ObstaclePoints
 
-CONFIG = WayConfig()
+CONFIG = PathConfig()
 NOTHING = np.empty((0, 2))
 
 
-def leg(
+def segment(
     bases: NDArray[np.float64] = NOTHING,
     goal: tuple[float, float] = (2.0, 0.0),
     *,
     edges: NDArray[np.float64] = NOTHING,
     assumed: NDArray[np.float64] = NOTHING,
     yaw_rad: float = 0.0,
-    lately_rad: float | None = None,
+    present_rad: float | None = None,
 ) -> float | None:
     known = ObstaclePoints(points_m=bases, edges_m=edges, assumed_m=assumed, captured_s=0.0)
-    return first_leg(known, goal, CONFIG, yaw_rad=yaw_rad, lately_rad=lately_rad)
+    return first_segment(known, goal, CONFIG, yaw_rad=yaw_rad, present_rad=present_rad)
 
 
 def wall(forward_m: float, left_m: float, right_m: float) -> NDArray[np.float64]:
@@ -37,7 +37,7 @@ def wall(forward_m: float, left_m: float, right_m: float) -> NDArray[np.float64]
 def test_without_obstacles_the_way_is_straight(bearing_deg: float) -> None:
     goal = (2.0 * math.cos(math.radians(bearing_deg)), 2.0 * math.sin(math.radians(bearing_deg)))
 
-    bearing = leg(goal=goal)
+    bearing = segment(goal=goal)
 
     assert bearing is not None
     off = math.remainder(bearing - math.radians(bearing_deg), 2.0 * math.pi)
@@ -45,8 +45,8 @@ def test_without_obstacles_the_way_is_straight(bearing_deg: float) -> None:
 
 
 def test_it_goes_round_the_nearer_end_of_a_wall() -> None:
-    right = leg(wall(1.0, -1.0, 0.2), (2.5, 0.0))
-    left = leg(wall(1.0, -0.2, 1.0), (2.5, 0.0))
+    right = segment(wall(1.0, -1.0, 0.2), (2.5, 0.0))
+    left = segment(wall(1.0, -0.2, 1.0), (2.5, 0.0))
 
     assert right is not None
     assert left is not None
@@ -58,7 +58,7 @@ def test_a_gap_that_is_too_narrow_is_no_way() -> None:
     """Through 0.4 m it would touch; round the end it does not."""
     gap = np.vstack([wall(1.0, -2.0, -0.2), wall(1.0, 0.2, 0.6)])
 
-    bearing = leg(gap)
+    bearing = segment(gap)
 
     assert bearing is not None
     assert bearing > math.radians(20)
@@ -67,7 +67,7 @@ def test_a_gap_that_is_too_narrow_is_no_way() -> None:
 def test_a_gap_that_is_wide_enough_is_taken() -> None:
     gap = np.vstack([wall(1.0, -2.0, -0.45), wall(1.0, 0.45, 2.0)])
 
-    bearing = leg(gap)
+    bearing = segment(gap)
 
     assert bearing == pytest.approx(0.0, abs=math.radians(10))
 
@@ -76,11 +76,11 @@ def test_a_goal_that_is_walled_in_has_no_way() -> None:
     around = np.linspace(0.0, 2.0 * math.pi, 80)
     ring = np.column_stack([2.0 + 0.7 * np.cos(around), 0.7 * np.sin(around)])
 
-    assert leg(ring) is None
+    assert segment(ring) is None
 
 
 def test_what_stands_too_near_the_drone_does_not_lock_it_in() -> None:
-    bearing = leg(wall(-0.2, -0.3, 0.3))
+    bearing = segment(wall(-0.2, -0.3, 0.3))
 
     assert bearing == pytest.approx(0.0, abs=math.radians(10))
 
@@ -89,7 +89,7 @@ def test_a_tight_gap_is_flown_where_there_is_no_other_way() -> None:
     """It is wider than the body; the ways round it are closed."""
     gap = np.vstack([wall(1.0, -2.5, -0.3), wall(1.0, 0.3, 2.5)])
 
-    assert leg(gap) == pytest.approx(0.0, abs=math.radians(15))
+    assert segment(gap) == pytest.approx(0.0, abs=math.radians(15))
 
 
 def test_where_an_obstacle_is_only_assumed_it_goes_round_if_it_can() -> None:
@@ -97,18 +97,18 @@ def test_where_an_obstacle_is_only_assumed_it_goes_round_if_it_can() -> None:
     assumed = wall(1.0, -0.4, 0.2)
     everywhere = wall(1.0, -3.0, 3.0)
 
-    round_it = leg(assumed=assumed)
+    round_it = segment(assumed=assumed)
 
     assert round_it is not None
     assert round_it > math.radians(10)
-    assert leg(assumed=everywhere) is not None
+    assert segment(assumed=everywhere) is not None
 
 
 def test_no_way_leads_off_the_carpet() -> None:
     """Round the right end it would be shorter, but the carpet ends there."""
     obstacle, edge = wall(1.0, -1.2, 0.2), wall(0.0, 0.0, 2.0)[:, ::-1] + (0.0, 0.45)
 
-    round_it = leg(obstacle, edges=edge)
+    round_it = segment(obstacle, edges=edge)
 
     assert round_it is not None
     assert round_it < -math.radians(30)
@@ -123,8 +123,8 @@ def test_the_way_stays_where_it_is_while_the_drone_turns(yaw_deg: float) -> None
     to_body = np.array([[c, -s], [s, c]])
 
     forward_m, right_m = goal @ to_body
-    turned = leg(bases @ to_body, (float(forward_m), float(right_m)), yaw_rad=yaw_rad)
-    straight = leg(bases, (2.5, 0.0))
+    turned = segment(bases @ to_body, (float(forward_m), float(right_m)), yaw_rad=yaw_rad)
+    straight = segment(bases, (2.5, 0.0))
 
     assert turned is not None
     assert straight is not None
@@ -137,8 +137,8 @@ def test_the_side_being_flown_is_kept_until_the_other_is_clearly_better() -> Non
     """Both ends are about as far."""
     even, uneven = wall(1.0, -0.55, 0.45), wall(1.0, -1.6, 0.2)
 
-    kept = leg(even, (2.5, 0.0), lately_rad=-0.7)
-    given_up = leg(uneven, (2.5, 0.0), lately_rad=-0.9)
+    kept = segment(even, (2.5, 0.0), present_rad=-0.7)
+    given_up = segment(uneven, (2.5, 0.0), present_rad=-0.9)
 
     assert kept is not None
     assert given_up is not None
