@@ -43,16 +43,15 @@ __all__ = [
 Source = Literal["network", "footing", "fused"]
 SOURCES: Final[tuple[Source, ...]] = ("network", "footing", "fused")
 
-_EVERY = 8  # pixels of a frame looked at to tell whether it is black
-_LONGEST_M = 20.0  # beyond any lab; what a scale makes of a network's sky
-
 
 @dataclass(frozen=True, kw_only=True)
 class MetricDepthConfig:
     """When a frame is refused."""
 
     black_level: float = 8.0  # mean of 255 below which a frame shows nothing
-    least_height_m: float = 0.15  # on the ground the carpet is not seen but touched
+    checked_px: int = 8  # every so many pixels of a frame are looked at for that
+    min_height_m: float = 0.15  # on the ground the carpet is not seen but touched
+    max_m: float = 20.0  # beyond any lab; what a scale makes of a network's sky
     roll_rad: float = 0.0  # of the image, its right side down; what the gimbal is known to leave
     sampling: ScaleConfig = field(default_factory=ScaleConfig)
     footing: FootingConfig = field(default_factory=FootingConfig)
@@ -60,7 +59,7 @@ class MetricDepthConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class MetricDepth:
-    """Metric depth, or the word for why there is none or less than asked for."""
+    """Metric depth, or why there is none or less than asked for."""
 
     depth: DepthMap | None
     refusal: str = ""  # for the status line and the records; without a scale footing may remain
@@ -69,7 +68,19 @@ class MetricDepth:
 
 
 class MetricDepthMaker:
-    """Makes metric depth out of what a frame's class map, telemetry and network say."""
+    """Makes metric depth from a frame's class map, telemetry and relative depth.
+
+    Args:
+        source: ``network`` (relative depth times scale), ``footing`` (masks and geometry, NaN where
+            they know nothing) or ``fused`` (footing where it knows, the network elsewhere, never
+            further than footing allows).
+        scale: of the network's depth; None for the adaptive one.
+        generator: draws the carpet's pixels.
+        config: when a frame is refused.
+
+    Raises:
+        UnknownNameError: there is no such source.
+    """
 
     def __init__(
         self,
@@ -79,19 +90,6 @@ class MetricDepthMaker:
         generator: np.random.Generator,
         config: MetricDepthConfig | None = None,
     ) -> None:
-        """Choose the ways.
-
-        Args:
-            source: ``network`` (relative depth times scale), ``footing`` (masks and geometry, NaN
-                where they know nothing) or ``fused`` (footing where it knows, the network
-                elsewhere, never further than footing allows).
-            scale: of the network's depth; None for the adaptive one.
-            generator: draws the carpet's pixels.
-            config: when a frame is refused.
-
-        Raises:
-            UnknownNameError: there is no such source.
-        """
         if source not in SOURCES:
             raise UnknownNameError("depth source", source, SOURCES)
         self._source = source
@@ -143,20 +141,42 @@ class MetricDepthMaker:
         if scale is None:
             why = "too little carpet" if sample is None else "the carpet disagrees with itself"
             return _footing_only(known, none=f"no scale: {why}", less=f"no scale: {why}")
-        return MetricDepth(depth=_fused(scale, fitting, footing, frame.captured_s), scale=scale)
+        return MetricDepth(
+            depth=self._fused(scale, fitting, footing, frame.captured_s), scale=scale
+        )
 
     def _refusal(self, frame: Frame, class_map: ClassMap, relative: DepthMap | None) -> str:
         height_m, pitch_rad = frame.height_above_carpet_m, frame.gimbal_pitch_rad
         finite = map(math.isfinite, (height_m, pitch_rad, frame.attitude.pitch_rad))
         if not all(finite):
             return "telemetry is not finite"
-        if height_m < self._config.least_height_m:
+        if height_m < self._config.min_height_m:
             return "no height above the carpet"
-        if frame.image[::_EVERY, ::_EVERY].mean() < self._config.black_level:
+        every = self._config.checked_px
+        if frame.image[::every, ::every].mean() < self._config.black_level:
             return "the frame is black"
         if class_map.captured_s != frame.captured_s:
             return "the class map is of another frame"
         return "" if self._source == "footing" else _relative_refusal(frame, relative)
+
+    def _fused(
+        self,
+        scale: Scale,
+        relative: NDArray[np.float32],
+        footing: FootingDepth | None,
+        captured_s: float,
+    ) -> DepthMap:
+        metres = np.clip(scale.apply(relative), 0.0, self._config.max_m)
+        if footing is not None:
+            metres = np.where(np.isfinite(footing.depth), footing.depth, metres)
+            metres = np.minimum(metres, footing.at_most)
+        return DepthMap(
+            depth=np.asarray(metres, dtype=np.float32),
+            metric=True,
+            captured_s=captured_s,
+            confidence=scale.confidence,
+            at_most=None if footing is None else footing.at_most,
+        )
 
 
 def remembered_bases(
@@ -189,22 +209,6 @@ def _footing_only(known: DepthMap | None, *, none: str, less: str = "") -> Metri
     if known is None or not np.isfinite(known.depth).any():
         return MetricDepth(depth=None, refusal=none)
     return MetricDepth(depth=known, refusal=less)
-
-
-def _fused(
-    scale: Scale, relative: NDArray[np.float32], footing: FootingDepth | None, captured_s: float
-) -> DepthMap:
-    metres = np.clip(scale.apply(relative), 0.0, _LONGEST_M)
-    if footing is not None:
-        metres = np.where(np.isfinite(footing.depth), footing.depth, metres)
-        metres = np.minimum(metres, footing.at_most)
-    return DepthMap(
-        depth=np.asarray(metres, dtype=np.float32),
-        metric=True,
-        captured_s=captured_s,
-        confidence=scale.confidence,
-        at_most=None if footing is None else footing.at_most,
-    )
 
 
 def _as_map(footing: FootingDepth, captured_s: float) -> DepthMap:

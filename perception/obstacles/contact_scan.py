@@ -9,17 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
+from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import project
 
-__all__ = ["Bases", "find_bases"]
+__all__ = ["Bases", "ContactScanConfig", "find_bases"]
 
-# The view is scanned along bearings, not along columns: away from the image's centre a vertical
-# edge leans, and the lowest obstacle pixel of a column may lie half-way up a box.
-_BEARING_STEP_RAD = math.radians(1.0)
-_ELEVATION_STEP_RAD = math.radians(0.5)
-_HIGHEST_RAD = math.radians(-8.0)  # carpet seen flatter than this is beyond the lab
 _OUTSIDE = 255  # no group: what lies below the image
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactScanConfig:
+    """How finely the view is scanned.
+
+    It is scanned along bearings, not along columns: away from the image's centre a vertical edge
+    leans, and the lowest obstacle pixel of a column may lie half-way up a box.
+    """
+
+    bearing_step_rad: float = math.radians(1.0)  # about three columns of a 224-wide map
+    elevation_step_rad: float = math.radians(0.5)  # about a row of it
+    max_elevation_rad: float = math.radians(-8.0)  # carpet seen flatter is beyond the lab
+    min_run: int = 4  # samples of obstacle or background above a base; fewer are specks
+
+    def __post_init__(self) -> None:
+        steps = min(self.bearing_step_rad, self.elevation_step_rad)
+        if not steps > 0.0 or self.min_run < 1 or not self.max_elevation_rad < 0.0:
+            raise ValueRangeError(f"a scan needs positive steps below the horizon, got {self}")
 
 
 @dataclass(frozen=True)
@@ -39,8 +54,7 @@ def find_bases(
     camera: CameraModel,
     gimbal_pitch_rad: float,
     height_m: float,
-    *,
-    min_run: int = 4,
+    config: ContactScanConfig | None = None,
 ) -> Bases:
     """Scan a group map along bearings for the first obstacle on the carpet, and for its edge.
 
@@ -49,15 +63,17 @@ def find_bases(
         camera: intrinsics at that size.
         gimbal_pitch_rad: when the frame was captured.
         height_m: of the camera above the carpet.
-        min_run: samples (half degrees) of obstacle or background that must stand above.
+        config: how finely it is scanned.
     """
+    config = config or ContactScanConfig()
     height_px, width_px = groups.shape
     half_view = math.atan2(width_px / 2, camera.fx_px)
     lowest = gimbal_pitch_rad - math.atan2(height_px / 2, camera.fy_px)
     # At the lower edge the same columns span wider bearings than at the image's centre.
     widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
-    bearings = np.arange(-widest, widest, _BEARING_STEP_RAD)
-    elevations = np.arange(lowest, min(_HIGHEST_RAD, gimbal_pitch_rad + 0.6), _ELEVATION_STEP_RAD)
+    bearings = np.arange(-widest, widest, config.bearing_step_rad)
+    end = min(config.max_elevation_rad, gimbal_pitch_rad + 0.6)
+    elevations = np.arange(lowest, end, config.elevation_step_rad)
     ranges = max(height_m, 0.05) / np.tan(-elevations)
     ground = np.empty((bearings.size, elevations.size, 3))
     ground[..., 0] = np.cos(bearings)[:, None] * ranges
@@ -74,9 +90,9 @@ def find_bases(
         ],
         _OUTSIDE,
     )
-    rows, first, before = _first_runs(sampled, GROUP_OBSTACLE, min_run)
+    rows, first, before = _first_runs(sampled, GROUP_OBSTACLE, config.min_run)
     stands, hides = before == GROUP_CARPET, before == _OUTSIDE
-    edge_rows, edge, before = _first_runs(sampled, GROUP_BACKGROUND, min_run)
+    edge_rows, edge, before = _first_runs(sampled, GROUP_BACKGROUND, config.min_run)
     ends, ended = before == GROUP_CARPET, before == _OUTSIDE
     level = ground[..., :2]
     return Bases(

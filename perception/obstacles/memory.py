@@ -12,12 +12,12 @@ bearings on which it has ended already where the view begins are reported like t
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.obstacles.contact_scan import find_bases
+from perception.obstacles.contact_scan import ContactScanConfig, find_bases
 from perception.odometry.visual import CarpetOdometry
 from uav_bt.classes import GROUP_CARPET, group_of
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
@@ -30,7 +30,7 @@ __all__ = ["ObstacleMemory", "ObstacleMemoryConfig"]
 class ObstacleMemoryConfig:
     """What is remembered, and for how long."""
 
-    max_age_s: float = 30.0  # dead reckoning has gone astray by a decimetre or so by then
+    max_age_s: float = 30.0  # dead reckoning has drifted by a decimetre or so by then
     # An obstacle of unknown range is assumed at each of these until carpet is seen there; not
     # nearer than the first, where it would touch the body already.
     assumed_ranges_m: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)
@@ -38,7 +38,7 @@ class ObstacleMemoryConfig:
     edge_age_s: float = 60.0  # a decimetre matters less there
     max_range_m: float = 3.0  # a pixel of the base's row weighs too much further away
     cell_m: float = 0.05  # one point is kept in each cell
-    min_run: int = 4  # half degrees of obstacle above a base; fewer are specks of the mask
+    scan: ContactScanConfig = field(default_factory=ContactScanConfig)
     # A bearing is explained by a remembered base this near to it, not further than the carpet it
     # hides plus this much.
     explain_rad: float = 0.12
@@ -95,7 +95,7 @@ class ObstacleMemory:
             camera,
             frame.gimbal_pitch_rad,
             frame.height_above_carpet_m,
-            min_run=cfg.min_run,
+            cfg.scan,
         )
         offset = np.array([camera.forward_offset_m, 0.0])
         hidden = bases.hidden_m + offset

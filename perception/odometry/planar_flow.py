@@ -1,6 +1,6 @@
-"""The camera's movement over the carpet, measured in the pictures: telemetry, made exact.
+"""The camera's movement over the carpet, measured in the images: telemetry, made exact.
 
-A heading that is wrong by half a degree moves a picture by more than two pixels, which is more
+A heading that is wrong by half a degree moves an image by more than two pixels, which is more
 than depth does at some metres. But points of the carpet lie in a known plane: two frames of them,
 followed by optical flow (Lucas and Kanade), give heading and horizontal movement to a fraction of
 that. What telemetry says is the starting point and stays where too little carpet is in view.
@@ -32,19 +32,19 @@ class OdometryConfig:
     quality: float = 0.02  # of the strongest corner's; the carpet's texture is faint
     spacing_px: int = 5
     window_px: int = 15  # of the optical flow
-    furthest_m: float = 4.0  # further carpet is seen too flatly to say much
+    max_range_m: float = 4.0  # further carpet is seen too flatly to say much
     inlier_m: float = 0.03  # on the ground; boxes' points move by more
-    least_points: int = 20  # with fewer, telemetry stays
+    min_points: int = 20  # with fewer, telemetry stays
     rounds: int = 6  # of fitting and weighing
     # What differs more from telemetry than it can be wrong was measured on something else.
-    most_yaw_rad: float = 0.05
-    most_shift_m: float = 0.12
+    max_yaw_rad: float = 0.05
+    max_shift_m: float = 0.12
 
     def believes(self, measured: Pose2D, expected: Pose2D) -> bool:
         """Return whether a measurement is near enough to telemetry."""
         shift_m = math.hypot(measured.x_m - expected.x_m, measured.y_m - expected.y_m)
-        return abs(measured.yaw_rad - expected.yaw_rad) <= self.most_yaw_rad and (
-            shift_m <= self.most_shift_m
+        return abs(measured.yaw_rad - expected.yaw_rad) <= self.max_yaw_rad and (
+            shift_m <= self.max_shift_m
         )
 
 
@@ -82,15 +82,15 @@ def ground_motion(
     corners = cv2.goodFeaturesToTrack(
         first.grey, config.points, config.quality, config.spacing_px, mask=carpet
     )
-    if corners is None or len(corners) < config.least_points:
+    if corners is None or len(corners) < config.min_points:
         return None
     corners = corners.reshape(-1, 2)
     here = ground_points(corners, first.camera, first.gimbal_pitch_rad, first.height_m)
     guessed = _moved(here, guess)
     level = np.column_stack([guessed, np.full(len(guessed), second.height_m)])
     expected = project(level, second.camera, second.gimbal_pitch_rad)
-    usable = np.isfinite(expected).all(axis=1) & (np.hypot(*here.T) < config.furthest_m)
-    if np.count_nonzero(usable) < config.least_points:
+    usable = np.isfinite(expected).all(axis=1) & (np.hypot(*here.T) < config.max_range_m)
+    if np.count_nonzero(usable) < config.min_points:
         return None
     begin = corners[usable].astype(np.float32)
     found, status, _ = cv2.calcOpticalFlowPyrLK(
@@ -114,8 +114,8 @@ def _moved(points: Floats, motion: Pose2D) -> Floats:
 
 
 def _fitted(here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig) -> Pose2D | None:
-    """Fit a rigid movement of the plane, reweighted so that what is no carpet loses its say."""
-    if len(here) < config.least_points:
+    """Fit a rigid movement of the plane, reweighted so that what is no carpet loses its weight."""
+    if len(here) < config.min_points:
         return None
     # Far points are measured worse: an error of a pixel grows with the square of the distance.
     trust = 1.0 / (1.0 + (there**2).sum(axis=1)) ** 2
@@ -130,7 +130,7 @@ def _fitted(here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig) 
         scale_m = max(config.inlier_m, 0.6 * scale_m)
         weight = trust / (1.0 + ((residual / scale_m) ** 2).sum(axis=1)) ** 2
     inliers = np.count_nonzero(np.hypot(*residual.T) < config.inlier_m)
-    enough = inliers >= config.least_points and config.believes(motion, guess)
+    enough = inliers >= config.min_points and config.believes(motion, guess)
     return motion if enough else None
 
 

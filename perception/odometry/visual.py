@@ -26,9 +26,9 @@ __all__ = ["CarpetOdometry", "CarpetOdometryConfig"]
 class CarpetOdometryConfig:
     """Which frames are compared."""
 
-    width_px: int = 320  # of the pictures that points are followed in; a larger one only costs time
-    longest_gap_s: float = 0.5  # between two frames; telemetry alone after a longer one
-    least_height_m: float = 0.5  # of the camera; lower the carpet rushes by
+    width_px: int = 320  # of the images that points are followed in; a larger one only costs time
+    max_gap_s: float = 0.5  # between two frames; telemetry alone after a longer one
+    min_height_m: float = 0.5  # of the camera; lower the carpet rushes by
     following: OdometryConfig = field(default_factory=OdometryConfig)
 
 
@@ -75,7 +75,7 @@ class CarpetOdometry:
         before, self._last = self._last, self._sight(class_map, frame, camera)
         if before is None or self._last is None:
             return
-        if not 0.0 < self._last.lens.time_s - before.lens.time_s <= self._config.longest_gap_s:
+        if not 0.0 < self._last.lens.time_s - before.lens.time_s <= self._config.max_gap_s:
             return
         reckoned = _between(before.lens, self._last.lens)
         measured = ground_motion(
@@ -88,7 +88,7 @@ class CarpetOdometry:
 
     def _sight(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> _Sight | None:
         pose, height_m = self._odometry.at(frame.captured_s), frame.height_above_carpet_m
-        if pose is None or not height_m >= self._config.least_height_m:
+        if pose is None or not height_m >= self._config.min_height_m:
             return None
         height_px, width_px = frame.image.shape[:2]
         small_px = min(width_px, self._config.width_px)

@@ -1,14 +1,14 @@
-"""Where a standing thing meets the carpet, azimuth by azimuth, out of an unrolled class map."""
+"""Where a standing thing meets the carpet, azimuth by azimuth, in a panorama of the class map."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.contact.lines import BaseLine, fit_base
+from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
 from uav_bt.classes import CARPET
 
@@ -30,25 +30,26 @@ class BaseConfig:
     reach: float = 1.0
     # Something whose base is cut off shows a ragged upright edge with carpet beside it: fewer
     # columns that seem to stand on carpet are no base.
-    least_beside_cut: int = 10
+    min_beside_cut: int = 10
     specks: float = 0.25  # of a base's columns; so many may be at odds with it before it is wrong
     slack_px: float = 2.0  # by which a side may reach below its fitted base
     max_range_m: float = 7.0  # the lab's diagonal; a pixel of the base weighs 0.2 m there
-    # Remembered bases stray by decimetres and a few degrees: this far from the azimuths they are
+    # Remembered bases drift by decimetres and a few degrees: this far from the azimuths they are
     # remembered at they are believed, and this far beyond what hides them.
     recall_rad: float = 0.09
     recall_m: float = 0.1
-    recall_least: int = 3  # points; fewer may be specks of an old mask
+    min_recalled: int = 3  # points; fewer may be specks of an old mask
+    line: LineConfig = field(default_factory=LineConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
     """Where one thing stands, by column of the panorama."""
 
-    steepness: Array  # (A,) camera height over range of its base; NaN where unknown
-    line: BaseLine | None  # what the steepness was fitted with
+    slope: Array  # (A,) camera height over range of its base; NaN where unknown
+    line: BaseLine | None  # what the slope was fitted with
     fitted: NDArray[np.bool_]  # (A,) where it is the line's
-    visible: Array  # (A,) of its lowest pixel seen, which its base is at least as steep as; or NaN
+    visible: Array  # (A,) slope of its lowest pixel seen, at least which its base has; or NaN
     top_row: Indices  # (A,) uppermost row of it; -1 where it does not show
 
 
@@ -76,8 +77,8 @@ class _Sight:
     columns: Indices  # (N,)
     first: Indices  # (N,) its lowest row in each
     last: Indices  # (N,) its uppermost
-    visible: Array  # (N,) steepness there
-    base: Array  # (N,) steepness of its border with the carpet; NaN where there is no carpet below
+    visible: Array  # (N,) slope there
+    base: Array  # (N,) slope of its border with the carpet; NaN where there is no carpet below
     outside: NDArray[np.bool_]  # (N,) the image's edge hides its lower end
     cut: bool  # it does so in much of it
 
@@ -92,7 +93,7 @@ def find_base(
     """Find where the pixels of one class stand.
 
     Args:
-        panorama: the unrolled class map.
+        panorama: of the class map.
         thing: the class.
         height_m: of the lens above the carpet.
         config: what counts.
@@ -105,12 +106,12 @@ def find_base(
         found = np.where(np.isnan(found), recalled, found)
     found[~(found >= height_m / config.max_range_m)] = np.nan
     count = panorama.azimuth_rad.size
-    steepness, visible = np.full(count, np.nan), np.full(count, np.nan)
+    slope, visible = np.full(count, np.nan), np.full(count, np.nan)
     top_row = np.full(count, -1, dtype=np.intp)
     fitted = np.zeros(count, dtype=bool)
-    steepness[sight.columns], visible[sight.columns] = found, sight.visible
+    slope[sight.columns], visible[sight.columns] = found, sight.visible
     top_row[sight.columns], fitted[sight.columns] = sight.last, on_line
-    return Base(steepness=steepness, line=line, fitted=fitted, visible=visible, top_row=top_row)
+    return Base(slope=slope, line=line, fitted=fitted, visible=visible, top_row=top_row)
 
 
 def _look(panorama: Panorama, thing: int, config: BaseConfig) -> _Sight:
@@ -152,7 +153,7 @@ def rows_above(
     """Return the row of a class right above (step 1) or below (-1) given cells.
 
     Args:
-        panorama: the unrolled class map.
+        panorama: of the class map.
         rows: (N,) of the cells.
         columns: (N,) of the cells.
         wanted: the class.
@@ -174,20 +175,20 @@ def rows_above(
 def _believe(
     panorama: Panorama, sight: _Sight, config: BaseConfig
 ) -> tuple[BaseLine | None, Array, NDArray[np.bool_]]:
-    """Return the fitted line, the base's steepness by column of sight, and where it is the line's.
+    """Return the fitted line, the base's slope by column of sight, and where it is the line's.
 
-    The steepness is NaN where the base is not known.
+    The slope is NaN where the base is not known.
     """
     azimuth = panorama.azimuth_rad[sight.columns]
     stands = np.isfinite(sight.base)
     count = np.count_nonzero(stands)
     nothing, nowhere = np.full(azimuth.size, np.nan), np.zeros(azimuth.size, dtype=bool)
-    if sight.cut and count < config.least_beside_cut:
+    if sight.cut and count < config.min_beside_cut:
         return None, nothing, nowhere
-    line = fit_base(azimuth[stands], sight.base[stands], panorama.pixel_rad)
+    line = fit_base(azimuth[stands], sight.base[stands], panorama.pixel_rad, config.line)
     if line is None or line.rms_px > config.max_rms_px:
         return None, sight.base if count >= 0.5 * azimuth.size else nothing, nowhere
-    fitted = line.steepness(azimuth)
+    fitted = line.slope(azimuth)
     slack = config.slack_px * panorama.pixel_rad * (1.0 + sight.visible**2)
     # The base of a convex thing never lies below the line of one of its faces: what belongs to it
     # and lies there shows that its ragged upright edge was taken for a base.
@@ -206,7 +207,7 @@ def _recall(
     height_m: float,
     config: BaseConfig,
 ) -> Array:
-    """Return the steepness of a remembered base at the columns of sight, NaN where none is.
+    """Return the slope of a remembered base at the columns of sight, NaN where none is.
 
     Only where the image's edge hides the base: what another thing hides stands behind that one, and
     what is remembered there may be either's.
@@ -220,14 +221,14 @@ def _recall(
     behind_m = np.interp(remembered.azimuth_rad, azimuth, height_m / visible)
     mine = remembered.range_m <= behind_m + config.recall_m
     mine &= _distance(remembered.azimuth_rad, azimuth) <= config.recall_rad
-    if np.count_nonzero(mine) < config.recall_least:
+    if np.count_nonzero(mine) < config.min_recalled:
         return nothing
     places, ranges = remembered.azimuth_rad[mine], remembered.range_m[mine]
     within = _distance(azimuth, places) <= config.recall_rad
     near_m = _near_side(places, ranges, np.clip(azimuth, places[0], places[-1]))
     # It stands no further away than the lowest pixel seen says.
-    steepness = np.maximum(height_m / np.maximum(near_m, 0.05), visible)
-    nothing[sight.outside] = np.where(within, steepness, np.nan)
+    slope = np.maximum(height_m / np.maximum(near_m, 0.05), visible)
+    nothing[sight.outside] = np.where(within, slope, np.nan)
     return nothing
 
 

@@ -7,10 +7,10 @@ box meet the carpet in one or two straight lines, which are fitted, so that a ba
 pixel and reaches on where another box hides it. A roof is a level face at the height of the side's
 upper edge; the helipad's is known.
 
-The class map is first unrolled into a panorama of azimuth by depression, where vertical edges are
+The class map is first remapped to a panorama of azimuth by depression, where vertical edges are
 columns. What cannot be known stays NaN: background, boxes whose base is hidden or below the image's
-lower edge, roofs of boxes that are higher than the camera. Of those an upper bound is told: nothing
-is further away than the ground behind it, or than the carpet that its base must stand before.
+lower edge, roofs of boxes that are higher than the camera. For those an upper bound is given:
+nothing is further away than the ground behind it, or than the carpet its base must stand before.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ class FootingConfig:
     """What is known of the lab, and what is believed of a class map."""
 
     pad_height_m: float = PAD_HEIGHT_M  # top of the helipad above the carpet
-    farthest_m: float = 8.0  # across the carpet and its corners; further off is a speck of the mask
-    deepest_m: float = 1.0  # no roof reaches further back from its front edge
-    least_edge: int = 3  # columns in which a roof must meet its side before its height is believed
+    max_depth_m: float = 8.0  # across the carpet and its corners; beyond is a speck of the mask
+    max_roof_m: float = 1.0  # no roof reaches further back from its front edge
+    min_edge: int = 3  # columns in which a roof must meet its side before its height is believed
     base: BaseConfig = field(default_factory=BaseConfig)
 
 
@@ -108,12 +108,12 @@ class _Footing:
             self._fill_sides(box, base)
         for number, roof in enumerate(ROOFS):
             if self._present[roof]:
-                wearers = [bases[box] for box in BOXES[number :: len(ROOFS)] if box in bases]
-                self._fill_roof(roof, wearers)
+                carriers = [bases[box] for box in BOXES[number :: len(ROOFS)] if box in bases]
+                self._fill_roof(roof, carriers)
         if self._present[HELIPAD_BOX] or self._present[HELIPAD_H]:
             self._fill_helipad()
         with np.errstate(invalid="ignore"):
-            self._depth[self._depth > self._config.farthest_m] = np.nan
+            self._depth[self._depth > self._config.max_depth_m] = np.nan
         things = self._ids > CARPET
         count = int(np.count_nonzero(things))
         known = int(np.count_nonzero(things & np.isfinite(self._depth)))
@@ -140,12 +140,12 @@ class _Footing:
     def _side_depth(self, azimuth: Array, level: Array, base: Base) -> Array:
         """Return the depth of side pixels by their azimuth, NaN where unknown."""
         columns = self._panorama.columns(azimuth)
-        steepness = base.steepness[columns]
+        slope = base.slope[columns]
         if base.line is not None:
-            exact = base.line.steepness(azimuth)
+            exact = base.line.slope(azimuth)
             fitted = base.fitted[columns] & (exact > 0.0)
-            steepness = np.where(fitted, exact, steepness)
-        return np.asarray(self._height_m / (steepness * level))
+            slope = np.where(fitted, exact, slope)
+        return np.asarray(self._height_m / (slope * level))
 
     def _bound(self, pixels: Indices, azimuth: Array, level: Array, base: Base) -> None:
         """A base that is not seen is at least as near as the carpet behind its lowest pixel."""
@@ -154,14 +154,14 @@ class _Footing:
 
     # --- level faces ------------------------------------------------------------------------------
 
-    def _fill_roof(self, roof: int, wearers: Sequence[Base]) -> None:
+    def _fill_roof(self, roof: int, carriers: Sequence[Base]) -> None:
         """Lay each roof pixel level with the edge of the box below it in its column."""
         pixels, azimuth, level = self._pixels(roof)
         down = self._rays[2, pixels]
         columns = self._panorama.columns(azimuth)
         rows = self._panorama.rows(np.arctan2(down, level))
         nearest_below = np.full(pixels.size, -1, dtype=np.intp)
-        for base in wearers:
+        for base in carriers:
             top = base.top_row[columns]
             mine = (top <= rows) & (top > nearest_below) & (down > 0.0)
             nearest_below[mine] = top[mine]
@@ -169,26 +169,26 @@ class _Footing:
             above_m = self._above_roof(base, roof)
             if above_m <= 0.0:
                 continue
-            front = self._height_m / (base.steepness[columns[mine]] * level[mine])
+            front = self._height_m / (base.slope[columns[mine]] * level[mine])
             depth = np.fmax(above_m / down[mine], front)  # not before its own front edge
-            plausible = depth <= front + self._config.deepest_m / level[mine]
+            plausible = depth <= front + self._config.max_roof_m / level[mine]
             self._depth[pixels[mine][plausible]] = depth[plausible]
 
     def _above_roof(self, base: Base, roof: int) -> float:
         """Return the lens's height above the edge where a roof begins; 0 where none is found."""
         panorama = self._panorama
-        columns = np.flatnonzero((base.top_row >= 0) & np.isfinite(base.steepness))
+        columns = np.flatnonzero((base.top_row >= 0) & np.isfinite(base.slope))
         top = base.top_row[columns]
         above = rows_above(panorama, top, columns, roof, self._config.base.gap_px)
         meets = above >= 0
-        if np.count_nonzero(meets) < self._config.least_edge:
+        if np.count_nonzero(meets) < self._config.min_edge:
             return 0.0
         depression = panorama.depression_rad
         edge = np.tan(0.5 * (depression[top[meets]] + depression[above[meets]]))
-        return self._height_m * float(np.median(edge / base.steepness[columns[meets]]))
+        return self._height_m * float(np.median(edge / base.slope[columns[meets]]))
 
     def _fill_helipad(self) -> None:
-        """Fill sides and top of the landing box; its rim wears the colours of its sides."""
+        """Fill sides and top of the landing box; its rim has the colours of its sides."""
         above_m = self._height_m - self._config.pad_height_m
         base = self._base(HELIPAD_BOX)
         pixels, azimuth, level = self._pixels(HELIPAD_BOX)

@@ -1,7 +1,7 @@
 """The line in which an upright box meets the carpet, fitted from the bearings that show it.
 
 A vertical plane seen from the camera has an inverse horizontal range that is linear in the cosine
-and the sine of the azimuth. So has ``steepness = height / range``, the tangent of the depression
+and the sine of the azimuth. So has ``slope = height / range``, the tangent of the depression
 under which the base is seen. One box shows one or two faces: one such line, or two that meet at the
 corner that is nearest.
 """
@@ -16,26 +16,31 @@ from numpy.typing import NDArray
 
 from uav_bt.types import rotate_points
 
-__all__ = ["BaseLine", "fit_base"]
+__all__ = ["BaseLine", "LineConfig", "fit_base"]
 
 Array = NDArray[np.float64]
 
-_LEAST = 4  # bearings that a face needs; fewer say nothing about its slope
-_GAIN = 0.6  # a second face must bring the squared residuals below this share of the first's
-_ONE_FACE_PX = 0.4  # a single line this good is not split: rounding to pixels alone makes 0.29
-_OUTLIER_PX = 1.5  # from the first fit; specks of the mask, feet of neighbours
+
+@dataclass(frozen=True, kw_only=True)
+class LineConfig:
+    """How faces are fitted."""
+
+    min_bearings: int = 4  # that a face needs; fewer say nothing about its slope
+    split_gain: float = 0.6  # two faces must bring the squared residuals below this share of one's
+    one_face_px: float = 0.4  # one line this good is not split: rounding to pixels makes 0.29
+    outlier_px: float = 1.5  # from the first fit; specks of the mask, feet of neighbours
 
 
 @dataclass(frozen=True, kw_only=True)
 class BaseLine:
-    """Steepness over azimuth: one face, or two that meet at an azimuth."""
+    """Slope over azimuth: one face, or two that meet at an azimuth."""
 
     faces: Array  # (1 or 2, 2): factors of the azimuth's cosine and sine, by growing azimuth
     corner_rad: float  # azimuth from which the second face holds; inf for one face
     rms_px: float  # of the fit, in pixels of the image
     spread_rad: float  # azimuth between the outermost bearings that went in
 
-    def steepness(self, azimuth_rad: Array) -> Array:
+    def slope(self, azimuth_rad: Array) -> Array:
         """Return height over range at azimuths, same shape; not positive where there is none."""
         factors = self.faces[(azimuth_rad >= self.corner_rad).astype(np.intp)]
         return np.asarray(
@@ -43,54 +48,59 @@ class BaseLine:
         )
 
 
-def fit_base(azimuth_rad: Array, steepness: Array, pixel_rad: float) -> BaseLine | None:
+def fit_base(
+    azimuth_rad: Array, slope: Array, pixel_rad: float, config: LineConfig | None = None
+) -> BaseLine | None:
     """Fit one or two faces.
 
     Args:
         azimuth_rad: (N,) growing azimuths.
-        steepness: (N,) tangent of the depression of the base seen there.
+        slope: (N,) tangent of the depression of the base seen there.
         pixel_rad: depression that one pixel spans; residuals are weighed in pixels.
+        config: how faces are fitted.
 
     Returns:
         The line, or None for too few bearings.
     """
-    fitted = _fit(azimuth_rad, steepness, pixel_rad)
+    config = config or LineConfig()
+    fitted = _fit(azimuth_rad, slope, pixel_rad, config)
     if fitted is None:
         return None
-    weight = _weight(steepness, pixel_rad)
-    residual_px = np.abs(fitted.steepness(azimuth_rad) - steepness) * weight
-    kept = residual_px <= max(_OUTLIER_PX, 2.5 * float(np.median(residual_px)))
+    weight = _weight(slope, pixel_rad)
+    residual_px = np.abs(fitted.slope(azimuth_rad) - slope) * weight
+    kept = residual_px <= max(config.outlier_px, 2.5 * float(np.median(residual_px)))
     if kept.all():
         return fitted
-    return _fit(azimuth_rad[kept], steepness[kept], pixel_rad) or fitted
+    return _fit(azimuth_rad[kept], slope[kept], pixel_rad, config) or fitted
 
 
-def _weight(steepness: Array, pixel_rad: float) -> Array:
-    return np.asarray(1.0 / ((1.0 + steepness**2) * pixel_rad))
+def _weight(slope: Array, pixel_rad: float) -> Array:
+    return np.asarray(1.0 / ((1.0 + slope**2) * pixel_rad))
 
 
-def _fit(azimuth_rad: Array, steepness: Array, pixel_rad: float) -> BaseLine | None:
+def _fit(azimuth_rad: Array, slope: Array, pixel_rad: float, config: LineConfig) -> BaseLine | None:
     count = azimuth_rad.size
-    if count < _LEAST:
+    if count < config.min_bearings:
         return None
     # About the middle azimuth the cosine is near one and the sine near zero: well conditioned.
     middle = 0.5 * float(azimuth_rad[0] + azimuth_rad[-1])
-    weight = _weight(steepness, pixel_rad)
+    weight = _weight(slope, pixel_rad)
     c = np.cos(azimuth_rad - middle) * weight
     d = np.sin(azimuth_rad - middle) * weight
-    s = steepness * weight
+    s = slope * weight
     sums = np.cumsum(np.stack([c * c, c * d, d * d, c * s, d * s, s * s]), axis=1)
     whole, whole_sse = _solve(sums[:, -1:])
     faces, corner, sse = whole, math.inf, float(whole_sse[0])
-    if count >= 2 * _LEAST and math.sqrt(sse / count) > _ONE_FACE_PX:
-        left, left_sse = _solve(sums[:, _LEAST - 1 : count - _LEAST])
-        right, right_sse = _solve(sums[:, -1:] - sums[:, _LEAST - 1 : count - _LEAST])
+    if count >= 2 * config.min_bearings and math.sqrt(sse / count) > config.one_face_px:
+        before = sums[:, config.min_bearings - 1 : count - config.min_bearings]
+        left, left_sse = _solve(before)
+        right, right_sse = _solve(sums[:, -1:] - before)
         # A convex box bends one way only: its nearest corner is where the line is steepest.
         both = np.where(left[:, 1] > right[:, 1], left_sse + right_sse, np.inf)
         best = int(both.argmin())
-        if both[best] < _GAIN * sse:
+        if both[best] < config.split_gain * sse:
             faces, sse = np.stack([left[best], right[best]]), float(both[best])
-            corner = _meeting(faces, middle, azimuth_rad[_LEAST - 1 + best])
+            corner = _meeting(faces, middle, azimuth_rad[config.min_bearings - 1 + best])
     return BaseLine(
         faces=rotate_points(faces, middle),
         corner_rad=corner,
@@ -109,7 +119,7 @@ def _solve(sums: Array) -> tuple[Array, Array]:
 
 
 def _meeting(faces: Array, middle: float, split_rad: float) -> float:
-    """Return the azimuth at which two faces are equally steep, near where the data were split."""
+    """Return the azimuth at which two faces are of equal slope, near where the data were split."""
     difference = faces[0] - faces[1]
     meeting = middle + math.atan2(-difference[0], difference[1])
     turns = round((split_rad - meeting) / math.pi)  # the lines cross once every half turn

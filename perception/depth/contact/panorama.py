@@ -19,7 +19,7 @@ __all__ = ["OUTSIDE", "Panorama"]
 OUTSIDE = 255  # in the panorama: not in the image
 _ROWS_PER_PX = 2.0  # finer than the image, so that the borders between its pixels are found
 _NO_FRACTIONS = np.empty(0, dtype=np.uint16)  # cells lie on whole pixels
-_FLATTEST_RAD = 0.02  # flatter than this the ground is beyond every lab
+_MIN_DEPRESSION_RAD = 0.02  # flatter than this the ground is beyond every lab
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ def _layout(view: CameraView) -> _Layout:
     pixel_rad = 1.0 / camera.fy_px
     left, right, steepest = _extent(view)
     azimuths = np.arange(left, right, 1.0 / camera.fx_px)
-    flattest = min(_FLATTEST_RAD, steepest - 2.0 * pixel_rad)
+    flattest = min(_MIN_DEPRESSION_RAD, steepest - 2.0 * pixel_rad)
     depressions = np.arange(steepest, flattest, -pixel_rad / _ROWS_PER_PX)
     column, row = _places(view, azimuths, depressions)
     places = np.stack([np.rint(column), np.rint(row)], axis=-1)

@@ -83,7 +83,7 @@ def look(memory: ObstacleMemory, ids: Ids, time_s: float, pitch_rad: float = PIT
 
 
 def bases(ids: Ids) -> Bases:
-    return find_bases(group_of(ids), CAMERA, PITCH_RAD, HEIGHT_M, min_run=4)
+    return find_bases(group_of(ids), CAMERA, PITCH_RAD, HEIGHT_M)
 
 
 @pytest.mark.parametrize("forward_m", [1.6, 2.2, 3.0])

@@ -65,7 +65,7 @@ def test_the_carpet_tells_the_movement_better_than_noisy_telemetry(noisy: KnownF
 
 def test_what_is_far_from_telemetry_is_not_believed(flight: KnownFlight) -> None:
     track = camera_track(flight.footage)
-    strict = OdometryConfig(most_yaw_rad=0.0)
+    strict = OdometryConfig(max_yaw_rad=0.0)
     assert measured_motion(flight.footage, track, 2, 6, strict) is None
 
 

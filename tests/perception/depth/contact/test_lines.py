@@ -13,7 +13,7 @@ PIXEL_RAD = 1 / 145
 HEIGHT_M = 1.5
 
 
-def steepness_of(azimuth: np.ndarray, *faces: tuple[float, float]) -> np.ndarray:
+def slope_of(azimuth: np.ndarray, *faces: tuple[float, float]) -> np.ndarray:
     """Height over range of vertical planes, each by its normal's azimuth and its distance."""
     lines = [HEIGHT_M * np.cos(azimuth - normal) / distance for normal, distance in faces]
     return np.min(lines, axis=0)
@@ -22,54 +22,54 @@ def steepness_of(azimuth: np.ndarray, *faces: tuple[float, float]) -> np.ndarray
 @pytest.mark.parametrize("middle", [-2.5, -0.4, 0.0, 0.9])
 def test_one_face_is_recovered_at_any_azimuth(middle: float) -> None:
     azimuth = np.linspace(middle - 0.15, middle + 0.15, 50)
-    line = fit_base(azimuth, steepness_of(azimuth, (middle + 0.3, 2.0)), PIXEL_RAD)
+    line = fit_base(azimuth, slope_of(azimuth, (middle + 0.3, 2.0)), PIXEL_RAD)
 
     assert line is not None
     assert line.corner_rad == math.inf
     assert line.rms_px < 1e-4
     assert line.spread_rad == pytest.approx(0.3)
     beyond = np.array([middle - 0.4, middle + 0.4])
-    assert line.steepness(beyond) == pytest.approx(steepness_of(beyond, (middle + 0.3, 2.0)))
+    assert line.slope(beyond) == pytest.approx(slope_of(beyond, (middle + 0.3, 2.0)))
 
 
 def test_two_faces_are_told_apart_where_they_meet() -> None:
     azimuth = np.linspace(0.1, 0.5, 60)
     faces = (0.3 - 0.6, 1.7), (0.3 + 0.9, 1.2)
-    true = steepness_of(azimuth, *faces)
+    true = slope_of(azimuth, *faces)
     line = fit_base(azimuth, true, PIXEL_RAD)
 
     assert line is not None
     assert line.faces.shape == (2, 2)
-    apart = steepness_of(azimuth, faces[0]) - steepness_of(azimuth, faces[1])
+    apart = slope_of(azimuth, faces[0]) - slope_of(azimuth, faces[1])
     corner = azimuth[np.abs(apart).argmin()]
     assert line.corner_rad == pytest.approx(corner, abs=0.02)
-    assert line.steepness(azimuth) == pytest.approx(true, abs=0.004)
+    assert line.slope(azimuth) == pytest.approx(true, abs=0.004)
 
 
 def test_rounding_to_pixels_does_not_make_a_corner() -> None:
     azimuth = np.linspace(-0.1, 0.1, 32)
-    depression = np.arctan(steepness_of(azimuth, (0.2, 2.5)))
+    depression = np.arctan(slope_of(azimuth, (0.2, 2.5)))
     rounded = np.tan(np.round(depression / PIXEL_RAD) * PIXEL_RAD)
     line = fit_base(azimuth, rounded, PIXEL_RAD)
 
     assert line is not None
     assert line.corner_rad == math.inf
-    error = line.steepness(azimuth) / steepness_of(azimuth, (0.2, 2.5)) - 1.0
+    error = line.slope(azimuth) / slope_of(azimuth, (0.2, 2.5)) - 1.0
     assert np.abs(error).max() < 0.01
 
 
 def test_specks_do_not_move_the_line() -> None:
     azimuth = np.linspace(-0.2, 0.2, 40)
-    seen = steepness_of(azimuth, (0.1, 2.0))
+    seen = slope_of(azimuth, (0.1, 2.0))
     seen[[3, 30]] *= 0.7
     line = fit_base(azimuth, seen, PIXEL_RAD)
 
     assert line is not None
-    assert line.steepness(np.array([0.0])) == pytest.approx(
-        steepness_of(np.array([0.0]), (0.1, 2.0)), rel=0.003
+    assert line.slope(np.array([0.0])) == pytest.approx(
+        slope_of(np.array([0.0]), (0.1, 2.0)), rel=0.003
     )
 
 
 def test_three_bearings_are_too_few() -> None:
     azimuth = np.array([0.0, 0.1, 0.2])
-    assert fit_base(azimuth, steepness_of(azimuth, (0.0, 2.0)), PIXEL_RAD) is None
+    assert fit_base(azimuth, slope_of(azimuth, (0.0, 2.0)), PIXEL_RAD) is None
