@@ -102,7 +102,7 @@ def test_maps_of_other_sizes_are_refused() -> None:
     with pytest.raises(ShapeError, match="112x224"):
         sample(np.ones((5, 5), dtype=np.float32))
     small = np.ones((5, 5), dtype=np.uint8)
-    with pytest.raises(ShapeError, match="as its camera"):
+    with pytest.raises(ShapeError, match="depth of the ground"):
         sample(small.astype(np.float32), small)
 
 
