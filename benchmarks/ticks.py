@@ -24,6 +24,7 @@ from collections.abc import Callable, Iterator
 from importlib.metadata import version
 
 import py_trees
+from py_trees.common import Status as Theirs
 
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.context import MissionContext
@@ -66,9 +67,9 @@ class Bare(Leaf):
 class TheirBare(py_trees.behaviour.Behaviour):
     """The same, of py_trees' kind."""
 
-    answer = Status.SUCCESS
+    answer = Theirs.SUCCESS
 
-    def update(self) -> Status:
+    def update(self) -> Theirs:
         """Answer."""
         return self.answer
 
@@ -82,9 +83,9 @@ class TheirReader(py_trees.behaviour.Behaviour):
         self.blackboard = self.attach_blackboard_client(name=name)
         self.blackboard.register_key(key=NUMBER.name, access=py_trees.common.Access.READ)
 
-    def update(self) -> Status:
+    def update(self) -> Theirs:
         """Read and compare."""
-        return Status.SUCCESS if self.blackboard.number >= self._limit else Status.FAILURE
+        return Theirs.SUCCESS if self.blackboard.number >= self._limit else Theirs.FAILURE
 
 
 def plan(nodes: int) -> list[int]:
@@ -145,13 +146,16 @@ def their_tree(nodes: int, *, reads: bool) -> Callable[[], object]:
                 leaves.append(TheirReader("leaf", 0.0 if good else math.pi))
             else:
                 bare = TheirBare("leaf")
-                bare.answer = Status.SUCCESS if good else Status.FAILURE
+                bare.answer = Theirs.SUCCESS if good else Theirs.FAILURE
                 leaves.append(bare)
         kind = py_trees.composites.Selector if index % 2 else py_trees.composites.Sequence
         branches.append(kind(f"branch{index}", memory=True, children=leaves))
     root = py_trees.composites.Sequence("root", memory=True, children=branches)
     tree = py_trees.trees.BehaviourTree(root)
     tree.setup()
+    root.tick_once()
+    if root.status is not Theirs.SUCCESS:
+        raise RuntimeError(f"py_trees did not visit all nodes: {root.status}")
     return root.tick_once
 
 

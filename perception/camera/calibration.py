@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from perception.camera.checkerboards import LEAST_CORNERS, Corners, Grey, find_any_board, find_board
 from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
+from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel
 
 __all__ = ["Calibration", "CalibrationConfig", "LayoutTrial", "calibrate"]
 
 Photographs = Mapping[str, Callable[[], Grey]]
-Advance = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ def calibrate(
     photographs: Photographs,
     config: CalibrationConfig | None = None,
     *,
-    advance: Advance = lambda _stage, _done, _total: None,
+    advance: Advance = silent,
 ) -> Calibration:
     """Find the camera's intrinsics.
 

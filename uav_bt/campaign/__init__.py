@@ -6,7 +6,7 @@ Example:
     >>> plan = campaign.make_plan(["land_only"], scenes=["val-*"], flights=10)
     >>> campaign.run(plan, Path("runs/land")).flights[0]["outcome"]
     'success'
-    >>> from uav_bt.campaign.report.write import write_report  # needs matplotlib
+    >>> from uav_bt.campaign.report.campaign_report import write_report  # needs matplotlib
     >>> write_report([Path("runs/land")]).page
     PosixPath('runs/land/report.html')
 """

@@ -16,16 +16,16 @@ __all__ = ["report"]
 @click.argument(
     "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
-@output_option("--out", "The HTML page; pictures and tables go beside it. Default: DIR/report.html")
+@output_option("--out", "The HTML page; images and tables go beside it. Default: DIR/report.html")
 def report(*, sources: tuple[Path, ...], out: Path | None) -> None:
     """Write the report of campaigns, their trees side by side.
 
     DIR is the folder of a `uav-bt campaign`, or a file with a flight a line. The page needs nothing
-    but itself; its pictures (PNG) and tables (CSV) are written beside it as well.
+    but itself; its images (PNG) and tables (CSV) are written beside it as well.
     """
-    need("campaign", "matplotlib")
-    from uav_bt.campaign.report.write import write_report  # noqa: PLC0415
+    need("campaign", "matplotlib", "jinja2")
+    from uav_bt.campaign.report.campaign_report import write_report  # noqa: PLC0415
 
     written = write_report(sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True))
-    for file in (written.page, *written.pictures, *written.tables):
+    for file in (written.page, *written.images, *written.tables):
         click.echo(file)

@@ -16,13 +16,8 @@ from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
 from uav_bt.app.perceive.pipeline import Pipeline
-from uav_bt.app.perceive.sources import (
-    Picture,
-    Pictures,
-    PictureSource,
-    RecordSource,
-    open_source,
-)
+from uav_bt.app.perceive.sources import RecordSource, open_source
+from uav_bt.app.perceive.streams import ImageSource, TimedImage, TimedImages
 from uav_bt.app.perceive.telemetry import FixedTelemetry, FlightTelemetry, Telemetry
 from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
@@ -37,16 +32,16 @@ _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a vi
 
 @dataclass(frozen=True, kw_only=True)
 class PerceiveOptions:
-    """What is known about the pictures, and what they are looked at with."""
+    """What is known about the images, and what they are looked at with."""
 
     camera: Path | None = None  # a camera file; None: the record's, or the ANAFI's
     height_m: float = 1.5  # of the camera above the carpet, where no telemetry tells
-    gimbal_pitch_rad: float = math.radians(-30)  # likewise
+    gimbal_pitch_rad: float = math.radians(-30)  # 0 level, where no telemetry tells
     telemetry: Path | None = None  # record of the same flight
     model: str = "depth"  # a shipped one's name, an ONNX file, or "footing" (no network)
     segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
     classes: Path | None = None  # class-mapping file of a foreign segmentation
-    every: int = 1  # pictures a step; 1 looks at all
+    every: int = 1  # images a step; 1 looks at all
     longest_s: float | None = None  # of the source's time; None: to its end
     threads: int = 1  # of the networks' inference
     seed: int = 0  # of the carpet's pixels that are drawn for the scale
@@ -67,8 +62,8 @@ class Look:
     """One source with its camera, telemetry and pipeline.
 
     Args:
-        text: a video file, a folder of pictures, a picture, `camera:N`, or a flight record.
-        options: what is known about the pictures.
+        text: a video file, a folder of images, a image, `camera:N`, or a flight record.
+        options: what is known about the images.
 
     Raises:
         InputError: source or telemetry cannot be used.
@@ -84,7 +79,7 @@ class Look:
             )
         flown = Path(text) if recorded else options.telemetry
         self.telemetry: Telemetry
-        self.source: PictureSource
+        self.source: ImageSource
         self.camera_words = ""  # whose intrinsics; known once it has begun
         self._recorded_camera: CameraModel | None = None
         if flown is None:
@@ -107,18 +102,18 @@ class Look:
             # Images of a folder have no times: they are the flight's frames, one by one.
             self.source = open_source(text, times_s=list(flight.times_s))
 
-    def begin(self) -> tuple[Pipeline, Pictures]:
-        """Return what perceives the pictures, made for their size, and the pictures.
+    def begin(self) -> tuple[Pipeline, TimedImages]:
+        """Return what perceives the images, made for their size, and the images.
 
         Raises:
-            InputError: no picture can be read, the camera is not for them, or a network cannot be
+            InputError: no image can be read, the camera is not for them, or a network cannot be
                 used.
         """
-        pictures = self._until(self.source.pictures(self._options.every))
-        first = next(pictures, None)
+        images = self._until(self.source.images(self._options.every))
+        first = next(images, None)
         if first is None:
             why = f": {'; '.join(self.source.skipped[:3])}" if self.source.skipped else ""
-            raise InputError(f"{self.source.name} holds no picture that can be read{why}")
+            raise InputError(f"{self.source.name} holds no image that can be read{why}")
         height_px, width_px = first.image.shape[:2]
         camera, self.camera_words = self._camera(width_px, height_px)
         options = self._options
@@ -128,15 +123,15 @@ class Look:
             camera,
             generator=np.random.default_rng(options.seed),
         )
-        return pipeline, _all_of(first, pictures)
+        return pipeline, _all_of(first, images)
 
-    def _until(self, pictures: Pictures) -> Pictures:
+    def _until(self, images: TimedImages) -> TimedImages:
         longest_s = self._options.longest_s
-        with closing(pictures):
-            for picture in pictures:
-                if longest_s is not None and picture.time_s >= longest_s:
+        with closing(images):
+            for image in images:
+                if longest_s is not None and image.time_s >= longest_s:
                     return
-                yield picture
+                yield image
 
     def _camera(self, width_px: int, height_px: int) -> tuple[CameraModel, str]:
         options = self._options
@@ -149,29 +144,29 @@ class Look:
             if abs(camera.fx_px / camera.fy_px - 1.0) > _SQUARE_SLACK:
                 raise ValueRangeError(
                     f"{options.telemetry} was filmed with a camera of another aspect than "
-                    f"{width_px}x{height_px}; the pictures must be whole, not cropped"
+                    f"{width_px}x{height_px}; the images must be whole, not cropped"
                 )
             return camera, f"of {options.telemetry or self.source.name}"
         try:
             camera = anafi_camera(width_px, height_px)
         except ValueRangeError as error:
             raise ValueRangeError(
-                f"the pictures are {width_px}x{height_px} (aspect {width_px / height_px:.3f}); "
+                f"the images are {width_px}x{height_px} (aspect {width_px / height_px:.3f}); "
                 "without a camera file only 16:9 is known, as of the ANAFI's video: calibrate the "
                 "camera with `uav-bt calibrate` and name its file with --camera"
             ) from error
         return camera, "the ANAFI's video, 69 deg wide (none given)"
 
-    def progress(self, picture: Picture) -> tuple[int, int]:
-        """Return pictures done and in all; as many as done where nobody knows."""
-        done = picture.index + 1
+    def progress(self, image: TimedImage) -> tuple[int, int]:
+        """Return images done and in all; as many as done where nobody knows."""
+        done = image.index + 1
         total = self.source.total or done
         if self._options.longest_s is not None:
             total = min(total, math.ceil(self._options.longest_s * self.source.rate_per_s))
         return done, max(done, total)
 
 
-def _all_of(first: Picture, others: Pictures) -> Pictures:
+def _all_of(first: TimedImage, others: TimedImages) -> TimedImages:
     with closing(others):
         yield first
         yield from others

@@ -14,7 +14,7 @@ import numpy as np
 
 from perception.depth.scale import Scale
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
-from uav_bt.app.perceive.sources import Picture
+from uav_bt.app.perceive.streams import TimedImage
 from uav_bt.classes import CLASS_COLOURS
 from uav_bt.display.video.perception_video import PerceptionPanes, Seen
 from uav_bt.display.video.video_file import VideoFile
@@ -23,7 +23,7 @@ from uav_bt.types import CameraModel, Corridor, HelipadFix
 
 __all__ = ["Film", "PerceiveSummary", "Tally", "as_json"]
 
-_FASTEST: Final = 60.0  # pictures a second of a video that is written
+_FASTEST: Final = 60.0  # images a second of a video that is written
 _ALL: Final = "all"  # the stages of a frame together
 
 
@@ -38,7 +38,7 @@ class PerceiveSummary:
     without_depth: Mapping[str, int]  # frames without metric depth, by reason
     in_part: Mapping[str, int]  # frames whose depth is not all that was asked for, by reason
     with_helipad: int  # frames that show it
-    skipped: tuple[str, ...]  # pictures that could not be used, and why
+    skipped: tuple[str, ...]  # images that could not be used, and why
     interrupted: bool
 
 
@@ -47,8 +47,8 @@ class Film:
 
     Args:
         path: the file.
-        camera: intrinsics of the undistorted pictures.
-        rate_per_s: pictures a second.
+        camera: intrinsics of the undistorted images.
+        rate_per_s: images a second.
 
     Raises:
         FileError: the file cannot be written.
@@ -62,10 +62,10 @@ class Film:
         self._slot = -1
 
     def write(self, seen: Perceived) -> None:
-        """Append what a picture shows, at its time."""
+        """Append what a image shows, at its time."""
         frame = seen.frame
         self._begin_s = frame.captured_s if self._begin_s is None else self._begin_s
-        picture = self._panes.draw(
+        image = self._panes.draw(
             Seen(
                 frame=frame,
                 class_map=seen.class_map,
@@ -78,7 +78,7 @@ class Film:
         )
         due = round((frame.captured_s - self._begin_s) * float(self._rate))
         self._slot = max(self._slot + 1, due)
-        self._file.write(picture, self._slot)
+        self._file.write(image, self._slot)
 
     def close(self) -> None:
         """Finish the file."""
@@ -87,7 +87,7 @@ class Film:
 
 @dataclass
 class Tally:
-    """Counts while pictures go by."""
+    """Counts while images go by."""
 
     frames: int = 0
     stage_s: dict[str, list[float]] = field(default_factory=dict)
@@ -123,13 +123,13 @@ class Tally:
         )
 
 
-def as_json(picture: Picture, seen: Perceived) -> dict[str, Any]:
+def as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
     """Return one frame as a JSON object: what is not known is null."""
     depth = seen.depth
     return {
-        "picture": picture.name,
-        "index": picture.index,
-        "time_s": round(picture.time_s, 4),
+        "image": image.name,
+        "index": image.index,
+        "time_s": round(image.time_s, 4),
         "depth": None
         if depth is None
         else {

@@ -1,4 +1,4 @@
-"""Perceive every picture of a source."""
+"""Perceive every image of a source."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pathlib import Path
 from uav_bt.app.perceive.inputs import Look, PerceiveOptions
 from uav_bt.app.perceive.outputs import Film, PerceiveSummary, Tally, as_json
 from uav_bt.app.perceive.pipeline import Perceived
-from uav_bt.app.perceive.sources import Picture
+from uav_bt.app.perceive.streams import TimedImage
 from uav_bt.errors import InputError
 from uav_bt.files import writing
 from uav_bt.progress import Advance, silent
 
 __all__ = ["perceive"]
 
-_Write = Callable[[Picture, Perceived], None]
+_Write = Callable[[TimedImage, Perceived], None]
 
 
 def perceive(
@@ -28,11 +28,11 @@ def perceive(
     lines: Path | None = None,
     advance: Advance = silent,
 ) -> PerceiveSummary:
-    """Perceive every picture of a source; Ctrl-C ends it and keeps what was written.
+    """Perceive every image of a source; Ctrl-C ends it and keeps what was written.
 
     Args:
-        source: a video file, a folder of pictures, a picture, `camera:N`, or a flight record.
-        options: what is known about the pictures.
+        source: a video file, a folder of images, a image, `camera:N`, or a flight record.
+        options: what is known about the images.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.
         advance: told of the progress.
@@ -45,10 +45,10 @@ def perceive(
     read = [Path(source), options.telemetry, options.camera]
     _keep_apart([path for path in (out, lines) if path is not None], read)
     look = Look(source, options)
-    pipeline, pictures = look.begin()
+    pipeline, images = look.begin()
     tally = Tally()
     with ExitStack() as stack:
-        stack.enter_context(closing(pictures))
+        stack.enter_context(closing(images))
         writers: list[_Write] = []
         if out is not None:
             film = Film(out, pipeline.camera, look.source.rate_per_s / options.every)
@@ -57,13 +57,13 @@ def perceive(
         if lines is not None:
             writers.append(stack.enter_context(_json_lines(lines)))
         try:
-            for picture in pictures:
-                frame = look.telemetry.frame(picture.image, picture.index, picture.time_s)
-                seen = pipeline.perceive(frame, look.telemetry.states(picture.time_s))
+            for image in images:
+                frame = look.telemetry.frame(image.image, image.index, image.time_s)
+                seen = pipeline.perceive(frame, look.telemetry.states(image.time_s))
                 tally.add(seen)
                 for write in writers:
-                    write(picture, seen)
-                advance(f"frames, {picture.name}", *look.progress(picture))
+                    write(image, seen)
+                advance(f"frames, {image.name}", *look.progress(image))
         except KeyboardInterrupt:
             tally.interrupted = True
     return tally.summary(
@@ -82,7 +82,7 @@ def _keep_apart(written: list[Path], read: list[Path | None]) -> None:
 def _json_lines(path: Path) -> Iterator[_Write]:
     with writing(path), path.open("w", encoding="utf-8") as file:
 
-        def write(picture: Picture, seen: Perceived) -> None:
-            file.write(json.dumps(as_json(picture, seen), allow_nan=False) + "\n")
+        def write(image: TimedImage, seen: Perceived) -> None:
+            file.write(json.dumps(as_json(image, seen), allow_nan=False) + "\n")
 
         yield write

@@ -27,6 +27,7 @@ from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.errors import FileError, TreeError
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickListener
+from uav_bt.progress import Advance, silent
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, load_tree
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 __all__ = ["WITHOUT_DISPLAY", "RecordedFlight", "Span", "attached_tree"]
 
-Advance = Callable[[str, int, int], None]
 Stopped = Callable[[], bool]
 
 
@@ -46,10 +46,6 @@ Stopped = Callable[[], bool]
 WITHOUT_DISPLAY: Final = (
     "--web shows it in a browser, --save FILE.rrd keeps it for `rerun FILE.rrd` elsewhere"
 )
-
-
-def _silent(_stage: str, _done: int, _total: int) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +139,7 @@ class RecordedFlight:
         self,
         stream: rr.RecordingStream,
         *,
-        advance: Advance = _silent,
+        advance: Advance = silent,
         stopped: Stopped = lambda: False,
     ) -> None:
         """Draw the flight into a Rerun recording.
@@ -195,7 +191,7 @@ class RecordedFlight:
         except (KeyError, TypeError, ValueError):  # only for a progress bar
             return 1
 
-    def save(self, path: Path, *, advance: Advance = _silent) -> None:
+    def save(self, path: Path, *, advance: Advance = silent) -> None:
         """Write the view as an rrd file, which appears whole or not at all.
 
         Raises:
@@ -221,7 +217,7 @@ class RecordedFlight:
         finally:
             viewer.close(end=web)
 
-    def film(self, path: Path, *, speed: float = 1.0, advance: Advance = _silent) -> None:
+    def film(self, path: Path, *, speed: float = 1.0, advance: Advance = silent) -> None:
         """Write the flight as a video: camera, mask, depth, map and the active branch.
 
         Raises:

@@ -1,25 +1,29 @@
-"""From flights to a report: one page that stands alone, and its pictures and tables beside it."""
+"""From flights to a report: one page that stands alone, and its images and tables beside it."""
 
 from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from sim_bridge.twin.scene_file import load_scene
 from uav_bt import __version__
+from uav_bt.app.film import map_of_scene
 from uav_bt.campaign.report.figures import densities, outcomes
-from uav_bt.campaign.report.html import Picture, Section, page
+from uav_bt.campaign.report.html import Image, Section, page
 from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.paper import PAPER_SUCCESS
-from uav_bt.campaign.report.sources import Provenance, Sources
+from uav_bt.campaign.report.sources import Provenance, Sources, read_sources
 from uav_bt.campaign.report.tables import Table, tables_of
+from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.display.lab_map import LabMap
+from uav_bt.errors import InputError
 from uav_bt.files import write_whole
 
-__all__ = ["WrittenReport", "write_campaign_report"]
+__all__ = ["WrittenReport", "default_page", "write_campaign_report", "write_report"]
 
 _ABOUT_SCENES: Final = (
     "Above, where every flight went, from the referee; a dot where it began, a cross where it "
@@ -33,38 +37,89 @@ class WrittenReport:
     """The files of a report."""
 
     page: Path
-    pictures: tuple[Path, ...]
+    images: tuple[Path, ...]
     tables: tuple[Path, ...]
+
+
+def write_report(
+    paths: Sequence[Path],
+    out: Path | None = None,
+    *,
+    today: dt.date | None = None,
+    on_note: Callable[[str], None] = lambda _: None,
+) -> WrittenReport:
+    """Write the report of campaigns.
+
+    Args:
+        paths: campaigns' folders, or files with a flight a line.
+        out: the page; `default_page` when None.
+        today: the date that stands in it.
+        on_note: called with what a person should know of the flights.
+
+    Raises:
+        FileError: there are no flights, or a file cannot be read or written.
+    """
+    sources = read_sources(paths)
+    for note in sources.notes:
+        on_note(note)
+    return write_campaign_report(
+        sources,
+        out or default_page(paths),
+        maps=_maps(sources, on_note),
+        today=today or dt.datetime.now(dt.UTC).date(),
+    )
+
+
+def default_page(paths: Sequence[Path]) -> Path:
+    """Return where a report goes by default: into the first folder or beside the first file."""
+    first = paths[0]
+    in_folder = first.is_dir() or first.name == FLIGHTS_FILE
+    folder = first if first.is_dir() else first.parent
+    return folder / ("report.html" if in_folder else f"{first.stem}.html")
+
+
+def _maps(sources: Sources, on_note: Callable[[str], None]) -> dict[str, LabMap]:
+    """Return the maps of the scenes that can still be read."""
+    maps: dict[str, LabMap] = {}
+    for one in sources.sets:
+        for scene in sources.scenes:
+            if scene in maps or not any(f["scene"] == scene for f in one.flights):
+                continue
+            try:
+                maps[scene] = map_of_scene(load_scene(one.scene_path(scene)))
+            except InputError as error:
+                on_note(f"no map of scene '{scene}': {error}")
+    return maps
 
 
 def write_campaign_report(
     sources: Sources, out: Path, *, maps: Mapping[str, LabMap], today: dt.date
 ) -> WrittenReport:
-    """Write a report: the page, and beside it its pictures (PNG) and tables (CSV).
+    """Write a report: the page, and beside it its images (PNG) and tables (CSV).
 
     Args:
         sources: what it is about.
         out: the page; the other files' names begin with its stem.
-        maps: what stands in each scene, by its name; scenes without a map get no picture.
+        maps: what stands in each scene, by its name; scenes without a map get no image.
         today: the date that stands in it.
 
     Raises:
         FileError: a file cannot be written.
     """
     tables = tables_of(sources, out)
-    overview = (_outcomes_picture(sources), _densities_picture(sources))
-    scenes = _scene_pictures(sources, maps)
+    overview = (_outcomes_image(sources), _densities_image(sources))
+    scenes = _scene_images(sources, maps)
     text = page(
         _title(sources),
         f"{sum(len(one.flights) for one in sources.sets)} flights, {today.isoformat()}, "
         f"uav-bt {__version__}",
         _sections(sources, tables, overview, scenes),
     )
-    pictures = [*overview, *scenes]
+    images = [*overview, *scenes]
     _write(out, text.encode("utf-8"))
     return WrittenReport(
         page=out,
-        pictures=tuple(_write(_beside(out, one.name, "png"), one.png) for one in pictures),
+        images=tuple(_write(_beside(out, one.name, "png"), one.png) for one in images),
         tables=tuple(
             _write(_beside(out, one.name, "csv"), one.to_csv().encode("utf-8"))
             for one in tables.values()
@@ -79,8 +134,8 @@ def _title(sources: Sources) -> str:
 def _sections(
     sources: Sources,
     tables: Mapping[str, Table],
-    overview: tuple[Picture, Picture],
-    scenes: tuple[Picture, ...],
+    overview: tuple[Image, Image],
+    scenes: tuple[Image, ...],
 ) -> list[Section]:
     sections = []
     if sources.notes:
@@ -89,17 +144,17 @@ def _sections(
         Section(
             title="Outcomes",
             paragraphs=(f"The paper reports {PAPER_SUCCESS}.",),
-            pictures=overview[:1],
+            images=overview[:1],
             tables=(tables["outcomes"], tables["scenes"]),
         ),
-        Section(title="Times and distances", pictures=overview[1:], tables=(tables["metrics"],)),
+        Section(title="Times and distances", images=overview[1:], tables=(tables["metrics"],)),
     ]
     if scenes:
         sections.append(
             Section(
-                title="Ways and coverage",
+                title="Paths and coverage",
                 paragraphs=(_ABOUT_SCENES,),
-                pictures=scenes,
+                images=scenes,
             )
         )
     failures = tables["failures"]
@@ -129,7 +184,7 @@ def _origin(source: Provenance) -> Table:
         rows += [
             ("seeds", f"{plan.seed_from} to {last}"),
             ("profile", plan.profile),
-            ("pictures", f"{width}x{height}"),
+            ("images", f"{width}x{height}"),
             ("masks", "exact, from the referee" if plan.exact_masks else "the network's"),
             ("policies", ", ".join(f"{node}={name}" for node, name in plan.policies.items())),
             ("versions", ", ".join(f"{name} {said}" for name, said in plan.versions.items())),
@@ -143,16 +198,16 @@ def _origin(source: Provenance) -> Table:
     return Table(name="origin", title=str(source.path), columns=("what", "which"), rows=tuple(rows))
 
 
-def _outcomes_picture(sources: Sources) -> Picture:
-    return Picture(
+def _outcomes_image(sources: Sources) -> Image:
+    return Image(
         name="outcomes",
         png=outcomes(sources.sets),
         alt="share of successful flights of each tree with its 95 % interval",
     )
 
 
-def _densities_picture(sources: Sources) -> Picture:
-    return Picture(
+def _densities_image(sources: Sources) -> Image:
+    return Image(
         name="densities",
         png=densities(sources.sets),
         alt="densities of the time to find the helipad, the time to land, the distance in 90 s and "
@@ -160,14 +215,14 @@ def _densities_picture(sources: Sources) -> Picture:
     )
 
 
-def _scene_pictures(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Picture, ...]:
-    pictures = []
+def _scene_images(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Image, ...]:
+    images = []
     for scene in sources.scenes:
         png = scene_figure(sources.sets, scene, maps[scene]) if scene in maps else None
         if png is not None:
-            alt = f"flown ways and coverage of the carpet in the scene {scene}"
-            pictures.append(Picture(name=f"scene-{scene}", png=png, alt=alt))
-    return tuple(pictures)
+            alt = f"flown paths and coverage of the carpet in the scene {scene}"
+            images.append(Image(name=f"scene-{scene}", png=png, alt=alt))
+    return tuple(images)
 
 
 def _beside(page_file: Path, name: str, suffix: str) -> Path:

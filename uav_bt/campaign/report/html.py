@@ -11,7 +11,7 @@ from jinja2 import Environment, StrictUndefined
 
 from uav_bt.campaign.report.tables import Cell, Link, Table
 
-__all__ = ["Picture", "Section", "page"]
+__all__ = ["Image", "Section", "page"]
 
 _PAGE: Final = """\
 <!DOCTYPE html>
@@ -52,7 +52,7 @@ code { font: .82rem/1.4 ui-monospace, monospace; background: #f1f3f5; border-rad
 {% for text in section.paragraphs %}
 <p>{{ text }}</p>
 {% endfor %}
-{% for image in section.pictures %}
+{% for image in section.images %}
 <figure><img src="data:image/png;base64,{{ image.png|base64 }}" alt="{{ image.alt }}"></figure>
 {% endfor %}
 {% for table in section.tables %}
@@ -94,7 +94,7 @@ code { font: .82rem/1.4 ui-monospace, monospace; background: #f1f3f5; border-rad
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class Image:
     """A PNG of the report."""
 
     name: str  # of its file
@@ -104,11 +104,11 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A part of the page: paragraphs, then pictures, then tables, as far as there are any."""
+    """A part of the page: paragraphs, then images, then tables, as far as there are any."""
 
     title: str
     paragraphs: tuple[str, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    images: tuple[Image, ...] = ()
     tables: tuple[Table, ...] = ()
     warning: bool = False  # something to look at before all else
 

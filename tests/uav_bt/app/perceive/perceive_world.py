@@ -46,7 +46,7 @@ def flight(count: int = 4) -> list[Image]:
     return [view.image for view in render_views(scene, poses, size_px=SIZE)]
 
 
-def write_pictures(folder: Path, images: list[Image]) -> Path:
+def write_images(folder: Path, images: list[Image]) -> Path:
     folder.mkdir()
     for index, image in enumerate(images):
         assert cv2.imwrite(str(folder / f"{index}.png"), image[..., ::-1])

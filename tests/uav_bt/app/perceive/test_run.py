@@ -16,7 +16,7 @@ from tests.uav_bt.app.perceive.perceive_world import (
     Image,
     flight,
     write_flight,
-    write_pictures,
+    write_images,
     write_video,
 )
 from uav_bt.app import perceive
@@ -40,7 +40,7 @@ def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
     with av.open(str(path)) as container:
         codec = container.streams.video[0].codec_context
         size_px = (codec.width, codec.height)
-        return size_px, [float(picture.time) for picture in container.decode(video=0)]
+        return size_px, [float(image.time) for image in container.decode(video=0)]
 
 
 def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list[Image]) -> None:
@@ -106,10 +106,10 @@ def test_moments_without_telemetry_have_no_depth(tmp_path: Path, images: list[Im
     assert summary.without_depth == {"telemetry is not finite": 4}
 
 
-def test_a_folder_needs_as_many_pictures_as_its_telemetry_has_entries(
+def test_a_folder_needs_as_many_images_as_its_telemetry_has_entries(
     tmp_path: Path, images: list[Image]
 ) -> None:
-    folder = write_pictures(tmp_path / "views", images)
+    folder = write_images(tmp_path / "views", images)
     whole = write_flight(tmp_path / "whole.mcap", images)
     half = write_flight(tmp_path / "half.mcap", images[:2])
     assert perceive.perceive(str(folder), replace(FOOTING, telemetry=whole)).without_depth == {}
@@ -118,12 +118,12 @@ def test_a_folder_needs_as_many_pictures_as_its_telemetry_has_entries(
 
 
 def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[Image]) -> None:
-    folder = write_pictures(tmp_path / "views", [np.zeros_like(images[0]), images[1]])
-    (folder / "2.png").write_bytes(b"no picture")
+    folder = write_images(tmp_path / "views", [np.zeros_like(images[0]), images[1]])
+    (folder / "2.png").write_bytes(b"no image")
     summary = perceive.perceive(str(folder), FOOTING, lines=tmp_path / "seen.jsonl")
     assert summary.frames == 2
     assert summary.without_depth == {"the frame is black": 1}
-    assert summary.skipped == ("2.png: is not a readable picture",)
+    assert summary.skipped == ("2.png: is not a readable image",)
     assert rows(tmp_path / "seen.jsonl")[0]["depth"] is None
 
 
@@ -146,15 +146,15 @@ def test_a_break_keeps_what_was_written(
         return look(*arguments)
 
     monkeypatch.setattr(Pipeline, "perceive", interrupted)
-    folder = write_pictures(tmp_path / "views", images)
+    folder = write_images(tmp_path / "views", images)
     out, lines = tmp_path / "seen.mp4", tmp_path / "seen.jsonl"
     summary = perceive.perceive(str(folder), FOOTING, out=out, lines=lines)
     assert (summary.frames, summary.interrupted) == (2, True)
     assert len(facts(out)[1]) == len(rows(lines)) == 2
 
 
-def test_a_camera_file_is_for_pictures_of_its_aspect(tmp_path: Path, images: list[Image]) -> None:
-    folder = write_pictures(tmp_path / "views", images[:1])
+def test_a_camera_file_is_for_images_of_its_aspect(tmp_path: Path, images: list[Image]) -> None:
+    folder = write_images(tmp_path / "views", images[:1])
     file = camera_file(tmp_path / "camera.yaml", 640, 360)
     summary = perceive.perceive(str(folder), replace(FOOTING, camera=file))
     assert summary.camera == f"of {file}"
@@ -175,16 +175,14 @@ def camera_file(path: Path, width_px: int, height_px: int) -> Path:
     return path
 
 
-def test_pictures_of_another_aspect_need_a_camera_file(tmp_path: Path) -> None:
-    folder = write_pictures(tmp_path / "views", [np.full((240, 320, 3), 90, np.uint8)])
+def test_images_of_another_aspect_need_a_camera_file(tmp_path: Path) -> None:
+    folder = write_images(tmp_path / "views", [np.full((240, 320, 3), 90, np.uint8)])
     with pytest.raises(ValueRangeError, match=r"320x240 \(aspect 1.333\); without a camera file"):
         perceive.perceive(str(folder), FOOTING)
 
 
-def test_pictures_cropped_out_of_the_flight_are_refused(
-    tmp_path: Path, images: list[Image]
-) -> None:
-    folder = write_pictures(tmp_path / "views", [image[:, 40:280] for image in images])
+def test_images_cropped_out_of_the_flight_are_refused(tmp_path: Path, images: list[Image]) -> None:
+    folder = write_images(tmp_path / "views", [image[:, 40:280] for image in images])
     flown = write_flight(tmp_path / "flight.mcap", images)
     with pytest.raises(ValueRangeError, match="whole, not cropped"):
         perceive.perceive(str(folder), replace(FOOTING, telemetry=flown))
@@ -199,8 +197,8 @@ def test_a_record_and_a_camera_file_contradict_each_other(
         perceive.perceive(str(source), replace(FOOTING, camera=file))
 
 
-def test_a_folder_of_unreadable_pictures_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(b"no picture")
+def test_a_folder_of_unreadable_images_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"no image")
     with pytest.raises(InputError, match=r"can be read: a\.png: is not a readable"):
         perceive.perceive(str(tmp_path), FOOTING)
 
@@ -215,7 +213,7 @@ def test_what_is_read_is_never_written_over(tmp_path: Path, images: list[Image],
 
 
 def test_a_file_in_a_missing_folder_is_refused(tmp_path: Path, images: list[Image]) -> None:
-    folder = write_pictures(tmp_path / "views", images[:1])
+    folder = write_images(tmp_path / "views", images[:1])
     for given in ({"out": tmp_path / "no" / "a.mp4"}, {"lines": tmp_path / "no" / "a.jsonl"}):
         with pytest.raises(FileError, match="cannot be written"):
             perceive.perceive(str(folder), FOOTING, **given)
@@ -231,7 +229,7 @@ def test_a_file_in_a_missing_folder_is_refused(tmp_path: Path, images: list[Imag
 def test_an_unknown_network_is_refused_with_a_suggestion(
     tmp_path: Path, images: list[Image], options: dict[str, str], words: str
 ) -> None:
-    folder = write_pictures(tmp_path / "views", images[:1])
+    folder = write_images(tmp_path / "views", images[:1])
     with pytest.raises(UnknownNameError, match=words):
         perceive.perceive(str(folder), replace(FOOTING, **options))
 

@@ -13,13 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.uav_bt.record.footage_world import frame, write_record
-from uav_bt.app.perceive.sources import (
-    CameraSource,
-    FolderSource,
-    RecordSource,
-    VideoSource,
-    open_source,
-)
+from uav_bt.app.perceive.sources import FolderSource, RecordSource, open_source
+from uav_bt.app.perceive.streams import CameraSource, VideoSource
 from uav_bt.clock import ManualClock
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import FileError, InputError, ShapeError
@@ -29,9 +24,7 @@ from uav_bt.types import CameraModel
 RED = (200, 30, 40)
 
 
-def picture(
-    path: Path, colour: tuple[int, int, int] = RED, size: tuple[int, int] = (32, 18)
-) -> None:
+def image(path: Path, colour: tuple[int, int, int] = RED, size: tuple[int, int] = (32, 18)) -> None:
     bgr = np.full((size[1], size[0], 3), colour[::-1], dtype=np.uint8)
     assert cv2.imwrite(str(path), bgr)
 
@@ -47,56 +40,56 @@ def video(path: Path, count: int = 6, rate: int = 10) -> None:
 # --- folders --------------------------------------------------------------------------------------
 
 
-def test_a_folders_pictures_come_by_name_with_numbers_by_value(tmp_path: Path) -> None:
+def test_a_folders_images_come_by_name_with_numbers_by_value(tmp_path: Path) -> None:
     for name in ("view_10.png", "view_9.png", "b.jpg", "notes.txt"):
         path = tmp_path / name
-        picture(path) if path.suffix != ".txt" else path.write_text("no picture")
+        image(path) if path.suffix != ".txt" else path.write_text("no image")
     source = open_source(str(tmp_path))
-    assert [one.name for one in source.pictures()] == ["b.jpg", "view_9.png", "view_10.png"]
+    assert [one.name for one in source.images()] == ["b.jpg", "view_9.png", "view_10.png"]
     assert source.total == 3
     assert list(source.skipped) == []
 
 
-def test_pictures_are_rgb_and_ten_a_second(tmp_path: Path) -> None:
-    picture(tmp_path / "a.png")
-    picture(tmp_path / "b.png")
-    first, second = FolderSource(tmp_path).pictures()
+def test_images_are_rgb_and_ten_a_second(tmp_path: Path) -> None:
+    image(tmp_path / "a.png")
+    image(tmp_path / "b.png")
+    first, second = FolderSource(tmp_path).images()
     assert tuple(first.image[0, 0]) == RED
     assert first.image.shape == (18, 32, 3)
     assert (first.time_s, second.time_s) == (0.0, 0.1)
 
 
-def test_a_single_picture_is_a_source(tmp_path: Path) -> None:
-    picture(tmp_path / "a.png")
-    assert [one.index for one in open_source(str(tmp_path / "a.png")).pictures()] == [0]
+def test_a_single_image_is_a_source(tmp_path: Path) -> None:
+    image(tmp_path / "a.png")
+    assert [one.index for one in open_source(str(tmp_path / "a.png")).images()] == [0]
 
 
-def test_unreadable_pictures_are_named_and_left_out(tmp_path: Path) -> None:
-    picture(tmp_path / "a.png")
-    (tmp_path / "b.png").write_bytes(b"no picture")
+def test_unreadable_images_are_named_and_left_out(tmp_path: Path) -> None:
+    image(tmp_path / "a.png")
+    (tmp_path / "b.png").write_bytes(b"no image")
     (tmp_path / "c.png").touch()
-    picture(tmp_path / "d.png", size=(18, 32))
+    image(tmp_path / "d.png", size=(18, 32))
     (tmp_path / "e.png").mkdir()
-    picture(tmp_path / "f.png")
+    image(tmp_path / "f.png")
     source = FolderSource(tmp_path)
-    assert [one.index for one in source.pictures()] == [0, 5]
+    assert [one.index for one in source.images()] == [0, 5]
     told = "\n".join(source.skipped)
-    assert "b.png: is not a readable picture" in told
-    assert "c.png: is not a readable picture" in told
-    assert "d.png: is 18x32, the first picture is 32x18" in told
+    assert "b.png: is not a readable image" in told
+    assert "c.png: is not a readable image" in told
+    assert "d.png: is 18x32, the first image is 32x18" in told
     assert "e.png: cannot be read: Is a directory" in told
 
 
-def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"holds no pictures \(bmp, jpeg"):
+def test_a_folder_without_images_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"holds no images \(bmp, jpeg"):
         open_source(str(tmp_path))
 
 
-def test_times_belong_to_pictures_one_by_one(tmp_path: Path) -> None:
+def test_times_belong_to_images_one_by_one(tmp_path: Path) -> None:
     for name in "abc":
-        picture(tmp_path / f"{name}.png")
+        image(tmp_path / f"{name}.png")
     source = open_source(str(tmp_path), times_s=[0.0, 0.3, 0.9])
-    assert [one.time_s for one in source.pictures(every=2)] == [0.0, 0.9]
+    assert [one.time_s for one in source.images(every=2)] == [0.0, 0.9]
     with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 3"):
         open_source(str(tmp_path), times_s=[0.0, 0.3])
 
@@ -104,19 +97,19 @@ def test_times_belong_to_pictures_one_by_one(tmp_path: Path) -> None:
 # --- video files ----------------------------------------------------------------------------------
 
 
-def test_a_videos_pictures_come_with_their_times(tmp_path: Path) -> None:
+def test_a_videos_images_come_with_their_times(tmp_path: Path) -> None:
     video(tmp_path / "flight.mp4")
     source = open_source(str(tmp_path / "flight.mp4"))
-    pictures = list(source.pictures())
-    assert [one.time_s for one in pictures] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
-    assert pictures[0].image.shape == (36, 64, 3)
+    images = list(source.images())
+    assert [one.time_s for one in images] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    assert images[0].image.shape == (36, 64, 3)
     assert source.total == 6
     assert source.rate_per_s == pytest.approx(10.0)
 
 
-def test_every_third_picture_keeps_its_number_and_time(tmp_path: Path) -> None:
+def test_every_third_image_keeps_its_number_and_time(tmp_path: Path) -> None:
     video(tmp_path / "flight.mp4")
-    taken = VideoSource(tmp_path / "flight.mp4").pictures(every=3)
+    taken = VideoSource(tmp_path / "flight.mp4").images(every=3)
     assert [(one.index, round(one.time_s, 3)) for one in taken] == [(0, 0.0), (3, 0.3)]
 
 
@@ -136,14 +129,14 @@ def test_a_damaged_stretch_is_told_and_the_rest_is_read(tmp_path: Path) -> None:
     content[middle : middle + 4000] = bytes(4000)
     path.write_bytes(content)
     source = VideoSource(path)
-    count = len(list(source.pictures()))
+    count = len(list(source.images()))
     assert 0 < count <= 40
     assert source.skipped
     assert "damaged" in source.skipped[0]
 
 
 def test_an_absent_file_is_refused_with_what_a_source_can_be() -> None:
-    with pytest.raises(FileError, match="there is no such video file or folder of pictures"):
+    with pytest.raises(FileError, match="there is no such video file or folder of images"):
         open_source("nowhere.mp4")
 
 
@@ -157,14 +150,14 @@ def test_a_records_frames_keep_their_times(tmp_path: Path) -> None:
     reader = RecordReader(write_record(tmp_path / "flight.mcap", model, frames, []))
     source = RecordSource(reader, np.array([0.0, 0.2, 0.4]))
     assert source.rate_per_s == pytest.approx(5.0)
-    assert [one.time_s for one in source.pictures(every=2)] == [0.0, 0.4]
+    assert [one.time_s for one in source.images(every=2)] == [0.0, 0.4]
 
 
 # --- cameras --------------------------------------------------------------------------------------
 
 
 class Device:
-    """Stands for OpenCV's camera: sends some pictures, some of them broken, and stops."""
+    """Stands for OpenCV's camera: sends some images, some of them broken, and stops."""
 
     def __init__(
         self, clock: ManualClock, *, whole: Sequence[bool] = (), opens: bool = True
@@ -197,36 +190,36 @@ def camera(**given: Any) -> tuple[CameraSource, Device]:
     return CameraSource(0, clock, capture=lambda _: device), device
 
 
-def test_a_cameras_pictures_come_with_the_clocks_times_until_it_stops() -> None:
+def test_a_cameras_images_come_with_the_clocks_times_until_it_stops() -> None:
     source, device = camera(whole=[True, False, True])
-    pictures = list(source.pictures())
-    assert [one.time_s for one in pictures] == pytest.approx([0.05, 0.15])
-    assert tuple(pictures[0].image[0, 0]) == RED
+    images = list(source.images())
+    assert [one.time_s for one in images] == pytest.approx([0.05, 0.15])
+    assert tuple(images[0].image[0, 0]) == RED
     assert source.skipped == [
-        "picture 1: did not arrive whole",
-        "the camera stopped after 3 pictures",
+        "image 1: did not arrive whole",
+        "the camera stopped after 3 images",
     ]
     assert device.released
 
 
 def test_a_camera_is_let_go_when_nobody_looks_any_more() -> None:
     source, device = camera(whole=[True] * 5)
-    pictures = source.pictures()
-    next(pictures)
-    pictures.close()
+    images = source.images()
+    next(images)
+    images.close()
     assert device.released
 
 
 def test_a_camera_that_does_not_open_is_refused() -> None:
     source, device = camera(opens=False)
     with pytest.raises(InputError, match="camera 0 does not open; is it plugged in, and free"):
-        next(source.pictures())
+        next(source.images())
     assert device.released
 
 
 def test_a_camera_that_sends_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="camera 0 opens, but sends no pictures"):
-        next(camera(whole=[])[0].pictures())
+    with pytest.raises(InputError, match="camera 0 opens, but sends no images"):
+        next(camera(whole=[])[0].images())
 
 
 def test_a_camera_is_named_by_its_number() -> None:

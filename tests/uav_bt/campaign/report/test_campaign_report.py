@@ -108,10 +108,10 @@ class Page(HTMLParser):
 def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -> None:
     folder = campaign(tmp_path / "c", *(flight(seed) for seed in range(6)))
     written = write(tmp_path / "r.html", folder)
-    assert [path.name for path in written.pictures] == [
+    assert [path.name for path in written.images] == [
         *("r-outcomes.png", "r-densities.png", "r-scene-lab.png")
     ]
-    for path in written.pictures:
+    for path in written.images:
         picture = cv2.imread(str(path))
         assert picture is not None
         assert picture.std() > 5.0, "a picture shows something"
@@ -219,7 +219,7 @@ def test_timings_are_told_by_stage(tmp_path: Path) -> None:
 def test_flights_that_ended_before_anything_make_a_report_too(tmp_path: Path) -> None:
     bare = {"tree": "a.xml", "scene": None, "seed": 0, "outcome": "error", "reason": "crashed"}
     written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", bare))
-    assert [path.name for path in written.pictures] == ["r-outcomes.png", "r-densities.png"]
+    assert [path.name for path in written.images] == ["r-outcomes.png", "r-densities.png"]
 
 
 def test_damaged_lines_and_missing_flights_are_told_first(tmp_path: Path) -> None:
@@ -251,7 +251,7 @@ def test_a_page_that_cannot_be_written_is_told(tmp_path: Path) -> None:
 def test_pictures_differ_with_what_they_show(tmp_path: Path) -> None:
     near, far = ([[0.0, 0.0, 0.0, 1.0], [1.0, end, 0.0, 1.0]] for end in (0.1, 2.0))
     pictures = [
-        cv2.imread(str(write(tmp_path / "r.html", source).pictures[2]))
+        cv2.imread(str(write(tmp_path / "r.html", source).images[2]))
         for source in (
             jsonl(tmp_path / "near.jsonl", flight(0, tree="a.xml", path=near)),
             jsonl(tmp_path / "far.jsonl", flight(0, tree="a.xml", path=far)),

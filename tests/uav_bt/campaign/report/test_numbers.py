@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from uav_bt.campaign.report.coverage import free_cells, visited_cells
+from uav_bt.campaign.report.lab_figures import free_cells, visited_cells
 from uav_bt.campaign.report.statistics import bandwidth, density, summarise, wilson
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.errors import InputError, ValueRangeError

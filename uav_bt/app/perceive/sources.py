@@ -1,4 +1,4 @@
-"""Pictures that are in memory, or in files of their own."""
+"""Sources of frames by name: folders of images, flight records, videos and live cameras."""
 
 from __future__ import annotations
 
@@ -11,15 +11,58 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.app.perceive.sources.picture import FOLDER_RATE, Image, Picture, Pictures
+from uav_bt.app.perceive.streams import (
+    CAMERA,
+    FOLDER_RATE,
+    CameraSource,
+    Image,
+    ImageSource,
+    TimedImage,
+    TimedImages,
+    VideoSource,
+)
+from uav_bt.clock import WallClock
 from uav_bt.errors import FileError, InputError, ShapeError
+from uav_bt.protocols import Clock
 from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
 
-__all__ = ["PICTURE_SUFFIXES", "FolderSource", "RecordSource"]
+__all__ = ["IMAGE_SUFFIXES", "FolderSource", "RecordSource", "open_source"]
 
-PICTURE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
+IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
+
+
+def open_source(
+    text: str, *, clock: Clock | None = None, times_s: Sequence[float] | None = None
+) -> ImageSource:
+    """Return the source that a text names; opens nothing that has to be closed.
+
+    Args:
+        text: a video file, a folder of images, a image, or `camera:N`.
+        clock: tells a live camera's times; default: the clock on the wall.
+        times_s: of a folder's images, in their order; default: ten a second.
+
+    Raises:
+        FileError: there is no such file or folder, or it holds no images.
+        InputError: the camera's number is none.
+        ShapeError: the folder holds another number of images than there are times.
+    """
+    if text.startswith(CAMERA):
+        number = text.removeprefix(CAMERA)
+        if not re.fullmatch(r"\d{1,3}", number):
+            raise InputError(f"expected a camera such as camera:0, got '{text}'")
+        return CameraSource(int(number), clock or WallClock())
+    path = Path(text)
+    if path.is_dir():
+        return FolderSource(path, times_s=times_s)
+    if not path.is_file():
+        raise FileError(
+            path, "there is no such video file or folder of images (a live camera is camera:0)"
+        )
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        return FolderSource(path, times_s=times_s)
+    return VideoSource(path)
 
 
 class RecordSource:
@@ -38,7 +81,7 @@ class RecordSource:
         self.rate_per_s = 1.0 / between_s if between_s > 0.0 else FOLDER_RATE
         self.skipped: list[str] = []
 
-    def pictures(self, every: int = 1) -> Pictures:
+    def images(self, every: int = 1) -> TimedImages:
         """Iterate over every n-th frame."""
         frames = (item for item in footage(self._reader) if isinstance(item, StoredFrame))
         for index, stored in enumerate(frames):
@@ -50,34 +93,34 @@ class RecordSource:
                 self.skipped.append(f"frame {stored.note.index}: {error}")
                 continue
             time_s = float(self._times_s[index])
-            yield Picture(image=image, index=index, time_s=time_s, name=f"frame {index}")
+            yield TimedImage(image=image, index=index, time_s=time_s, name=f"frame {index}")
 
 
 class FolderSource:
-    """The pictures of a folder by name, numbers in them by their value; or a single picture.
+    """The images of a folder by name, numbers in them by their value; or a single image.
 
     Args:
-        path: the folder or the picture.
-        times_s: of the pictures in their order, the unreadable ones included.
+        path: the folder or the image.
+        times_s: of the images in their order, the unreadable ones included.
 
     Raises:
-        FileError: the folder holds no pictures.
+        FileError: the folder holds no images.
         ShapeError: the number of times is another.
     """
 
     def __init__(self, path: Path, *, times_s: Sequence[float] | None = None) -> None:
-        self._paths = [path] if path.is_file() else _pictures_in(path)
+        self._paths = [path] if path.is_file() else _images_in(path)
         if times_s is not None and len(times_s) != len(self._paths):
             expected = f"{len(times_s)}, as many as the telemetry has entries"
-            raise ShapeError(f"pictures in {path}", expected=expected, actual=[len(self._paths)])
+            raise ShapeError(f"images in {path}", expected=expected, actual=[len(self._paths)])
         self._times_s = times_s
         self.name = str(path)
         self.total: int | None = len(self._paths)
         self.rate_per_s = FOLDER_RATE
         self.skipped: list[str] = []
 
-    def pictures(self, every: int = 1) -> Pictures:
-        """Iterate over every n-th picture."""
+    def images(self, every: int = 1) -> TimedImages:
+        """Iterate over every n-th image."""
         shape: tuple[int, ...] | None = None
         for index in range(0, len(self._paths), every):
             path = self._paths[index]
@@ -87,12 +130,12 @@ class FolderSource:
             if shape is not None and image.shape != shape:
                 self.skipped.append(
                     f"{path.name}: is {image.shape[1]}x{image.shape[0]}, "
-                    f"the first picture is {shape[1]}x{shape[0]}"
+                    f"the first image is {shape[1]}x{shape[0]}"
                 )
                 continue
             shape = image.shape
             time_s = index / FOLDER_RATE if self._times_s is None else self._times_s[index]
-            yield Picture(image=image, index=index, time_s=float(time_s), name=path.name)
+            yield TimedImage(image=image, index=index, time_s=float(time_s), name=path.name)
 
     def _read(self, path: Path) -> Image | None:
         try:
@@ -100,23 +143,23 @@ class FolderSource:
         except OSError as error:
             self.skipped.append(f"{path.name}: cannot be read: {error.strerror}")
             return None
-        # OpenCV raises on an empty buffer, and returns nothing for what is no picture.
+        # OpenCV raises on an empty buffer, and returns nothing for what is no image.
         bgr = cv2.imdecode(encoded, cv2.IMREAD_COLOR) if encoded.size else None
         if bgr is None:
-            self.skipped.append(f"{path.name}: is not a readable picture")
+            self.skipped.append(f"{path.name}: is not a readable image")
             return None
         return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
-def _pictures_in(folder: Path) -> list[Path]:
-    found = [path for path in folder.iterdir() if path.suffix.lower() in PICTURE_SUFFIXES]
+def _images_in(folder: Path) -> list[Path]:
+    found = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
     if not found:
-        known = ", ".join(suffix.removeprefix(".") for suffix in PICTURE_SUFFIXES)
-        raise FileError(folder, f"the folder holds no pictures ({known})")
+        known = ", ".join(suffix.removeprefix(".") for suffix in IMAGE_SUFFIXES)
+        raise FileError(folder, f"the folder holds no images ({known})")
     return sorted(found, key=_natural)
 
 
 def _natural(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Sort key that puts picture_9 before picture_10."""
+    """Sort key that puts image_9 before image_10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts], path.name

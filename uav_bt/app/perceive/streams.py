@@ -1,0 +1,228 @@
+"""What every source of frames gives, and those that stream: a video file, a live camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import FileError, InputError
+from uav_bt.protocols import Clock
+
+__all__ = [
+    "CAMERA",
+    "FOLDER_RATE",
+    "CameraSource",
+    "Image",
+    "ImageSource",
+    "TimedImage",
+    "TimedImages",
+    "VideoSource",
+]
+
+Image = NDArray[np.uint8]
+
+FOLDER_RATE: Final = 10.0  # images a second where nothing tells: a mission's tick
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedImage:
+    """One image of a source."""
+
+    image: Image  # (H, W, 3) RGB
+    index: int  # counts all images of the source, also those that are left out
+    time_s: float  # since the source began
+    name: str  # for messages
+
+
+TimedImages = Generator[TimedImage, None, None]
+"""TimedImages in order of time; closing lets go of the file or the camera."""
+
+
+class ImageSource(Protocol):
+    """Gives images of one size in order of time."""
+
+    @property
+    def name(self) -> str:
+        """What it is, for messages."""
+        ...
+
+    @property
+    def total(self) -> int | None:
+        """How many images it has; None where nobody knows."""
+        ...
+
+    @property
+    def rate_per_s(self) -> float:
+        """How many images a second, about."""
+        ...
+
+    @property
+    def skipped(self) -> Sequence[str]:
+        """What could not be used so far, and why."""
+        ...
+
+    def images(self, every: int = 1) -> TimedImages:
+        """Iterate over every n-th image; what cannot be read is left out and told."""
+        ...
+
+
+# --- video files ----------------------------------------------------------------------------------
+
+_UNKNOWN_RATE: Final = 25.0  # of a video file that does not say
+
+
+class VideoSource:
+    """A video file, decoded by FFmpeg.
+
+    Args:
+        path: the file.
+
+    Raises:
+        FileError: it is no video.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.name = str(path)
+        self.skipped: list[str] = []
+        with self._opened() as container:
+            stream = container.streams.video[0]
+            self.rate_per_s = float(stream.average_rate or _UNKNOWN_RATE)
+            self.total: int | None = stream.frames or self._estimate(container)
+
+    def _opened(self) -> Any:
+        try:
+            container = av.open(str(self._path))
+        except (av.FFmpegError, OSError) as error:
+            raise FileError(
+                self._path, f"is no video that can be read ({_reason(error)})"
+            ) from error
+        if not container.streams.video:
+            container.close()
+            raise FileError(self._path, "holds no video")
+        return container
+
+    def _estimate(self, container: Any) -> int | None:
+        if container.duration is None:
+            return None
+        return max(1, math.ceil(float(container.duration) / av.time_base * self.rate_per_s))
+
+    def images(self, every: int = 1) -> TimedImages:
+        """Iterate over every n-th image; damaged stretches are left out and told."""
+        index, begin_s, shape = -1, None, None
+        with self._opened() as container:
+            for decoded in self._decoded(container):
+                index += 1
+                if index % every:
+                    continue
+                image = decoded.to_ndarray(format="rgb24")
+                shape = shape or image.shape
+                if image.shape != shape:
+                    self.skipped.append(f"image {index}: has another size than the first")
+                    continue
+                told_s = index / self.rate_per_s if decoded.time is None else float(decoded.time)
+                begin_s = told_s if begin_s is None else begin_s
+                yield TimedImage(
+                    image=image, index=index, time_s=told_s - begin_s, name=f"image {index}"
+                )
+
+    def _decoded(self, container: Any) -> Iterator[Any]:
+        stream = container.streams.video[0]
+        packets = container.demux(stream)
+        count = damaged = 0
+        while True:
+            try:
+                packet = next(packets, None)
+                if packet is None:
+                    break
+                count += 1
+                frames = packet.decode()
+            except av.FFmpegError as error:
+                damaged += 1
+                if damaged == 1:
+                    self.skipped.append(f"packet {count}: is damaged ({_reason(error)})")
+                if damaged > count:  # no packet could be read at all: the file ends here
+                    break
+                continue
+            yield from frames
+        if damaged > 1:
+            self.skipped.append(f"{damaged - 1} more damaged packets")
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
+
+
+# --- live cameras ---------------------------------------------------------------------------------
+
+CAMERA: Final = "camera:"  # before a device's number
+
+
+class CameraSource:
+    """A live camera, by OpenCV; without an end of its own.
+
+    Args:
+        number: of the device.
+        clock: tells when a image came.
+        capture: opens a device.
+    """
+
+    def __init__(
+        self, number: int, clock: Clock, *, capture: Callable[[int], Any] = cv2.VideoCapture
+    ) -> None:
+        self._number, self._clock, self._capture = number, clock, capture
+        self.name = f"{CAMERA}{number}"
+        self.total: int | None = None
+        self.rate_per_s = FOLDER_RATE
+        self.skipped: list[str] = []
+
+    def images(self, every: int = 1) -> TimedImages:
+        """Iterate over every n-th image until the camera stops.
+
+        Raises:
+            InputError: the camera does not open or sends nothing.
+        """
+        device = self._opened()
+        try:
+            index, begin_s = -1, self._clock.now()
+            while device.grab():
+                index += 1
+                if index % every:
+                    continue
+                time_s = self._clock.now() - begin_s
+                whole, bgr = device.retrieve()
+                if not whole:
+                    self.skipped.append(f"image {index}: did not arrive whole")
+                    continue
+                rgb = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+                yield TimedImage(image=rgb, index=index, time_s=time_s, name=f"image {index}")
+        finally:
+            device.release()
+        if index < 0:
+            raise InputError(f"camera {self._number} opens, but sends no images")
+        self.skipped.append(f"the camera stopped after {index + 1} images")
+
+    def _opened(self) -> Any:
+        # OpenCV tells on the error stream what each of its back ends thinks of the number.
+        level = cv2.utils.logging.getLogLevel()
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        try:
+            device = self._capture(self._number)
+        finally:
+            cv2.utils.logging.setLogLevel(level)
+        if not device.isOpened():
+            device.release()
+            raise InputError(
+                f"camera {self._number} does not open; is it plugged in, and free? "
+                "(`ls /dev/video*` shows what there is)"
+            )
+        device.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the newest image, not the oldest waiting one
+        return device
