@@ -154,14 +154,8 @@ class TwinWorld:
                 return capture, capture.time_s + self._offset_s
         return None
 
-    def _run(self) -> None:
-        try:
-            while not self._stop.wait(_PERIOD_S):
-                self._catch_up()
-        except Exception as error:  # noqa: BLE001 - `state` raises it on the caller's thread
-            self._failure = error
-
-    def _catch_up(self) -> None:
+    def catch_up(self) -> None:
+        """Step the physics up to the clock's time; the thread that `start` begins does it."""
         simulation = self._simulation
         target_s = self._clock.now() - self._offset_s
         lag_s = target_s - simulation.now_s
@@ -174,6 +168,13 @@ class TwinWorld:
         # Steps are whole: round down, so that simulated time never runs ahead.
         simulation.run_until(target_s - target_s % CONTROL_STEP_S)
         self._state = self._measure()
+
+    def _run(self) -> None:
+        try:
+            while not self._stop.wait(_PERIOD_S):
+                self.catch_up()
+        except Exception as error:  # noqa: BLE001 - `state` raises it on the caller's thread
+            self._failure = error
 
     def _measure(self) -> WorldState:
         simulation, start = self._simulation, self.start_pose

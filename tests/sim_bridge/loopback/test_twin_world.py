@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 
 import pytest
@@ -28,7 +29,7 @@ class Stepped:
     def until(self, reached: Callable[[WorldState], bool], limit_s: float = 20.0) -> WorldState:
         for _ in range(round(limit_s / 0.02)):
             self.clock.advance(0.02)
-            self.world._catch_up()
+            self.world.catch_up()
             if reached(self.world.state()):
                 return self.world.state()
         raise AssertionError(f"not within {limit_s} s: {self.world.state()}")
@@ -87,7 +88,7 @@ def test_a_lab_keeps_its_walls_its_pace_and_its_ceiling() -> None:
 
 def test_time_that_the_machine_had_not_is_left_out(field: Stepped) -> None:
     field.clock.advance(3.0)
-    field.world._catch_up()
+    field.world.catch_up()
     assert field.world.lost_s == pytest.approx(3.0)
     assert field.world.state().time_s == pytest.approx(0.0, abs=0.03)
     field.until(lambda state: state.time_s >= 0.1, limit_s=0.2)
@@ -100,16 +101,22 @@ def test_it_runs_on_a_thread_of_its_own_until_stopped(field: Stepped) -> None:
     assert field.world.state().flying is FlyingState.LANDED
 
 
-def test_a_simulation_that_failed_is_told_to_whoever_asks(
-    field: Stepped, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail() -> None:
-        raise RuntimeError("out of memory")
+def test_a_simulation_that_failed_raises_in_the_callers_thread() -> None:
+    failed = threading.Event()
 
-    monkeypatch.setattr(field.world, "_catch_up", fail)
-    field.world._run()
+    class Broken(ManualClock):
+        def now(self) -> float:
+            if threading.current_thread() is threading.main_thread():
+                return super().now()
+            failed.set()
+            raise RuntimeError("out of memory")
+
+    world = TwinWorld(None, profile=Profile.named("ideal"), seed=1, clock=Broken())
+    world.start()
+    assert failed.wait(60.0)
+    world.stop()
     with pytest.raises(DroneError, match="the simulation failed: out of memory"):
-        field.world.state()
+        world.state()
 
 
 def test_the_camera_draws_each_picture_once(field: Stepped) -> None:
