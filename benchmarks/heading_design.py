@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from behaviours.fly.heading import HeadingController, HeadingGains
-from uav_bt.errors import MissingDependencyError, ShapeError, ValueRangeError
+from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.plugins import need
 
 __all__ = [
     "Margins",
@@ -171,12 +172,9 @@ def margins(gains: HeadingGains, response: YawResponse, tick_s: float = 0.1) -> 
     Raises:
         MissingDependencyError: the package `control` is not installed.
     """
-    try:
-        import control  # noqa: PLC0415  (only for design, in an extra)
-    except ImportError as error:
-        raise MissingDependencyError(
-            "the margins need the package 'control': pip install 'uav-bt[design]'"
-        ) from error
+    need("design", "control", what="the heading loop's margin")
+    import control  # noqa: PLC0415  (only for design, in an extra)
+
     loop = _controller(control, gains, tick_s) * _plant(control, response, tick_s)
     # Polynomial roots are inaccurate with poles at 1; a fine frequency response is not.
     half_rate = math.pi / tick_s

@@ -1,13 +1,15 @@
-"""What installed packages contribute, by entry-point group and name."""
+"""What is installed: what packages contribute by entry-point group and name, and which extras."""
 
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.util
+import sys
 from typing import Any, Final
 
-from uav_bt.errors import InputError, UnknownNameError
+from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 
-__all__ = ["BEHAVIOURS", "DRONES", "POLICIES", "load", "names"]
+__all__ = ["BEHAVIOURS", "DRONES", "POLICIES", "load", "names", "need"]
 
 BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
 POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
@@ -57,3 +59,27 @@ def load(group: str, name: str) -> Any:
             f"{kind} '{name}' ({point.value}) cannot be imported: {error}; "
             "reinstall the package that registers it"
         ) from error
+
+
+def need(extra: str, *modules: str, what: str = "this") -> None:
+    """Refuse to begin work that needs a package which is not installed.
+
+    Args:
+        extra: the extra of this project that brings it.
+        modules: what will be imported, top-level names.
+        what: what needs it, for the message.
+
+    Raises:
+        MissingDependencyError: one is absent; the message has the command that installs it.
+    """
+    absent = [name for name in modules if not _is_installed(name)]
+    if absent:
+        raise MissingDependencyError(
+            f"{what} needs {' and '.join(absent)}; install with `pip install 'uav-bt[{extra}]'`"
+        )
+
+
+def _is_installed(module: str) -> bool:
+    if module in sys.modules:
+        return sys.modules[module] is not None
+    return importlib.util.find_spec(module) is not None

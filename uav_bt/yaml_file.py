@@ -15,10 +15,9 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Any, Final, Generic, TypeVar, cast
 
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -30,7 +29,7 @@ from uav_bt.files import reading
 __all__ = ["YamlFile", "read_yaml"]
 
 T = TypeVar("T")
-Step = str | int  # a key of a mapping, an index of a list
+Steps = tuple[str | int, ...]  # keys of mappings and indices of lists that lead to a value
 
 _MAX_BYTES: Final = 1_000_000
 _MAX_VALUES: Final = 100_000  # aliases of aliases make billions of a few lines
@@ -46,13 +45,6 @@ _EXPECTED: Final = {
 }
 
 
-class Problem(NamedTuple):
-    """Something in a file that cannot be used."""
-
-    line: int
-    text: str
-
-
 @dataclass(frozen=True)
 class YamlFile(Generic[T]):
     """What a file says, with the lines where it says so.
@@ -60,23 +52,22 @@ class YamlFile(Generic[T]):
     Attributes:
         path: the file.
         value: its content.
-        root: its nodes; None for an empty file.
+        places: all its values.
         failure: what `error` returns.
     """
 
     path: Path
     value: T
-    root: yaml.Node | None
+    places: _Places
     failure: type[FileError]
 
-    def line(self, *steps: Step) -> int:
+    def line(self, *steps: str | int) -> int:
         """Return the line of a value, by the keys and indices that lead to it."""
-        return _find(self.root, steps).line
+        return self.places.line(steps)
 
-    def error(self, message: str, *steps: Step) -> FileError:
+    def error(self, message: str, *steps: str | int) -> FileError:
         """Return an error about a value, by the keys and indices that lead to it."""
-        place = _find(self.root, steps)
-        return self.failure(self.path, _located(place.where, message), place.line)
+        return self.failure(self.path, _located(steps, message), self.line(*steps))
 
 
 def read_yaml(
@@ -105,28 +96,27 @@ def read_yaml(
         if path.stat().st_size > _MAX_BYTES:
             raise failure(path, f"larger than {_MAX_BYTES} bytes")
         text = path.read_text(encoding="utf-8")
+    places = _Places()
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
-        content = {} if root is None else _Plain().value(root, "")
-    except _ProblemError as error:
-        raise failure(path, error.problem.text, error.problem.line) from error
+        content = {} if root is None else places.plain(root, ())
+        # JSON in strict mode: lists for tuples, texts for paths, but no number for a text.
+        validated = _adapter(cast("Any", form)).validate_json(
+            json.dumps([content]), context={"folder": path.parent}
+        )
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else None
-        raise failure(path, f"not valid YAML: {error.problem}", line) from error
+        ours = isinstance(error, _Refused)
+        text = f"{'' if ours else 'not valid YAML: '}{error.problem}"
+        raise failure(path, text, line) from error
     except (yaml.YAMLError, RecursionError) as error:
         raise failure(path, f"not valid YAML: {error}") from error
-    try:
-        # JSON in strict mode: lists for tuples, texts for paths, but no number for a text.
-        key: Any = form  # mypy takes no type[T] for hashable
-        (value,) = _adapter(key).validate_json(
-            json.dumps([content]), context={"folder": path.parent}
-        )
     except ValidationError as error:
-        first, *others = _problems(root, error, form)
-        lines = [first.text, *(f"{path}:{line}: {text}" for line, text in others)]
-        raise failure(path, "\n".join(lines), first.line) from error
-    return YamlFile(path, value, root, failure)
+        first, *others = _problems(places, error, form)
+        lines = [first[1], *(f"{path}:{line}: {text}" for line, text in others)]
+        raise failure(path, "\n".join(lines), first[0]) from error
+    return YamlFile(path, validated[0], places, failure)
 
 
 @functools.cache
@@ -137,138 +127,127 @@ def _adapter(form: Any) -> TypeAdapter[tuple[Any]]:
     return TypeAdapter(one, config=config)
 
 
-# --- nodes to plain values ------------------------------------------------------------------------
+# --- the values of a file -------------------------------------------------------------------------
 
 
-class _ProblemError(Exception):
-    def __init__(self, node: yaml.Node, text: str) -> None:
-        super().__init__(text)
-        self.problem = Problem(node.start_mark.line + 1, text)
+class _Refused(yaml.MarkedYAMLError):
+    """A value that no form has."""
+
+    def __init__(self, node: yaml.Node, steps: Steps, text: str) -> None:
+        super().__init__(problem=_located(steps, text), problem_mark=node.start_mark)
 
 
-class _Plain:
-    """Turns nodes into numbers, texts, lists and mappings, and into nothing else."""
+class _Places:
+    """Where the values of a file stand, and what stands there."""
 
     def __init__(self) -> None:
         self._construct = yaml.constructor.SafeConstructor()
-        self._count = 0
+        self._found: dict[Steps, tuple[int, str]] = {(): (1, "nothing")}  # line, in words
 
-    def value(self, node: yaml.Node, where: str) -> Any:
-        self._count += 1
-        if self._count > _MAX_VALUES:
-            raise _ProblemError(node, f"more than {_MAX_VALUES} values, aliases unfolded")
+    def line(self, steps: Steps) -> int:
+        return self._found[self.known(steps)][0]
+
+    def shown(self, steps: Steps) -> str:
+        return self._found[self.known(steps)][1]
+
+    def known(self, steps: Steps) -> Steps:
+        """Return the steps that exist: no missing key, no name that pydantic gives a branch."""
+        known: Steps = ()
+        for step in steps:
+            known = (*known, step) if (*known, step) in self._found else known
+        return known
+
+    def plain(self, node: yaml.Node, steps: Steps, key: yaml.Node | None = None) -> Any:
+        """Return a node as numbers, texts, lists and mappings; nothing else is made of it."""
+        if len(self._found) > _MAX_VALUES:
+            raise _Refused(node, (), f"more than {_MAX_VALUES} values, aliases unfolded")
+        self._found[steps] = ((key or node).start_mark.line + 1, _shown(node))
         if isinstance(node, yaml.ScalarNode):
-            return self._scalar(node, where)
+            return self._scalar(node, steps)
         if node.tag not in _COLLECTIONS:
-            raise _ProblemError(node, f"not valid YAML: the tag {node.tag} is not allowed")
+            raise _Refused(node, (), f"not valid YAML: the tag {node.tag} is not allowed")
         if isinstance(node, yaml.SequenceNode):
-            return [self.value(item, _joined(where, i)) for i, item in enumerate(node.value)]
-        return self._mapping(node, where)
-
-    def _mapping(self, node: yaml.Node, where: str) -> dict[str, Any]:
+            return [self.plain(item, (*steps, index)) for index, item in enumerate(node.value)]
         content: dict[str, Any] = {}
-        for key, item in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise _ProblemError(key, _located(where, "expected a name before the colon"))
-            if key.value in content:
-                raise _ProblemError(key, _located(where, f"the key '{key.value}' is given twice"))
-            content[key.value] = self.value(item, _joined(where, key.value))
+        for name, item in node.value:
+            if not isinstance(name, yaml.ScalarNode):
+                raise _Refused(name, steps, "expected a name before the colon")
+            if name.value in content:
+                raise _Refused(name, steps, f"the key '{name.value}' is given twice")
+            content[name.value] = self.plain(item, (*steps, name.value), name)
         return content
 
-    def _scalar(self, node: yaml.ScalarNode, where: str) -> bool | float | str | None:
+    def _scalar(self, node: yaml.ScalarNode, steps: Steps) -> bool | float | str | None:
         try:
             value = self._construct.construct_object(node)
         except ValueError as error:  # the 45th of May
-            raise _ProblemError(node, _located(where, f"{error}, got {_shown(node)}")) from error
+            raise _Refused(node, steps, f"{error}, got {_shown(node)}") from error
         if value is None or isinstance(value, bool | int | float | str):
             return value
         expected = "expected a number, a text, true or false"
-        raise _ProblemError(node, _located(where, f"{expected}, got {_shown(node)}"))
+        raise _Refused(node, steps, f"{expected}, got {_shown(node)}")
 
 
-# --- pydantic's errors to problems ----------------------------------------------------------------
+def _shown(node: yaml.Node) -> str:
+    if isinstance(node, yaml.ScalarNode):
+        return f"'{node.value}'" if node.value else "nothing"
+    return f"a list of {len(node.value)}" if isinstance(node, yaml.SequenceNode) else "a mapping"
 
 
-class _Place(NamedTuple):
-    """A node of the file."""
-
-    node: yaml.Node | None
-    line: int
-    where: str  # boxes[1].size_m
+def _located(steps: Steps, text: str) -> str:
+    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
+    return text if not where or text.startswith(where) else f"{where}: {text}"
 
 
-def _find(root: yaml.Node | None, steps: Iterable[Step]) -> _Place:
-    node, where = root, ""
-    line = 1 if root is None else root.start_mark.line + 1
-    for step in steps:
-        found = dict(_children(node)).get(step)
-        if found is None:
-            continue  # a key that is missing, or a name that pydantic gives a branch of a union
-        mark, node = found
-        line, where = mark.start_mark.line + 1, _joined(where, step)
-    return _Place(node, line, where)
+# --- what pydantic finds wrong with them ----------------------------------------------------------
 
 
-def _children(node: yaml.Node | None) -> Iterator[tuple[Step, tuple[yaml.Node, yaml.Node]]]:
-    """Yield the children of a node: key or index, the node that has the line, the value."""
-    if isinstance(node, yaml.SequenceNode):
-        yield from ((index, (item, item)) for index, item in enumerate(node.value))
-    elif isinstance(node, yaml.MappingNode):
-        yield from ((key.value, (key, item)) for key, item in node.value)
-
-
-def _problems(root: yaml.Node | None, error: ValidationError, form: Any) -> list[Problem]:
-    """Return the problems of a file in the order of its lines."""
-    expected: dict[_Place, list[str]] = {}  # the branches of a union fail at one place
-    others: list[tuple[_Place, str]] = []
+def _problems(places: _Places, error: ValidationError, form: Any) -> list[tuple[int, str]]:
+    """Return lines and texts of all problems, in the order of the lines."""
+    expected: dict[Steps, list[str]] = {}  # the branches of a union fail at one place
+    found: list[tuple[Steps, str]] = []
     for item in error.errors(include_url=False):
         kind, steps = item["type"], item["loc"][1:]
-        place = _find(root, steps)
+        known = places.known(steps)
         if kind == "missing" and isinstance(steps[-1], str):
-            others.append((place, f"lacks the key '{steps[-1]}'"))
+            found.append((known, f"lacks the key '{steps[-1]}'"))
         elif kind in ("unexpected_keyword_argument", "extra_forbidden"):
-            known = _known(form, steps[:-1])
-            hint = did_you_mean(str(steps[-1]), known)
-            others.append((place, f"unknown key{hint} (known: {', '.join(known)})"))
+            keys = list(_form_at(form, steps[:-1])["properties"])
+            hint = did_you_mean(str(steps[-1]), keys)
+            found.append((known, f"unknown key{hint} (known: {', '.join(keys)})"))
         elif kind == "value_error":
-            others.append((place, str(item["ctx"]["error"])))
+            found.append((known, str(item["ctx"]["error"])))
         elif kind == "json_invalid":  # nested too deeply, half a surrogate pair
-            others.append((place, f"not valid YAML: {item['ctx']['error']}"))
+            found.append((known, f"not valid YAML: {item['ctx']['error']}"))
         elif steps[-1:] == ("[key]",):
-            others.append((place, f"expected {_expected(item, form)} as key, got '{steps[-2]}'"))
+            found.append((known, f"expected {_expected(item, form)} as key, got '{steps[-2]}'"))
         else:
-            expected.setdefault(place, []).append(_expected(item, form))
-    places = [*expected, *(place for place, _ in others)]
-    for place, words in expected.items():
+            expected.setdefault(known, []).append(_expected(item, form))
+    reached = [*expected, *(steps for steps, _ in found)]
+    for steps, words in expected.items():
         # A branch that came further says better what is wrong.
-        if not any(one.where.startswith((f"{place.where}[", f"{place.where}.")) for one in places):
+        if not any(len(one) > len(steps) and one[: len(steps)] == steps for one in reached):
             text = " or ".join(dict.fromkeys(words))
-            others.append((place, f"expected {text}, got {_shown(place.node)}"))
-    found = [Problem(place.line, _located(place.where, text)) for place, text in others]
-    return sorted(dict.fromkeys(found), key=lambda problem: problem.line)
+            found.append((steps, f"expected {text}, got {places.shown(steps)}"))
+    lines = [(places.line(steps), _located(steps, text)) for steps, text in found]
+    return sorted(dict.fromkeys(lines), key=lambda line: line[0])
 
 
 def _expected(item: ErrorDetails, form: Any) -> str:
     kind, steps = item["type"], item["loc"][1:]
     if kind == "missing":
         return f"a list of {_form_at(form, steps[:-1]).get('minItems', 'more')}"
-    if kind == "too_short":
-        return f"a list of at least {item['ctx']['min_length']}"
-    if kind == "too_long":
-        return f"a list of at most {item['ctx']['max_length']}"
-    if kind in ("dict_type", "dataclass_type", "mapping_type"):
-        known = _known(form, steps)
-        return f"a mapping with {', '.join(known)}" if known else "a mapping"
+    if kind in ("too_short", "too_long"):
+        bound = ("least", "min_length") if kind == "too_short" else ("most", "max_length")
+        return f"a list of at {bound[0]} {item['ctx'][bound[1]]}"
+    if kind in ("dict_type", "dataclass_type"):
+        keys = ", ".join(_form_at(form, steps).get("properties", ()))
+        return f"a mapping with {keys}" if keys else "a mapping"
     words = _EXPECTED.get(kind, item["msg"].removeprefix("Input should be "))
     return f"a number {words}" if "than" in kind else words
 
 
-def _known(form: Any, steps: tuple[Step, ...]) -> list[str]:
-    """Return the keys that a form has at a place."""
-    return list(_form_at(form, steps).get("properties", ()))
-
-
-def _form_at(form: Any, steps: tuple[Step, ...]) -> dict[str, Any]:
+def _form_at(form: Any, steps: Steps) -> dict[str, Any]:
     """Return the JSON schema of a place."""
     whole = TypeAdapter(form).json_schema()
     part = whole
@@ -285,21 +264,3 @@ def _form_at(form: Any, steps: tuple[Step, ...]) -> dict[str, Any]:
         elif isinstance(step, int):
             part = part.get("items") or part["prefixItems"][step]
     return part
-
-
-def _located(where: str, text: str) -> str:
-    return text if not where or text.startswith(where) else f"{where}: {text}"
-
-
-def _joined(where: str, step: Step) -> str:
-    if isinstance(step, int):
-        return f"{where}[{step}]"
-    return f"{where}.{step}" if where else step
-
-
-def _shown(node: yaml.Node | None) -> str:
-    if isinstance(node, yaml.ScalarNode):
-        return f"'{node.value}'" if node.value else "nothing"
-    if isinstance(node, yaml.SequenceNode):
-        return f"a list of {len(node.value)}"
-    return "a mapping" if node is not None else "nothing"

@@ -31,8 +31,8 @@ from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
 from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
+from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.channels import need_extra
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.policy_check import unknown_policies
 from uav_bt.tree.shipped import resolve_tree
@@ -154,7 +154,7 @@ def fly(
 def _record(file: Path, options: FlightOptions) -> FlightRecord:
     if not file.parent.is_dir():
         raise FileError(file, f"folder {file.parent} does not exist; create it first")
-    need_extra()
+    need("record", "mcap", "foxglove", what="a flight record")
     from uav_bt.app.flight_record import FlightRecord  # noqa: PLC0415 - most flights need no such extra
 
     told = asdict(options)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uav_bt.cli.options import image_size_option, policy_option, profile_option
-from uav_bt.cli.progress import need
 from uav_bt.errors import MissionError
+from uav_bt.plugins import need
 
 if TYPE_CHECKING:
     from uav_bt.campaign import CampaignResult

@@ -8,8 +8,8 @@ from typing import Final
 import click
 
 from uav_bt.cli.options import image_size_option, policy_option, seed_option
-from uav_bt.cli.progress import need
 from uav_bt.errors import MissionError
+from uav_bt.plugins import need
 
 __all__ = ["collect"]
 

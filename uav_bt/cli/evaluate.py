@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from uav_bt.cli.options import output_option, seed_option, views_option
-from uav_bt.cli.progress import need, progress_bars
+from uav_bt.cli.progress import progress_bars
+from uav_bt.plugins import need
 
 if TYPE_CHECKING:
     from perception.segmentation.evaluation import SegmentationScore

@@ -10,7 +10,8 @@ from typing import Any, Final
 import click
 
 from uav_bt.cli.options import output_option, seed_option, views_option
-from uav_bt.cli.progress import need, progress_bars
+from uav_bt.cli.progress import progress_bars
+from uav_bt.plugins import need
 
 __all__ = ["export"]
 

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from uav_bt.errors import MissingDependencyError
-
-__all__ = ["need", "progress_bars"]
+__all__ = ["progress_bars"]
 
 
 @contextmanager
@@ -45,16 +42,3 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
             bars.update(stages[name], description=stage, completed=done, total=total)
 
         yield advance
-
-
-def need(extra: str, *modules: str) -> None:
-    """Refuse to begin work that needs a package which is not installed.
-
-    Raises:
-        MissingDependencyError: one is absent; the message names the extra that brings it.
-    """
-    absent = [module for module in modules if importlib.util.find_spec(module) is None]
-    if absent:
-        raise MissingDependencyError(
-            f"this needs {' and '.join(absent)}; install with `pip install 'uav-bt[{extra}]'`"
-        )

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from uav_bt.cli.options import output_option
-from uav_bt.cli.progress import need
+from uav_bt.plugins import need
 
 __all__ = ["report"]
 

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from uav_bt.errors import InputError, MissingDependencyError, MissionError, ValueRangeError
+from uav_bt.errors import InputError, MissionError, ValueRangeError
 from uav_bt.groot.groot_protocol import DEFAULT_PORT, ProtocolError, error_reply, parse_request
 from uav_bt.groot.groot_view import GrootView
+from uav_bt.plugins import need
 
 if TYPE_CHECKING:
     import zmq
@@ -231,12 +232,7 @@ class GrootPublisher:
 
 def _zmq() -> Any:
     """Import what the extra brings, only where it is used."""
-    try:
-        import msgpack  # noqa: F401, PLC0415
-        import zmq  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"Groot2 needs {error.name}, which is not installed: "
-            "install it with `pip install 'uav-bt[live]'`"
-        ) from error
+    need("live", "zmq", "msgpack", what="Groot2")
+    import zmq  # noqa: PLC0415  (an extra)
+
     return zmq

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from uav_bt.errors import MissingDependencyError
 from uav_bt.protocols import Advice
 from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote, TreeNote
 from uav_bt.record.values import dump, json_schema
@@ -42,7 +41,6 @@ __all__ = [
     "TREE_STATUS",
     "TRUTH",
     "Channel",
-    "need_extra",
     "schema_of",
 ]
 
@@ -112,13 +110,8 @@ PICTURES: Final = frozenset(topic for topic, channel in CHANNELS.items() if chan
 
 
 def schema_of(channel: Channel) -> tuple[str, bytes]:
-    """Return a channel's schema: its encoding and its bytes.
-
-    Raises:
-        MissingDependencyError: the extra `record` is not installed.
-    """
+    """Return a channel's schema: its encoding and its bytes."""
     if isinstance(channel.content, str):
-        need_extra()
         from foxglove import messages  # noqa: PLC0415 - an extra
 
         schema = getattr(messages, channel.content).get_schema()
@@ -126,19 +119,3 @@ def schema_of(channel: Channel) -> tuple[str, bytes]:
     if channel.content is None:
         return "jsonschema", dump({"title": "Board", "type": "object"})
     return "jsonschema", json_schema(channel.content)
-
-
-def need_extra() -> None:
-    """Check that what records need is installed.
-
-    Raises:
-        MissingDependencyError: it is not, with the cure.
-    """
-    try:
-        import foxglove  # noqa: F401, PLC0415
-        import mcap  # noqa: F401, PLC0415
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"flight records need the extra 'record' ({error.name} is missing); "
-            "install it with: pip install 'uav-bt[record]'"
-        ) from error

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
+from uav_bt.plugins import need
 from uav_bt.record import channels
-from uav_bt.record.channels import END, SCHEMA_VERSION, START, need_extra
+from uav_bt.record.channels import END, SCHEMA_VERSION, START
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.notes import StatusNote, TreeNote
 from uav_bt.record.record_file import Attachment
@@ -58,7 +59,7 @@ class RecordReader:
     """
 
     def __init__(self, path: Path) -> None:
-        need_extra()
+        need("record", "mcap", what="a flight record")
         from uav_bt.record.scan import RecordScan, is_finished  # noqa: PLC0415 - an extra
 
         self.path = path

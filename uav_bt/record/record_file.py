@@ -9,7 +9,8 @@ from typing import IO, Any, Final, Protocol
 
 from uav_bt import __version__
 from uav_bt.files import writing
-from uav_bt.record.channels import Channel, need_extra, schema_of
+from uav_bt.plugins import need
+from uav_bt.record.channels import Channel, schema_of
 
 __all__ = ["Attachment", "RecordFile", "RecordSink"]
 
@@ -62,7 +63,7 @@ class RecordFile:
     """
 
     def __init__(self, path: Path) -> None:
-        need_extra()
+        need("record", "mcap", "foxglove", what="a flight record")
         from mcap.writer import Writer  # noqa: PLC0415 - an extra
 
         self._path = path

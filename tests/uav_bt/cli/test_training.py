@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
+import sys
 from collections.abc import Iterator
 from http.server import HTTPServer
 from pathlib import Path
@@ -148,10 +148,7 @@ def test_masks_of_another_plan_are_not_taken_for_these(
 
 
 def test_without_torch_training_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    find_spec = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name: None if name == "torch" else find_spec(name)
-    )
+    monkeypatch.setitem(sys.modules, "torch", None)
     assert_refused(run("train", "segmentation"), "needs torch", "uav-bt[train]")
 
 

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Final
 
 from uav_bt.errors import FileError, InputError, MissingDependencyError, UavBtError
 from uav_bt.files import whole_file
+from uav_bt.plugins import need
 
 if TYPE_CHECKING:
     import rerun as rr
 
-__all__ = ["Viewer", "has_display", "need_display", "need_rerun", "saved", "viewer_command"]
+__all__ = ["Viewer", "has_display", "need_display", "saved", "viewer_command"]
 
 _APPLICATION: Final = "uav_bt"
 _LOOPBACK: Final = "127.0.0.1"
@@ -29,16 +30,6 @@ _FOOTER: Final = b"RRF2FOOT"  # near the end of a whole file
 _END_BYTES: Final = 32
 _FILE_S: Final = 120.0  # for what is still on its way to the disk
 _FLUSH_S: Final = 20.0  # for what is still on its way to a viewer that may be gone
-
-
-def need_rerun() -> None:
-    """Make sure that Rerun is installed.
-
-    Raises:
-        MissingDependencyError: it is not.
-    """
-    if importlib.util.find_spec("rerun") is None:
-        raise MissingDependencyError("views need Rerun: pip install 'uav-bt[view]'")
 
 
 def has_display(environment: Mapping[str, str] | None = None) -> bool:
@@ -75,7 +66,7 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
         FileError: the file cannot be written.
         MissingDependencyError: Rerun is not installed.
     """
-    need_rerun()
+    need("view", "rerun", what="a view")
     import rerun as rr  # noqa: PLC0415 - only views need it
 
     if path.suffix.lower() != ".rrd":
@@ -122,7 +113,7 @@ class Viewer:
     """
 
     def __init__(self, *, web: bool, port: int = 0, web_port: int = 0) -> None:
-        need_rerun()
+        need("view", "rerun", what="a view")
         import rerun as rr  # noqa: PLC0415 - only views need it
 
         self.port = _free_port(port)

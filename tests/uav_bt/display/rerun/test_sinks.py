@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -83,8 +84,9 @@ def test_a_display_is_what_the_environment_says(
 
 
 def test_a_missing_rerun_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(MissingDependencyError, match=r"a view needs rerun.*uav-bt\[view\]"):
+        sinks.Viewer(web=True)
     monkeypatch.setattr(sinks.importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(MissingDependencyError, match=r"uav-bt\[view\]"):
-        sinks.need_rerun()
     with pytest.raises(MissingDependencyError, match="rerun-sdk"):
         sinks.viewer_command(9876, None)
