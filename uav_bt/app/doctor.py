@@ -5,10 +5,11 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import platform
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final
+
+from packaging.requirements import Requirement
 
 from uav_bt import __version__, plugins
 from uav_bt.errors import UavBtError
@@ -20,9 +21,6 @@ _PACKAGE: Final = "uav-bt"
 _NEEDED: Final = (3, 11)
 _SDK: Final = "parrot-olympe"
 _SDK_BEYOND: Final = (3, 13)  # fails on import from there on
-_REQUIREMENT: Final = re.compile(
-    r"(?P<name>[A-Za-z0-9._-]+).*?(extra\s*==\s*['\"](?P<extra>\w+)['\"])?$"
-)
 _NOT_FOR_USERS: Final = frozenset({"dev"})
 
 
@@ -51,16 +49,17 @@ def _python() -> Check:
 
 
 def _packages() -> Iterator[Check]:
-    by_extra: dict[str, list[str]] = {}
-    for text in importlib.metadata.requires(_PACKAGE) or ():
-        match = _REQUIREMENT.match(text)
-        if match is None:
-            continue
-        extra = match["extra"] or ""
-        if extra not in _NOT_FOR_USERS:
-            by_extra.setdefault(extra, []).append(match["name"])
-    for extra, names in by_extra.items():
-        yield _extra(extra, names)
+    extras = importlib.metadata.metadata(_PACKAGE).get_all("Provides-Extra", ())
+    needed = [Requirement(text) for text in importlib.metadata.requires(_PACKAGE) or ()]
+    for extra in ("", *(name for name in extras if name not in _NOT_FOR_USERS)):
+        yield _extra(extra, [one.name for one in needed if _belongs(one, extra)])
+
+
+def _belongs(requirement: Requirement, extra: str) -> bool:
+    marker = requirement.marker
+    if marker is None:
+        return not extra
+    return marker.evaluate({"extra": extra}) and not (extra and marker.evaluate({"extra": ""}))
 
 
 def _extra(extra: str, names: Iterable[str]) -> Check:

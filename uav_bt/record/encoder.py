@@ -14,7 +14,7 @@ from uav_bt.record.channels import Channel
 from uav_bt.record.config import RecordConfig
 from uav_bt.record.images import millimetres
 from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
-from uav_bt.record.timeline import Timeline
+from uav_bt.record.record_file import Timeline
 from uav_bt.record.values import dump, encode, finite
 from uav_bt.record.worker import Encoded
 from uav_bt.tree.status import Status

@@ -1,8 +1,12 @@
-"""Frames, class maps and depth maps as pictures that viewers know, and back."""
+"""Frames, class maps and depth maps as images that viewers know, and back.
+
+`foxglove-sdk` writes protobuf messages and cannot read them, and Python's protobuf comes in
+versions that other packages pin: the few fields that are needed are read here (protobuf.dev,
+"Encoding").
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 import cv2
@@ -11,12 +15,12 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import InputError
 from uav_bt.record.config import Quality
-from uav_bt.record.wire import fields
 
 __all__ = [
-    "RawPicture",
     "decode_image",
     "encode_image",
+    "encoding_of",
+    "fields",
     "image_bytes",
     "millimetres",
     "raw_picture",
@@ -49,6 +53,9 @@ _MOST_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
 _WIDTH, _HEIGHT, _ENCODING, _DATA = 2, 3, 4, 6
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # protobuf's wire types
+_FIXED_SIZES: Final = {_FIXED64: 8, _FIXED32: 4}
+_MAX_VARINT_BYTES: Final = 10  # of 64 bits, seven at a time
 
 
 def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str]:
@@ -97,40 +104,18 @@ def image_bytes(message: bytes) -> bytes:
     return bytes(data)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RawPicture:
-    """The fields of a foxglove.RawImage."""
+def encoding_of(array: NDArray[np.generic]) -> str:
+    """Return what foxglove.RawImage calls an array's pixels.
 
-    width: int
-    height: int
-    encoding: str
-    step: int  # bytes of a row
-    data: bytes
-
-    @classmethod
-    def of(cls, array: NDArray[np.generic]) -> RawPicture:
-        """Return an array as raw pixels.
-
-        Args:
-            array: (H, W) of uint8, uint16 or float32.
-
-        Raises:
-            InputError: it has another type or shape.
-        """
-        names = [name for name, dtype in _DTYPES.items() if dtype == array.dtype]
-        if not names or array.ndim != 2:
-            raise InputError(
-                f"expected a HxW picture of uint8, uint16 or float32, got {array.dtype} "
-                f"{array.shape}"
-            )
-        height, width = array.shape
-        return cls(
-            width=width,
-            height=height,
-            encoding=names[0],
-            step=width * array.itemsize,
-            data=np.ascontiguousarray(array).tobytes(),
+    Raises:
+        InputError: it is not (H, W) of uint8, uint16 or float32.
+    """
+    names = [name for name, dtype in _DTYPES.items() if dtype == array.dtype]
+    if not names or array.ndim != 2:
+        raise InputError(
+            f"expected a HxW image of uint8, uint16 or float32, got {array.dtype} {array.shape}"
         )
+    return names[0]
 
 
 def raw_picture(message: bytes) -> NDArray[Any]:
@@ -163,3 +148,42 @@ def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
     with np.errstate(invalid="ignore"):
         mm = np.clip(np.rint(depth_m * 1000.0), 0, _MOST_MM)
     return np.where(np.isfinite(depth_m), mm, 0).astype(np.uint16)
+
+
+def fields(message: bytes) -> dict[int, int | memoryview]:
+    """Return a message's fields by number; of a repeated one the last.
+
+    Texts, bytes and inner messages are views on the message; numbers are unsigned integers.
+
+    Raises:
+        InputError: it is no protobuf message.
+    """
+    found: dict[int, int | memoryview] = {}
+    view, at = memoryview(message), 0
+    while at < len(view):
+        tag, at = _varint(view, at)
+        number, kind = tag >> 3, tag & 7
+        if kind == _VARINT:
+            found[number], at = _varint(view, at)
+            continue
+        if kind == _BYTES:
+            size, at = _varint(view, at)
+        elif kind in _FIXED_SIZES:
+            size = _FIXED_SIZES[kind]
+        else:
+            raise InputError(f"expected a protobuf message, got a field of wire type {kind}")
+        content = view[at : at + size]
+        if len(content) < size:
+            raise InputError(f"a protobuf field of {size} bytes is cut after {len(content)}")
+        found[number] = content if kind == _BYTES else int.from_bytes(content, "little")
+        at += size
+    return found
+
+
+def _varint(view: memoryview, at: int) -> tuple[int, int]:
+    value = 0
+    for place, byte in enumerate(view[at : at + _MAX_VARINT_BYTES]):
+        value |= (byte & 0x7F) << (7 * place)
+        if byte < 0x80:
+            return value, at + place + 1
+    raise InputError("expected a protobuf message, got an unfinished number")

@@ -10,7 +10,7 @@ from foxglove import messages as foxglove
 from numpy.typing import NDArray
 
 from uav_bt.record.config import Quality
-from uav_bt.record.images import RawPicture, encode_image
+from uav_bt.record.images import encode_image, encoding_of
 from uav_bt.types import Attitude, CameraModel, Pose
 
 __all__ = [
@@ -57,15 +57,16 @@ def raw(array: NDArray[np.generic], captured_ns: int) -> bytes:
         array: (H, W) of uint8, uint16 or float32.
         captured_ns: when its frame was captured, on the record's timeline.
     """
-    picture = RawPicture.of(array)
+    encoding = encoding_of(array)
+    height, width = array.shape
     return foxglove.RawImage(
         timestamp=_stamp(captured_ns),
         frame_id=CAMERA_FRAME_ID,
-        width=picture.width,
-        height=picture.height,
-        encoding=picture.encoding,
-        step=picture.step,
-        data=picture.data,
+        width=width,
+        height=height,
+        encoding=encoding,
+        step=width * array.itemsize,
+        data=np.ascontiguousarray(array).tobytes(),
     ).encode()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,15 +71,7 @@ class FrameNote:
     @classmethod
     def of(cls, frame: Frame) -> FrameNote:
         """Return the note of a frame."""
-        return cls(
-            index=frame.index,
-            captured_s=frame.captured_s,
-            gimbal_pitch_rad=frame.gimbal_pitch_rad,
-            attitude=frame.attitude,
-            altitude_m=frame.altitude_m,
-            height_m=frame.height_m,
-            height_above_carpet_m=frame.height_above_carpet_m,
-        )
+        return cls(**{item.name: getattr(frame, item.name) for item in fields(cls)})
 
     def with_image(self, image: NDArray[np.uint8]) -> Frame:
         """Return the frame again.
@@ -87,16 +79,7 @@ class FrameNote:
         Args:
             image: (H, W, 3), RGB.
         """
-        return Frame(
-            image=image,
-            index=self.index,
-            captured_s=self.captured_s,
-            gimbal_pitch_rad=self.gimbal_pitch_rad,
-            attitude=self.attitude,
-            altitude_m=self.altitude_m,
-            height_m=self.height_m,
-            height_above_carpet_m=self.height_above_carpet_m,
-        )
+        return Frame(image=image, **{item.name: getattr(self, item.name) for item in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,9 @@ from uav_bt.files import writing
 from uav_bt.plugins import need
 from uav_bt.record.channels import Channel, schema_of
 
-__all__ = ["Attachment", "RecordFile", "RecordSink"]
+__all__ = ["Attachment", "RecordFile", "RecordSink", "Timeline"]
 
+_NS: Final = 1_000_000_000
 # Chunks are closed by `flush`; this only bounds how much of a burst is held in memory.
 _CHUNK_BYTES: Final = 4 * 1024 * 1024
 
@@ -25,6 +26,25 @@ class Attachment:
     name: str
     media_type: str
     data: bytes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timeline:
+    """Where mission seconds stand on a record's timeline.
+
+    The exact mission time stands in the messages; a nanosecond of rounding is lost here.
+    """
+
+    start_ns: int  # wall clock, since 1970
+    start_s: float  # the mission clock at that moment
+
+    def at(self, time_s: float) -> int:
+        """Return the record's time of a mission time, nanoseconds since 1970."""
+        return max(0, self.start_ns + round((time_s - self.start_s) * _NS))
+
+    def since_start(self, time_ns: int) -> float:
+        """Return the seconds from the record's start to one of its times."""
+        return (time_ns - self.start_ns) / _NS
 
 
 class RecordSink(Protocol):

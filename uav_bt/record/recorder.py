@@ -17,8 +17,7 @@ from uav_bt.record.channels import END, SCHEMA_VERSION, START
 from uav_bt.record.config import RecordConfig
 from uav_bt.record.encoder import LogLine, MomentEncoder, RawMoment
 from uav_bt.record.notes import NodeNote, TreeNote
-from uav_bt.record.record_file import Attachment, RecordFile, RecordSink
-from uav_bt.record.timeline import Timeline
+from uav_bt.record.record_file import Attachment, RecordFile, RecordSink, Timeline
 from uav_bt.record.values import dump, encode
 from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree

@@ -59,7 +59,7 @@ def test_a_bad_site_file_is_refused_before_anything_flies(tmp_path: Path) -> Non
     site = tmp_path / "site.yaml"
     site.write_text("hight: 1", encoding="utf-8")
     result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--site", site)
-    assert_refused(result, "unknown key 'hight'")
+    assert_refused(result, "site.yaml:1: hight: unknown key")
 
 
 def test_a_site_changes_the_flight_height(tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ EXPLORE = "<Sequence><Segment/><Explore/></Sequence>"
         ([], ["Missing argument 'TREE'"]),
         (["absent.xml"], ["absent.xml: no such tree file", "land_only"]),
         (["land_only", "--scene", "test-aa"], ["unknown scene 'test-aa'; did you mean 'test-a'"]),
-        (["land_only", "--scene", "absent.yaml"], ["absent.yaml: no such scene file"]),
+        (["land_only", "--scene", "absent.yaml"], ["absent.yaml: there is no such scene file"]),
         (["land_only", "--drone", "twim"], ["unknown drone 'twim'; did you mean 'twin'"]),
         (["land_only", "--profile", "lap"], ["unknown profile 'lap'"]),
         (["land_only", "--seed", "-1"], ["--seed"]),
@@ -161,8 +161,8 @@ def test_a_mistake_is_told_and_nothing_is_flown(
     ("text", "words"),
     [
         ("boxes: [", ["not valid YAML"]),
-        ("", ["empty"]),
-        ("helipad: {position_m: [0, 0], colour: red}", [":1:", "unknown key 'colour'"]),
+        ("", [":1:", "lacks the key 'helipad'"]),
+        ("helipad: {position_m: [0, 0], colour: red}", [":1:", "helipad.colour: unknown key"]),
         (PAD + "boxs: []", [":2:", "did you mean 'boxes'"]),
         (
             PAD + "boxes:\n  - {pattern: 1, position_m: [2.4, 0], size_m: [0.4, 0.4, 1]}",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import builtins
 import socket
+import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -338,14 +338,7 @@ def test_a_port_without_a_neighbour_is_refused(port: int) -> None:
 
 @pytest.mark.parametrize("absent", ["zmq", "msgpack"])
 def test_a_missing_package_names_the_extra(absent: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name == absent:
-            raise ModuleNotFoundError(f"No module named '{name}'", name=name)
-        return real(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, absent, None)
     with pytest.raises(MissingDependencyError, match=rf"needs {absent}.*uav-bt\[live\]"):
         GrootPublisher(ANY)
 

@@ -15,7 +15,7 @@ from uav_bt.record import messages
 from uav_bt.record.config import RecordConfig
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
-from uav_bt.record.timeline import Timeline
+from uav_bt.record.record_file import Timeline
 from uav_bt.testing import pinhole
 from uav_bt.tree.status import IDLE, RUNNING
 from uav_bt.types import (

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from uav_bt.errors import InputError
 from uav_bt.record import messages
 from uav_bt.record.images import (
-    RawPicture,
     decode_image,
     encode_image,
+    encoding_of,
+    fields,
     image_bytes,
     millimetres,
     raw_picture,
 )
-from uav_bt.record.wire import fields
 
 
 def noise(height: int, width: int, seed: int = 0) -> np.ndarray:
@@ -73,9 +73,9 @@ def test_raw_pixels_come_back_exactly(dtype: type) -> None:
 
 def test_other_pixels_are_refused() -> None:
     with pytest.raises(InputError, match="uint8, uint16 or float32"):
-        RawPicture.of(np.zeros((2, 2), dtype=np.int64))
+        encoding_of(np.zeros((2, 2), dtype=np.int64))
     with pytest.raises(InputError, match="uint8, uint16 or float32"):
-        RawPicture.of(np.zeros((2, 2, 3), dtype=np.uint8))
+        encoding_of(np.zeros((2, 2, 3), dtype=np.uint8))
 
 
 def test_unknown_depth_is_zero_millimetres_and_far_is_the_most_there_is() -> None:
