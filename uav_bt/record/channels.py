@@ -29,7 +29,6 @@ __all__ = [
     "LOG",
     "METRIC_DEPTH",
     "OBSTACLES",
-    "PICTURES",
     "POSE",
     "RELATIVE_DEPTH",
     "SCHEMA_VERSION",
@@ -58,7 +57,7 @@ class Channel:
     topic: str
     # A message type of Foxglove's (protobuf), a dataclass (JSON), or None: JSON of any shape.
     content: str | type[Any] | None
-    picture: bool = False  # large: left out first when the disk is too slow
+    image: bool = False  # large: left out first when the disk is too slow
 
     @property
     def schema_name(self) -> str:
@@ -74,14 +73,12 @@ class Channel:
         return "protobuf" if isinstance(self.content, str) else "json"
 
 
-CAMERA_IMAGE: Final = Channel(topic="/camera/image", content="CompressedImage", picture=True)
+CAMERA_IMAGE: Final = Channel(topic="/camera/image", content="CompressedImage", image=True)
 CAMERA_FRAME: Final = Channel(topic="/camera/frame", content=FrameNote)
 CALIBRATION: Final = Channel(topic="/camera/calibration", content="CameraCalibration")
-CLASS_MAP: Final = Channel(topic="/perception/class_map", content="RawImage", picture=True)
-RELATIVE_DEPTH: Final = Channel(
-    topic="/perception/relative_depth", content="RawImage", picture=True
-)
-METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", picture=True)
+CLASS_MAP: Final = Channel(topic="/perception/class_map", content="RawImage", image=True)
+RELATIVE_DEPTH: Final = Channel(topic="/perception/relative_depth", content="RawImage", image=True)
+METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImage", image=True)
 CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
 HELIPAD: Final = Channel(topic="/perception/helipad", content=HelipadFix)
 OBSTACLES: Final = Channel(topic="/perception/obstacles", content=ObstaclePoints)
@@ -106,7 +103,6 @@ CHANNELS: Final[dict[str, Channel]] = {
         *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
     )
 }
-PICTURES: Final = frozenset(topic for topic, channel in CHANNELS.items() if channel.picture)
 
 
 def schema_of(channel: Channel) -> tuple[str, bytes]:

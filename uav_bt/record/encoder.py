@@ -34,7 +34,7 @@ _MAPS: Final = {
     keys.RELATIVE_DEPTH.name: channels.RELATIVE_DEPTH,
     keys.METRIC_DEPTH.name: channels.METRIC_DEPTH,
 }
-# Whole in channels of their own; the board's says of all others when they were captured.
+# Whole in channels of their own; the board's messages have the capture times of all others.
 _ELSEWHERE: Final = frozenset(
     {
         *(keys.FRAME.name, keys.STATE.name, keys.CAMERA.name),
@@ -50,7 +50,7 @@ class LogLine:
 
     level: str  # "Info", "Warning" or "Error"
     message: str
-    name: str  # who says it
+    name: str  # of the logger
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +66,12 @@ class RawMoment:
 
 
 class MomentEncoder:
-    """Makes messages of moments, in their order; says what is new only when it is.
+    """Makes messages of moments, in their order; each value only when it is new.
 
     Args:
         timeline: of the record.
         camera: of the drone.
-        config: how pictures are kept.
+        config: how images are kept.
     """
 
     def __init__(self, timeline: Timeline, camera: CameraModel, config: RecordConfig) -> None:
@@ -82,12 +82,12 @@ class MomentEncoder:
         self._last: dict[str, Any] = {}  # the board's values that were written last
         self._statuses: tuple[Status, ...] | None = None
 
-    def encode(self, moment: RawMoment, pictures: bool) -> Iterator[Encoded]:  # noqa: FBT001 - the worker's word
+    def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
         """Yield a moment's messages.
 
         Args:
             moment: what happened.
-            pictures: False leaves the pictures out; their channels are named without data.
+            images: False leaves the images out; their channels are named without data.
         """
         now_ns = self._timeline.at(moment.tick.time_s)
 
@@ -115,12 +115,12 @@ class MomentEncoder:
         for name, channel in _VALUES.items():
             if self._is_new(name, moment):
                 yield message(channel, dump(encode(moment.board[name][0])))
-        for channel, picture in self._frame(moment.tick, pictures=pictures):
-            yield message(channel, picture)
+        for channel, image in self._frame(moment.tick, images=images):
+            yield message(channel, image)
         for name, channel in _MAPS.items():
             if self._is_new(name, moment) and self._is_kept(channel):
                 value = moment.board[name][0]
-                yield message(channel, self._map(value) if pictures else None)
+                yield message(channel, self._map(value) if images else None)
 
     def _is_new(self, name: str, moment: RawMoment) -> bool:
         value, _ = moment.board.get(name, (None, 0.0))
@@ -130,7 +130,7 @@ class MomentEncoder:
         return True
 
     def _is_kept(self, channel: Channel) -> bool:
-        # Relative depth says nothing to a person and compresses badly; small files go without.
+        # Relative depth is of no use to a person and compresses badly; small files go without.
         left_out = {
             "lossless": frozenset[Channel](),
             "high": frozenset({channels.RELATIVE_DEPTH}),
@@ -149,13 +149,13 @@ class MomentEncoder:
         ):
             yield channels.TRANSFORM, transform
 
-    def _frame(self, tick: TickRecord, *, pictures: bool) -> Iterator[tuple[Channel, bytes | None]]:
+    def _frame(self, tick: TickRecord, *, images: bool) -> Iterator[tuple[Channel, bytes | None]]:
         frame = tick.observation.frame
         if frame is None or frame.index == self._frame_index:
             return
         self._frame_index = frame.index
         yield channels.CAMERA_FRAME, dump(encode(FrameNote.of(frame)))
-        if not pictures:
+        if not images:
             yield channels.CAMERA_IMAGE, None
             return
         captured_ns = self._timeline.at(frame.captured_s)

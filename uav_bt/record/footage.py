@@ -69,7 +69,7 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
                 else:
                     yield found
             elif note is not None:
-                yield StoredFrame(note=note, picture=image_bytes(message.data))
+                yield StoredFrame(note=note, image=image_bytes(message.data))
                 note = None
     except FileError:
         raise

@@ -23,7 +23,7 @@ __all__ = [
     "fields",
     "image_bytes",
     "millimetres",
-    "raw_picture",
+    "raw_image",
 ]
 
 # Measured on noisy 640x360 frames of the twin: 11 ms and 406 kB; trying every filter on every row,
@@ -49,7 +49,7 @@ _DTYPES: Final[dict[str, np.dtype[Any]]] = {
     "16UC1": np.dtype("<u2"),
     "32FC1": np.dtype("<f4"),
 }
-_MOST_MM: Final = 65_535
+_MAX_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
 _WIDTH, _HEIGHT, _ENCODING, _DATA = 2, 3, 4, 6
@@ -59,7 +59,7 @@ _MAX_VARINT_BYTES: Final = 10  # of 64 bits, seven at a time
 
 
 def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str]:
-    """Return a picture as a file's bytes, and what Foxglove calls their format.
+    """Return an image as a file's bytes, and what Foxglove calls their format.
 
     Args:
         image: (H, W, 3), RGB.
@@ -75,25 +75,25 @@ def encode_image(image: NDArray[np.uint8], quality: Quality) -> tuple[bytes, str
         image = np.asarray(small, dtype=np.uint8)
     good, data = cv2.imencode(suffix, cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options)
     if not good:
-        raise InputError(f"a picture of {image.shape} cannot be encoded as {suffix}")
+        raise InputError(f"an image of {image.shape} cannot be encoded as {suffix}")
     return data.tobytes(), "png" if suffix == ".png" else "jpeg"
 
 
 def decode_image(data: bytes | memoryview) -> NDArray[np.uint8]:
-    """Return the picture of a PNG's or JPEG's bytes, (H, W, 3), RGB.
+    """Return the image of a PNG's or JPEG's bytes, (H, W, 3), RGB.
 
     Raises:
-        InputError: they are no picture.
+        InputError: they are no image.
     """
     buffer = np.frombuffer(data, dtype=np.uint8)
     image = cv2.imdecode(buffer, cv2.IMREAD_COLOR) if len(buffer) else None
     if image is None:
-        raise InputError(f"expected a PNG or JPEG picture, got {len(buffer)} bytes of neither")
+        raise InputError(f"expected a PNG or JPEG image, got {len(buffer)} bytes of neither")
     return np.ascontiguousarray(image[..., ::-1]).astype(np.uint8, copy=False)
 
 
 def image_bytes(message: bytes) -> bytes:
-    """Return the picture file in a foxglove.CompressedImage.
+    """Return the image file in a foxglove.CompressedImage.
 
     Raises:
         InputError: there is none.
@@ -118,7 +118,7 @@ def encoding_of(array: NDArray[np.generic]) -> str:
     return names[0]
 
 
-def raw_picture(message: bytes) -> NDArray[Any]:
+def raw_image(message: bytes) -> NDArray[Any]:
     """Return the pixels of a foxglove.RawImage, (H, W).
 
     Raises:
@@ -146,7 +146,7 @@ def millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
         (H, W) millimetres, at most 65.535 m; 0 is unknown.
     """
     with np.errstate(invalid="ignore"):
-        mm = np.clip(np.rint(depth_m * 1000.0), 0, _MOST_MM)
+        mm = np.clip(np.rint(depth_m * 1000.0), 0, _MAX_MM)
     return np.where(np.isfinite(depth_m), mm, 0).astype(np.uint16)
 
 

@@ -37,7 +37,7 @@ def _stamp(time_ns: int) -> foxglove.Timestamp:
 
 
 def camera_image(image: NDArray[np.uint8], captured_ns: int, quality: Quality) -> bytes:
-    """Return a frame's picture as a CompressedImage.
+    """Return a frame's image as a CompressedImage.
 
     Args:
         image: (H, W, 3), RGB.
@@ -136,7 +136,7 @@ def log_line(level: str, message: str, name: str, time_ns: int) -> bytes:
     Args:
         level: "Info", "Warning" or "Error".
         message: the line.
-        name: who says it.
+        name: of the logger.
         time_ns: on the record's timeline.
     """
     return foxglove.Log(

@@ -11,7 +11,7 @@ import numpy as np
 from uav_bt.errors import InputError
 from uav_bt.record import channels
 from uav_bt.record.channels import Channel
-from uav_bt.record.images import decode_image, image_bytes, raw_picture
+from uav_bt.record.images import decode_image, image_bytes, raw_image
 from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
 from uav_bt.record.values import decode
 from uav_bt.types import (
@@ -30,22 +30,22 @@ __all__ = ["Moment", "StoredFrame", "moment_of"]
 
 @dataclass(frozen=True, kw_only=True)
 class StoredFrame:
-    """A camera frame whose picture is decoded when it is asked for."""
+    """A camera frame whose image is decoded when it is asked for."""
 
     note: FrameNote
-    picture: bytes | None  # a PNG or a JPEG; None when it was left out for want of time
+    image: bytes | None  # a PNG or a JPEG; None when it was left out for want of time
 
     def frame(self) -> Frame:
         """Return the frame as the drone sent it.
 
         Raises:
-            InputError: its picture was left out or is damaged.
+            InputError: its image was left out or is damaged.
         """
-        if self.picture is None:
+        if self.image is None:
             raise InputError(
-                f"the record has no picture of frame {self.note.index}: the disk was too slow then"
+                f"the record has no image of frame {self.note.index}: the disk was too slow then"
             )
-        return self.note.with_image(decode_image(self.picture))
+        return self.note.with_image(decode_image(self.image))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,14 +112,14 @@ def _frame(note: FrameNote | None, found: Mapping[str, bytes]) -> StoredFrame | 
     if note is None:
         return None
     message = found.get(channels.CAMERA_IMAGE.topic)
-    return StoredFrame(note=note, picture=None if message is None else image_bytes(message))
+    return StoredFrame(note=note, image=None if message is None else image_bytes(message))
 
 
 def _class_map(found: Mapping[str, bytes], board: Mapping[str, Any]) -> ClassMap | None:
     message = found.get(channels.CLASS_MAP.topic)
     if message is None:
         return None
-    return ClassMap(ids=raw_picture(message), captured_s=float(board["class_map"]["captured_s"]))
+    return ClassMap(ids=raw_image(message), captured_s=float(board["class_map"]["captured_s"]))
 
 
 def _depth(
@@ -128,7 +128,7 @@ def _depth(
     message = found.get(channel.topic)
     if message is None:
         return None
-    pixels, entry = raw_picture(message), board[key]
+    pixels, entry = raw_image(message), board[key]
     metric = pixels.dtype == np.uint16
     depth = np.where(pixels > 0, pixels / np.float32(1000.0), np.nan) if metric else pixels
     return DepthMap(

@@ -22,7 +22,7 @@ class TickNote:
     tree_status: str
     phase: str = ""
     active: tuple[str, ...] = ()  # names from the root to the deepest running node
-    word: str = ""  # what the deepest running node says of itself
+    word: str = ""  # feedback of the deepest running node
     compute_s: float = 0.0  # wall time of the tree, networks included
     frame_index: int | None = None  # of the newest frame then; None before the first
     slow_leaves: tuple[str, ...] = ()  # that blocked
@@ -58,7 +58,7 @@ class CommandNote:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameNote:
-    """A camera frame without its picture."""
+    """A camera frame without its image."""
 
     index: int
     captured_s: float

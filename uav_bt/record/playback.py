@@ -66,7 +66,7 @@ class Playback:
 
         Args:
             from_s: seconds since the record's start.
-            to_s: likewise; not included.
+            to_s: seconds since the record's start; not included.
 
         Raises:
             FileError: the record is damaged in a way that checksums do not show.
@@ -74,7 +74,7 @@ class Playback:
         for moment in self._reader.moments(from_s=from_s, to_s=to_s):
             self._clock.sleep_until(moment.tick.time_s)
             self._statuses = moment.statuses
-            if moment.frame is not None and moment.frame.picture is not None:
+            if moment.frame is not None and moment.frame.image is not None:
                 self._frame = moment.frame.frame()
             self._write_board(moment)
             yield self._tick(moment)

@@ -105,13 +105,13 @@ class RecordReader:
     def _check_version(self) -> None:
         if not self.metadata:
             raise FileError(self.path, "is an MCAP file, but no flight record of uav-bt")
-        told = self.metadata.get("schema_version", "")
-        if not told.isdecimal():
-            raise FileError(self.path, f"the record's version is damaged: '{told}'")
-        if int(told) > SCHEMA_VERSION:
+        version = self.metadata.get("schema_version", "")
+        if not version.isdecimal():
+            raise FileError(self.path, f"the record's version is damaged: '{version}'")
+        if int(version) > SCHEMA_VERSION:
             raise FileError(
                 self.path,
-                f"was recorded with schema version {told} by uav-bt "
+                f"was recorded with schema version {version} by uav-bt "
                 f"{self.metadata.get('uav_bt', 'of a later version')}; this one knows "
                 f"{SCHEMA_VERSION}: update uav-bt to read it",
             )
@@ -145,7 +145,7 @@ class RecordReader:
         Args:
             topics: only these.
             from_s: seconds since the record's start; a finished record is then not read before.
-            to_s: likewise; not included.
+            to_s: seconds since the record's start; not included.
 
         Raises:
             FileError: the record cannot be read.
@@ -200,11 +200,11 @@ class RecordReader:
     def moments(
         self, *, from_s: float | None = None, to_s: float | None = None
     ) -> Iterator[Moment]:
-        """Yield the flight's ticks; pictures of frames are decoded when asked for.
+        """Yield the flight's ticks; images of frames are decoded when asked for.
 
         Args:
             from_s: seconds since the record's start.
-            to_s: likewise; not included.
+            to_s: seconds since the record's start; not included.
 
         Raises:
             FileError: a message is damaged in a way that checksums do not show.

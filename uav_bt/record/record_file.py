@@ -1,4 +1,4 @@
-"""The file of a record: channels as they are first used, chunks that are closed when told."""
+"""The file of a record: channels as they are first used, chunks that `flush` closes."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class RecordSink(Protocol):
         ...
 
     def abandon(self) -> None:
-        """Close without a summary: what is there stays unfinished, and says so."""
+        """Close without a summary: what is there stays marked as unfinished."""
         ...
 
 
@@ -134,7 +134,7 @@ class RecordFile:
         try:
             self._stream.close()
         except OSError:
-            # Closing flushes, and the disk is as full as it was: the loss has been told already.
+            # Closing flushes, and the disk is as full as it was: the loss is reported already.
             self._stream.close()
 
     def _register(self, channel: Channel) -> int:

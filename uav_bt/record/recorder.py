@@ -172,7 +172,7 @@ class FlightRecorder:
             end: how the flight ended, as metadata.
 
         Returns:
-            What the record lacks; a warning has told it, too.
+            What the record lacks; a warning was logged, too.
         """
         if self._ended:
             return self.losses
@@ -190,11 +190,11 @@ class FlightRecorder:
         return self.losses
 
     def _losses(self, failure: Exception | None) -> RecordLosses:
-        told = failure.strerror if isinstance(failure, OSError) and failure.strerror else failure
+        reason = failure.strerror if isinstance(failure, OSError) and failure.strerror else failure
         return RecordLosses(
             dropped=dict(self._worker.dropped),
             lost_ticks=self._worker.lost_ticks,
-            failure=None if told is None else f"not written to its end: {told}",
+            failure=None if reason is None else f"not written to its end: {reason}",
         )
 
     def _conclude(self, end: Mapping[str, str]) -> Exception | None:

@@ -111,7 +111,7 @@ class RecordScan:
         while (found := self._next(stream)) is not None:
             offset, kind, content = found
             if kind == Opcode.DATA_END:
-                # What follows repeats what was read; the footer says that it was all written.
+                # What follows repeats what was read; a footer means that it was all written.
                 self.finished = is_finished(self._path)
                 return
             for record in self._parsed(offset, kind, content):

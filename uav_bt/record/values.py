@@ -25,7 +25,7 @@ __all__ = ["decode", "dump", "encode", "finite", "json_schema"]
 
 T = TypeVar("T")
 
-_TYPE: Final = "type"  # tells the members of a union apart
+_TYPE: Final = "type"  # distinguishes the members of a union
 _ODD: Final = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 
 

@@ -1,6 +1,6 @@
 """A thread that encodes and writes, so that the tick only hands over.
 
-The queue is bounded. When it is full a real flight goes on and pictures are left out first; every
+The queue is bounded. When it is full a real flight goes on and images are left out first; every
 message that is left out is counted by channel. A simulated flight may wait instead.
 """
 
@@ -35,7 +35,7 @@ class Encoded:
 class _Job(Generic[T]):
     item: T
     time_s: float
-    pictures: bool
+    images: bool
 
 
 class RecordWorker(Generic[T]):
@@ -43,7 +43,7 @@ class RecordWorker(Generic[T]):
 
     Args:
         sink: where messages go; only the thread touches it until `close` returns.
-        encode: makes an item's messages; its second argument says whether pictures are wanted.
+        encode: makes an item's messages; its second argument is whether images are wanted.
         config: how much may wait, and what happens then.
     """
 
@@ -57,7 +57,7 @@ class RecordWorker(Generic[T]):
         self._encode = encode
         self._config = config
         self._jobs: deque[_Job[T]] = deque()
-        self._pictures_waiting = 0
+        self._images_waiting = 0
         self._oldest_s: float | None = None  # mission time of the first tick that is not written
         self._changed = threading.Condition()
         self._closing = False
@@ -82,19 +82,19 @@ class RecordWorker(Generic[T]):
             if len(self._jobs) >= config.queued_ticks:
                 self.lost_ticks += 1
                 return
-            pictures = self._keeps_up(time_s)
-            self._pictures_waiting += pictures
-            self._jobs.append(_Job(item=item, time_s=time_s, pictures=pictures))
+            images = self._keeps_up(time_s)
+            self._images_waiting += images
+            self._jobs.append(_Job(item=item, time_s=time_s, images=images))
             if self._oldest_s is None:
                 self._oldest_s = time_s
             self._changed.notify_all()
 
     def _keeps_up(self, time_s: float) -> bool:
-        """Return whether there is room for another tick with pictures."""
+        """Return whether there is room for another tick with images."""
         if self._oldest_s is None:
             return True
         late = time_s - self._oldest_s > self._config.lag_s
-        return not late and self._pictures_waiting < self._config.queued_pictures
+        return not late and self._images_waiting < self._config.queued_images
 
     def close(self) -> None:
         """Return when all that was handed over is written. Safe to call twice."""
@@ -117,7 +117,7 @@ class RecordWorker(Generic[T]):
             if job is not None:
                 self._guarded(partial(self._write, job))
                 with self._changed:
-                    self._pictures_waiting -= job.pictures
+                    self._images_waiting -= job.images
                     self._oldest_s = self._jobs[0].time_s if self._jobs else None
                     self.lost_ticks += self.failure is not None
                     self._changed.notify_all()
@@ -125,7 +125,7 @@ class RecordWorker(Generic[T]):
                 self._guarded(self._sink.flush)
 
     def _write(self, job: _Job[T]) -> None:
-        for message in self._encode(job.item, job.pictures):
+        for message in self._encode(job.item, job.images):
             if message.data is None:
                 self.dropped[message.channel.topic] += 1
             else:
@@ -140,5 +140,5 @@ class RecordWorker(Generic[T]):
             return
         try:
             work()
-        except Exception as error:  # noqa: BLE001 - told at the end: a full disk lands no drone
+        except Exception as error:  # noqa: BLE001 - reported at the end: a full disk lands no drone
             self.failure = error

@@ -58,7 +58,7 @@ def write_record(
             file.write(channels.STATE, at_ns, dump(encode(item)))
         else:
             file.write(channels.CAMERA_FRAME, at_ns, dump(encode(FrameNote.of(item))))
-            picture = messages.camera_image(item.image, at_ns, "lossless")
-            file.write(channels.CAMERA_IMAGE, at_ns, picture)
+            image = messages.camera_image(item.image, at_ns, "lossless")
+            file.write(channels.CAMERA_IMAGE, at_ns, image)
     file.finish() if finished else file.abandon()
     return path

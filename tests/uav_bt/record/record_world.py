@@ -34,7 +34,7 @@ class NoisyDrone(ScriptedDrone):
     """Its frames are noise of their own, so that none passes for another."""
 
     def observe(self) -> Observation:
-        """Return the scripted observation with a noisy picture."""
+        """Return the scripted observation with a noisy image."""
         seen = super().observe()
         if seen.frame is None:
             return seen

@@ -74,7 +74,7 @@ class RecordedDrone:
         stored = self.moment.frame
         if stored is None:
             return
-        if stored.picture is None:
+        if stored.image is None:
             self.missing_pictures += 1  # the one before stays, and grows old
             return
         try:

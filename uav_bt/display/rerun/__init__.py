@@ -1,1 +1,1 @@
-"""Flights in Rerun: pictures, the lab in 3D, the tree as a graph and plots, on one timeline."""
+"""Flights in Rerun: images, the lab in 3D, the tree as a graph and plots, on one timeline."""

@@ -32,10 +32,10 @@ class _Moment:
 class BackgroundFollower:
     """Hands ticks to a follower in another thread; what it has no time for is left out.
 
-    A view must not bring a drone down: when the follower raises, it is told of no more ticks.
+    A view must not bring a drone down: a follower that raises gets no more ticks.
 
     Args:
-        make: makes the follower from a board and statuses that stand still while it is told a tick.
+        make: makes the follower from a board and statuses that stand still during a tick.
         board: of the mission.
         statuses: returns the nodes' statuses by path.
         waiting_ticks: how many may wait.

@@ -11,7 +11,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.phrases import describe_movement
 from uav_bt.display.rerun.entities import TIMELINE, WORDS
-from uav_bt.display.rerun.images import PictureView
+from uav_bt.display.rerun.images import ImageView
 from uav_bt.display.rerun.plots import FlightPlots
 from uav_bt.display.rerun.setting import ViewSetting
 from uav_bt.display.rerun.tree_graph import TreeGraph
@@ -53,7 +53,7 @@ class FlightView:
         self._words = ""
         if setting.title:
             stream.send_recording_name(setting.title)
-        self._pictures = PictureView(stream, setting)
+        self._images = ImageView(stream, setting)
         self._world = WorldView(stream, setting)
         self._tree = TreeGraph(stream, setting.tree)
         self._plots = FlightPlots(stream)
@@ -70,9 +70,9 @@ class FlightView:
         fix = board.read(HELIPAD).value
         self._world.show_drone(record.time_s, self._flown)
         self._world.show_lens(frame)
-        self._pictures.show_frame(frame, fix)
-        self._pictures.show_mask(class_map)
-        self._pictures.show_depth(depth, corridor, frame, class_map)
+        self._images.show_frame(frame, fix)
+        self._images.show_mask(class_map)
+        self._images.show_depth(depth, corridor, frame, class_map)
         self._world.show_corridor(corridor)
         self._world.show_memory(obstacles, fix)
         self._tree.show(self._statuses())
@@ -80,11 +80,11 @@ class FlightView:
         self._say(record)
 
     def _say(self, record: TickRecord) -> None:
-        """Write down what the mission does and what the drone is told, when it changes."""
+        """Log what the mission does and what the drone is commanded, when it changes."""
         leaf = record.active[-1] if record.active else "idle"
-        told = describe_movement(record.command.movement)
+        command = describe_movement(record.command.movement)
         why = f" ({record.word})" if record.word else ""
-        words = f"{record.phase or '-'}: {leaf}{why}: {told}"
+        words = f"{record.phase or '-'}: {leaf}{why}: {command}"
         if record.override is not None:
             words += f" [{record.override.value}]"
         if words != self._words:

@@ -1,4 +1,4 @@
-"""Pictures and what lies over them: camera, mask edges, helipad, intrusions, mask, metric depth."""
+"""Images and what lies over them: camera, mask edges, helipad, intrusions, mask, metric depth."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from uav_bt.display.video.panes import project_fix
 from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
-__all__ = ["PictureView", "jpeg", "outlines"]
+__all__ = ["ImageView", "jpeg", "outlines"]
 
-_JPEG_QUALITY: Final = 88  # a tenth of the raw picture; the record keeps the lossless one
-_EDGE_PX: Final = 1.2  # half the width of drawn lines, in pixels of the picture
+_JPEG_QUALITY: Final = 88  # a tenth of the raw image; the record keeps the lossless one
+_EDGE_PX: Final = 1.2  # half the width of drawn lines, in pixels of the image
 _PAD_RADIUS_M: Final = 0.3
-_NEAR_M: Final = 0.3  # closer to the pad than this, a mark says nothing
-_SHOWN_M: Final = 0.35  # from the lens to its picture in the lab
-_NO_PICTURE_M: Final = 1e-3  # the depth's lens draws no frustum of its own
+_NEAR_M: Final = 0.3  # closer to the pad than this, a mark is of no use
+_SHOWN_M: Final = 0.35  # from the lens to its image in the lab
+_NO_IMAGE_M: Final = 1e-3  # the depth's lens draws no frustum of its own
 _BACKGROUND_ID: Final = 0
 
 Strip = NDArray[np.float32]
 
 
 def jpeg(image: NDArray[np.uint8], quality: int = _JPEG_QUALITY) -> bytes:
-    """Return a picture, (H, W, 3) uint8 RGB, as JPEG.
+    """Return an image, (H, W, 3) uint8 RGB, as JPEG.
 
     Raises:
         ShapeError: OpenCV cannot encode it.
@@ -42,16 +42,16 @@ def jpeg(image: NDArray[np.uint8], quality: int = _JPEG_QUALITY) -> bytes:
         ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
     )
     if not done:
-        raise ShapeError("picture", expected="HxWx3 uint8", actual=image.shape)
+        raise ShapeError("image", expected="HxWx3 uint8", actual=image.shape)
     return content.tobytes()
 
 
 def outlines(mask: NDArray[np.uint8], size_px: tuple[int, int]) -> list[Strip]:
-    """Return the closed outlines of what is not 0 in a mask, in pixels of a picture.
+    """Return the closed outlines of what is not 0 in a mask, in pixels of an image.
 
     Args:
         mask: (h, w), of any size.
-        size_px: width and height of the picture; its pixel centres are at integer coordinates.
+        size_px: width and height of the image; its pixel centres are at integer coordinates.
     """
     found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     scale = np.array([size_px[0] / mask.shape[1], size_px[1] / mask.shape[0]], dtype=np.float32)
@@ -64,8 +64,8 @@ def outlines(mask: NDArray[np.uint8], size_px: tuple[int, int]) -> list[Strip]:
     return strips
 
 
-class PictureView:
-    """Draws pictures and overlays; what has not changed since the last tick is not drawn again.
+class ImageView:
+    """Draws images and overlays; what has not changed since the last tick is not drawn again.
 
     Args:
         stream: where to.
@@ -96,13 +96,13 @@ class PictureView:
         )
 
     def show_frame(self, frame: Frame | None, fix: HelipadFix | None) -> None:
-        """Draw the camera's picture, when it is a new one, and the helipad's mark on it."""
+        """Draw the camera's image, when it is a new one, and the helipad's mark on it."""
         if frame is None:
             return
         if frame.index != self._frame_index:
             self._frame_index = frame.index
-            picture = rr.EncodedImage(contents=jpeg(frame.image), media_type="image/jpeg")
-            self._stream.log(f"{LENS}/picture", picture)
+            image = rr.EncodedImage(contents=jpeg(frame.image), media_type="image/jpeg")
+            self._stream.log(f"{LENS}/image", image)
         ring = None if fix is None else ring_of(fix, frame, self._setting.camera)
         if ring is None or fix is None:
             self._clear(f"{LENS}/helipad")
@@ -111,7 +111,7 @@ class PictureView:
         self._draw(f"{LENS}/helipad", [ring], colour, [f"helipad {fix.range_m:.2f} m"])
 
     def show_mask(self, class_map: ClassMap | None) -> None:
-        """Draw the mask, and its edges over the camera's picture."""
+        """Draw the mask, and its edges over the camera's image."""
         if class_map is None:
             self._clear(f"{MASK}/ids")
             self._clear(f"{LENS}/mask_edges")
@@ -149,11 +149,11 @@ class PictureView:
         frame: Frame | None,
         class_map: ClassMap | None,
     ) -> None:
-        """Draw metric depth, and over the camera's picture what is inside the corridor.
+        """Draw metric depth, and over the camera's image what is inside the corridor.
 
         Args:
             depth: metric; None without one that is fresh.
-            corridor: likewise.
+            corridor: None without one that is fresh.
             frame: the newest frame.
             class_map: the newest class map.
         """
@@ -168,7 +168,7 @@ class PictureView:
         height_px, width_px = depth.depth.shape
         if self._depth_size_px != (width_px, height_px):
             self._depth_size_px = (width_px, height_px)
-            lens = _pinhole(self._setting.camera.resized(width_px, height_px), _NO_PICTURE_M)
+            lens = _pinhole(self._setting.camera.resized(width_px, height_px), _NO_IMAGE_M)
             self._stream.log(DEPTH_LENS, lens)
         # Half precision is 2 mm fine at 4 m, and half as large.
         metres = np.where(np.isfinite(depth.depth), depth.depth, np.nan).astype(np.float16)
@@ -213,19 +213,19 @@ class PictureView:
             self._stream.log(entity, rr.Clear(recursive=False))
 
 
-def _pinhole(camera: CameraModel, picture_m: float) -> rr.Pinhole:
+def _pinhole(camera: CameraModel, image_m: float) -> rr.Pinhole:
     return rr.Pinhole(
         focal_length=[camera.fx_px, camera.fy_px],
         # Rerun counts from a pixel's corner, OpenCV from its centre.
         principal_point=[camera.cx_px + 0.5, camera.cy_px + 0.5],
         resolution=[camera.width_px, camera.height_px],
         camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=picture_m,
+        image_plane_distance=image_m,
     )
 
 
 def ring_of(fix: HelipadFix, frame: Frame, camera: CameraModel) -> Strip | None:
-    """Return the ring around the helipad in the picture's pixels; None when it is not in view."""
+    """Return the ring around the helipad in the image's pixels; None when it is not in view."""
     right_m, down_m, depth_m = project_fix(fix, frame, camera)
     if depth_m <= _NEAR_M:
         return None

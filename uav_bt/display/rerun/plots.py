@@ -27,7 +27,7 @@ class _Series:
 _SERIES: Final = {
     f"{HEADING}/turn": _Series(name="of the turn", colour=ACCENT),
     f"{HEADING}/helipad": _Series(name="to the helipad", colour=_BLUE),
-    f"{HEIGHT}/told": _Series(name="told", colour=ACCENT),
+    f"{HEIGHT}/telemetry": _Series(name="telemetry", colour=ACCENT),
     f"{HEIGHT}/true": _Series(name="true", colour=_BLUE),
     f"{FREE_DISTANCE}/ahead": _Series(name="ahead", colour=ACCENT),
     f"{FREE_DISTANCE}/intrusion": _Series(name="intrusion", colour=ALARM),
@@ -87,7 +87,7 @@ class FlightPlots:
         height_m = record.observation.state.height_above_carpet_m
         self._point(f"{HEADING}/turn", None if turn_rad is None else math.degrees(turn_rad))
         self._point(f"{HEADING}/helipad", None if fix is None else math.degrees(fix.bearing_rad))
-        self._point(f"{HEIGHT}/told", height_m)
+        self._point(f"{HEIGHT}/telemetry", height_m)
         self._point(f"{HEIGHT}/true", None if truth is None else truth.pose.z_m)
         self._point(f"{FREE_DISTANCE}/ahead", free_m)
         self._point(f"{FREE_DISTANCE}/intrusion", intrusion_m)

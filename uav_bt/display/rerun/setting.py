@@ -62,7 +62,7 @@ class ViewSetting:
     class_names: tuple[str, ...]  # by class id
     class_colours: NDArray[np.uint8]  # (N, 3) RGB by class id
     title: str = ""  # the mission, the scene, the seed
-    lab_map: LabMap | None = None  # None where nobody knows what stands there
+    lab_map: LabMap | None = None  # None where it is unknown
     tree: tuple[TreeNode, ...] = ()
     makes_depth: bool = False  # whether the mission makes metric depth: it gets a pane
     corridor: CorridorSize | None = None  # None: the mission builds none

@@ -1,6 +1,6 @@
 """Where a view goes: into a file, into Rerun's own window, or into a browser. Loopback only.
 
-The viewer is a process of its own, told to listen on loopback: Rerun's default is every interface.
+The viewer is a process of its own, which listens on loopback: Rerun's default is every interface.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class Viewer:
             end: end the viewer, too.
         """
         if self._process.poll() is None:
-            with suppress(RuntimeError):  # the window was closed: nobody is there to be told
+            with suppress(RuntimeError):  # the window was closed: there is nobody to show it to
                 self.stream.flush(timeout_sec=_FLUSH_S)
         self.stream.disconnect()
         if end and self._process.poll() is None:

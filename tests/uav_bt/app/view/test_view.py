@@ -20,7 +20,7 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment
 
 ENTITIES = (
-    *("/world/lab/things", "/world/path", "/world/camera/picture", "/world/camera/mask_edges"),
+    *("/world/lab/things", "/world/path", "/world/camera/image", "/world/camera/mask_edges"),
     *("/mask/ids", "/tree", "/words", "/plots/height/told", "/plots/tick_time/compute"),
 )
 

@@ -48,7 +48,7 @@ def test_words_are_said_when_they_change_and_overrides_warn() -> None:
 def test_a_flight_without_a_frame_is_drawn() -> None:
     stream, world = NotedStream(), World()
     flight_view(stream, world).on_tick(world.tick(frame=False))
-    assert stream.of("world/camera/picture") == []
+    assert stream.of("world/camera/image") == []
     assert stream.of("world/drone")
 
 

@@ -1,4 +1,4 @@
-"""Pictures and overlays: where outlines lie, what is drawn anew, what is taken away."""
+"""Images and overlays: where outlines lie, what is drawn anew, what is taken away."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.uav_bt.display.rerun.rerun_world import (
     setting,
     values,
 )
-from uav_bt.display.rerun.images import PictureView, jpeg, outlines, ring_of
+from uav_bt.display.rerun.images import ImageView, jpeg, outlines, ring_of
 from uav_bt.errors import ShapeError
 from uav_bt.types import ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
@@ -58,7 +58,7 @@ def kinds(stream: NotedStream, entity: str) -> list[str]:
     return [type(note.thing).__name__ for note in stream.of(entity)]
 
 
-def test_a_jpeg_shows_the_picture_in_its_colours() -> None:
+def test_a_jpeg_shows_the_image_in_its_colours() -> None:
     image = np.zeros((32, 48, 3), dtype=np.uint8)
     image[:, :, 0] = 220
     again = cv2.imdecode(np.frombuffer(jpeg(image), np.uint8), cv2.IMREAD_COLOR)
@@ -67,7 +67,7 @@ def test_a_jpeg_shows_the_picture_in_its_colours() -> None:
     assert again[16, 24, 0] < 6
 
 
-def test_outlines_are_closed_and_in_the_pictures_pixels() -> None:
+def test_outlines_are_closed_and_in_the_images_pixels() -> None:
     mask = np.zeros((10, 20), dtype=np.uint8)
     mask[2:5, 4:8] = 1
     (strip,) = outlines(mask, (40, 20))
@@ -85,7 +85,7 @@ def test_single_pixels_have_no_outline() -> None:
 
 def test_classes_have_our_names_and_colours() -> None:
     stream = NotedStream()
-    PictureView(stream, setting())
+    ImageView(stream, setting())
     (context,) = stream.of("mask")
     assert context.static
     told = [entry["class_description"]["info"] for entry in values(context.thing.context)[0]]
@@ -100,18 +100,18 @@ def test_colours_that_do_not_match_the_names_are_refused() -> None:
         setting(class_colours=COLOURS[:2])
 
 
-def test_a_picture_is_drawn_once() -> None:
+def test_an_image_is_drawn_once() -> None:
     stream = NotedStream()
-    view = PictureView(stream, setting())
+    view = ImageView(stream, setting())
     first = frame()
     for shown in (None, first, first, replace(first, index=first.index + 1)):
         view.show_frame(shown, None)
-    assert len(stream.of("world/camera/picture")) == 2
+    assert len(stream.of("world/camera/image")) == 2
 
 
 def test_a_mask_is_drawn_with_its_edges_and_taken_away_when_it_is_old() -> None:
     stream = NotedStream()
-    view = PictureView(stream, setting())
+    view = ImageView(stream, setting())
     for shown in (None, class_map(), class_map(), None):
         view.show_mask(shown)
     assert kinds(stream, "mask/ids") == ["SegmentationImage", CLEAR]
@@ -122,7 +122,7 @@ def test_a_mask_is_drawn_with_its_edges_and_taken_away_when_it_is_old() -> None:
 
 def test_an_id_without_a_colour_stands_out_and_is_no_error() -> None:
     stream = NotedStream()
-    view = PictureView(stream, setting())
+    view = ImageView(stream, setting())
     ids = class_map().ids.copy()
     ids[4:12, 10:20] = 99
     view.show_mask(ClassMap(ids=ids, captured_s=0.0))
@@ -146,7 +146,7 @@ def test_a_helipad_behind_or_below_the_lens_has_no_ring(forward_m: float) -> Non
 
 def test_depth_is_in_metres_with_gaps_where_it_is_unknown() -> None:
     stream = NotedStream()
-    view = PictureView(stream, setting())
+    view = ImageView(stream, setting())
     view.show_depth(depth(), None, frame(), class_map())
     image = stream.last("world/depth/metres")
     assert values(image.meter) == [1.0]
@@ -165,7 +165,7 @@ def marked(*_: object) -> np.ndarray:
 
 def test_intrusions_are_marked_with_their_side() -> None:
     stream = NotedStream()
-    view = PictureView(stream, setting(intruding=marked))
+    view = ImageView(stream, setting(intruding=marked))
     view.show_depth(depth(), corridor(), frame(captured_s=0.0), class_map())
     marks = stream.last("world/camera/intrusions")
     assert values(marks.labels) == ["intrusion left, 0.60 m"]
@@ -173,6 +173,6 @@ def test_intrusions_are_marked_with_their_side() -> None:
 
 def test_intrusions_of_another_frame_are_not_marked() -> None:
     stream = NotedStream()
-    view = PictureView(stream, setting(intruding=marked))
+    view = ImageView(stream, setting(intruding=marked))
     view.show_depth(depth(), corridor(), frame(captured_s=0.1), class_map())
     assert stream.of("world/camera/intrusions") == []

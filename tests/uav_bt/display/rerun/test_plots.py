@@ -50,7 +50,7 @@ def test_every_series_has_a_name_and_a_point_a_tick() -> None:
     at = Pose(x_m=0.0, y_m=0.0, z_m=1.4, yaw_rad=0.0)
     plots.show(World().tick(pose=at), corridor=None, obstacles=None, fix=None)
     assert {note.entity for note in stream.notes if not note.static} == set(series)
-    assert shown(stream, "plots/height/told") == 1.5
+    assert shown(stream, "plots/height/telemetry") == 1.5
     assert shown(stream, "plots/height/true") == pytest.approx(1.4)
     assert shown(stream, "plots/free_distance/clearance") == 0.8
     assert shown(stream, "plots/tick_time/compute") == pytest.approx(4.0)

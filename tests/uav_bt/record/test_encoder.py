@@ -93,7 +93,7 @@ def encoder(**config: Any) -> MomentEncoder:
 def read(made: MomentEncoder, moment: RawMoment) -> Moment:
     found = {
         message.channel.topic: message.data
-        for message in made.encode(moment, pictures=True)
+        for message in made.encode(moment, images=True)
         if message.data is not None
     }
     return moment_of(found, ("FAILURE",), json.loads)

@@ -48,15 +48,13 @@ class Disk:
         """Nothing to do."""
 
 
-def encode(item: int, pictures: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as the worker calls it
+def encode(item: int, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - as the worker calls it
     yield Encoded(channel=channels.TICK, time_ns=item, data=b"{}")
-    yield Encoded(
-        channel=channels.CAMERA_IMAGE, time_ns=item, data=b"picture" if pictures else None
-    )
+    yield Encoded(channel=channels.CAMERA_IMAGE, time_ns=item, data=b"image" if images else None)
 
 
 def config(**values: object) -> RecordConfig:
-    usual = {"queued_pictures": 2, "queued_ticks": 4, "flush_s": 0.5, "lag_s": 10.0}
+    usual = {"queued_images": 2, "queued_ticks": 4, "flush_s": 0.5, "lag_s": 10.0}
     return RecordConfig(**usual | values)  # type: ignore[arg-type]
 
 
@@ -72,7 +70,7 @@ def test_everything_is_written_in_order_when_the_disk_keeps_up() -> None:
     assert (worker.dropped, worker.lost_ticks, worker.failure) == ({}, 0, None)
 
 
-def test_a_slow_disk_costs_pictures_first_and_then_ticks_and_every_loss_is_counted() -> None:
+def test_a_slow_disk_costs_images_first_and_then_ticks_and_every_loss_is_counted() -> None:
     disk = Disk()
     disk.free.clear()
     worker = RecordWorker(disk, encode, config())
@@ -82,7 +80,7 @@ def test_a_slow_disk_costs_pictures_first_and_then_ticks_and_every_loss_is_count
         worker.put(index, 0.1 * index)
     disk.free.set()
     worker.close()
-    # 0 and 1 have pictures, 2 to 4 came when two were waiting, 5 to 7 found the queue full.
+    # 0 and 1 have images, 2 to 4 came when two were waiting, 5 to 7 found the queue full.
     assert disk.written == [
         ("/mission/tick", 0),
         ("/camera/image", 0),
@@ -96,18 +94,18 @@ def test_a_slow_disk_costs_pictures_first_and_then_ticks_and_every_loss_is_count
     assert worker.lost_ticks == 3
 
 
-def test_a_file_that_lags_gets_no_pictures_until_it_has_caught_up() -> None:
+def test_a_file_that_lags_gets_no_images_until_it_has_caught_up() -> None:
     disk = Disk()
     disk.free.clear()
-    worker = RecordWorker(disk, encode, config(queued_pictures=64, queued_ticks=64, lag_s=0.5))
+    worker = RecordWorker(disk, encode, config(queued_images=64, queued_ticks=64, lag_s=0.5))
     worker.put(0, 0.0)
     assert disk.busy.wait(PATIENCE_S)
     for index in range(1, 10):
         worker.put(index, index / 10)
     disk.free.set()
     worker.close()
-    pictures = [index for topic, index in disk.written if topic == "/camera/image"]
-    assert pictures == [0, 1, 2, 3, 4, 5]
+    images = [index for topic, index in disk.written if topic == "/camera/image"]
+    assert images == [0, 1, 2, 3, 4, 5]
     assert [index for topic, index in disk.written if topic == "/mission/tick"] == list(range(10))
     assert worker.dropped == {"/camera/image": 4}
 
@@ -142,7 +140,7 @@ def test_a_full_disk_ends_the_writing_and_not_the_flight() -> None:
     worker.close()
     assert len(disk.written) == 3
     assert isinstance(worker.failure, OSError)
-    assert worker.lost_ticks == 9  # the second tick's picture did not fit, nor anything after it
+    assert worker.lost_ticks == 9  # the second tick's image did not fit, nor anything after it
 
 
 def test_the_file_is_flushed_every_half_second_of_the_mission() -> None:
@@ -163,8 +161,8 @@ def test_closing_twice_is_fine() -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"queued_pictures": 0}, "queued_pictures"),
-        ({"queued_pictures": 9, "queued_ticks": 8}, "queued_ticks"),
+        ({"queued_images": 0}, "queued_images"),
+        ({"queued_images": 9, "queued_ticks": 8}, "queued_ticks"),
         ({"flush_s": 2.0}, "every second"),
         ({"lag_s": 0.0}, "lag"),
     ],

@@ -1,4 +1,4 @@
-"""Pictures in records: exact where they must be, refused where they are none."""
+"""Images in records: exact where they must be, refused where they are none."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uav_bt.record.images import (
     fields,
     image_bytes,
     millimetres,
-    raw_picture,
+    raw_image,
 )
 
 
@@ -27,14 +27,14 @@ def noise(height: int, width: int, seed: int = 0) -> np.ndarray:
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 1000))
-def test_a_lossless_picture_comes_back_bit_for_bit(height: int, width: int, seed: int) -> None:
+def test_a_lossless_image_comes_back_bit_for_bit(height: int, width: int, seed: int) -> None:
     image = noise(height, width, seed)
     data, name = encode_image(image, "lossless")
     assert name == "png"
     assert np.array_equal(decode_image(data), image)
 
 
-def test_a_small_picture_is_much_smaller_and_nearly_the_same() -> None:
+def test_a_small_image_is_much_smaller_and_nearly_the_same() -> None:
     rows, columns = np.mgrid[0:90, 0:160]
     image = np.stack([rows * 2, columns, rows + columns], axis=-1).astype(np.uint8)
     data, name = encode_image(image, "high")
@@ -50,14 +50,14 @@ def test_red_stays_red() -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"", b"no picture at all", encode_image(noise(9, 9), "high")[0][:20]]
+    "data", [b"", b"no image at all", encode_image(noise(9, 9), "high")[0][:20]]
 )
-def test_what_is_no_picture_is_refused(data: bytes) -> None:
-    with pytest.raises(InputError, match="expected a PNG or JPEG picture"):
+def test_what_is_no_image_is_refused(data: bytes) -> None:
+    with pytest.raises(InputError, match="expected a PNG or JPEG image"):
         decode_image(data)
 
 
-def test_the_picture_stands_in_the_message_as_it_was_encoded() -> None:
+def test_the_image_stands_in_the_message_as_it_was_encoded() -> None:
     image = noise(20, 30)
     message = messages.camera_image(image, 1_234_567_890_123, "lossless")
     assert np.array_equal(decode_image(image_bytes(message)), image)
@@ -66,7 +66,7 @@ def test_the_picture_stands_in_the_message_as_it_was_encoded() -> None:
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_raw_pixels_come_back_exactly(dtype: type) -> None:
     array = (np.random.default_rng(3).random((7, 5)) * 200).astype(dtype)
-    back = raw_picture(messages.raw(array, 5))
+    back = raw_image(messages.raw(array, 5))
     assert back.dtype == dtype
     assert np.array_equal(back, array)
 
@@ -93,4 +93,4 @@ def test_an_image_without_data_is_refused() -> None:
     with pytest.raises(InputError, match="CompressedImage with data"):
         image_bytes(b"")
     with pytest.raises(InputError, match="RawImage"):
-        raw_picture(b"")
+        raw_image(b"")
