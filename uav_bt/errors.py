@@ -9,12 +9,12 @@ UavBtError                      exit code 1 unless a subclass says otherwise
       WeightsError                  a weights file
       TreeError                     a tree file; carries every finding of the file
     UnknownNameError              a name that nobody registered, with a suggestion
-    MissingDependencyError        a package or a system library is absent, with the cure
+    MissingDependencyError        a package or a system library is absent, with the remedy
   MissionError                  the mission itself went wrong
     ProposalConflictError         two leaves proposed on one channel in one tick
     BoardAccessError              undeclared or mistyped access to the board
     NodeFailedError               an exception in a node, with the node's path
-  DroneError                    the drone did not do what it was told
+  DroneError                    the drone did not do what was commanded
 """
 
 from __future__ import annotations
@@ -144,4 +144,4 @@ class NodeFailedError(MissionError):
 
 
 class DroneError(UavBtError):
-    """The drone did not do what it was told."""
+    """The drone did not do what was commanded."""

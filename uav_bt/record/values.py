@@ -14,8 +14,8 @@ import types
 import typing
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Final, Literal, TypeVar, Union, cast
+from functools import cache
+from typing import Any, Final, Literal, TypeVar, cast
 
 import numpy as np
 
@@ -80,9 +80,7 @@ def finite(plain: Any) -> Any:
         return _encode_float(plain)
     if isinstance(plain, dict):
         return {name: finite(value) for name, value in plain.items()}
-    if isinstance(plain, list):
-        return [finite(value) for value in plain]
-    return plain
+    return [finite(value) for value in plain] if isinstance(plain, list) else plain
 
 
 def _encode_float(value: float) -> float | str:
@@ -95,61 +93,51 @@ def _decode_float(data: float | str) -> float:
     return _ODD[data] if isinstance(data, str) else float(data)
 
 
+# --- codecs, made once for each type --------------------------------------------------------------
+
+
 _FLOAT: Final = _Codec(
     encode=_encode_float,
     decode=_decode_float,
     schema={"anyOf": [{"type": "number"}, {"enum": list(_ODD)}]},
 )
-_NONE: Final = _Codec(encode=lambda _: None, decode=lambda _: None, schema={"type": "null"})
+_NAMES: Final = {bool: "boolean", int: "integer", str: "string", type(None): "null"}
 
 
-def _same(kind: type[Any], name: str) -> _Codec:
-    def check(data: Any) -> Any:
-        if not isinstance(data, kind) or (kind is int and isinstance(data, bool)):
-            raise TypeError(f"{data!r} is no {name}")
+@cache
+def _codec(hint: Any) -> _Codec:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if hint is float:
+        made = _FLOAT
+    elif hint in _NAMES:
+        made = _exact(hint)
+    elif origin in (typing.Union, types.UnionType):
+        made = _union(arguments)
+    elif origin is Literal:
+        made = _Codec(encode=str, decode=lambda data: data, schema={"enum": list(arguments)})
+    elif origin is tuple:
+        made = _sequence(_codec(arguments[0]))
+    elif origin is np.ndarray:
+        made = _array(np.dtype(typing.get_args(arguments[1])[0]))
+    elif isinstance(hint, enum.EnumType):
+        values = [member.value for member in hint]
+        made = _Codec(encode=lambda member: member.value, decode=hint, schema={"enum": values})
+    elif dataclasses.is_dataclass(hint):
+        made = _fields(cast("type[Any]", hint))
+    else:
+        raise TypeError(f"a record has no form for {hint!r}")
+    return made
+
+
+def _exact(kind: type[Any]) -> _Codec:
+    def read(data: Any) -> Any:
+        if type(data) is not kind:
+            raise TypeError(f"{data!r} is no {_NAMES[kind]}")
         return data
 
-    return _Codec(encode=kind, decode=check, schema={"type": name})
-
-
-_SIMPLE: Final = {
-    float: _FLOAT,
-    type(None): _NONE,
-    bool: _same(bool, "boolean"),
-    int: _same(int, "integer"),
-    str: _same(str, "string"),
-}
-
-
-def _codec(hint: Any) -> _Codec:
-    return _SIMPLE[hint] if hint in _SIMPLE else _made(hint)
-
-
-@lru_cache(maxsize=256)
-def _made(hint: Any) -> _Codec:
-    origin = typing.get_origin(hint)
-    if origin in (Union, types.UnionType):
-        return _union(typing.get_args(hint))
-    if origin is Literal:
-        names = list(typing.get_args(hint))
-        return _Codec(encode=str, decode=lambda data: data, schema={"enum": names})
-    if origin is tuple:
-        return _sequence(typing.get_args(hint)[0])
-    if origin is np.ndarray:
-        return _array(np.dtype(typing.get_args(typing.get_args(hint)[1])[0]))
-    if isinstance(hint, enum.EnumType):
-        return _enumeration(hint)
-    if dataclasses.is_dataclass(hint):
-        return _fields(cast("type[Any]", hint))
-    raise TypeError(f"a record has no form for {hint!r}")
-
-
-def _enumeration(kind: Any) -> _Codec:
-    return _Codec(
-        encode=lambda member: member.value,
-        decode=kind,
-        schema={"enum": [member.value for member in kind]},
-    )
+    # A number of numpy's becomes one of Python's.
+    write = (lambda _: None) if kind is type(None) else kind
+    return _Codec(encode=write, decode=read, schema={"type": _NAMES[kind]})
 
 
 def _fields(kind: type[Any]) -> _Codec:
@@ -169,43 +157,43 @@ def _fields(kind: type[Any]) -> _Codec:
 
 
 def _union(members: tuple[Any, ...]) -> _Codec:
-    inner = {member: _codec(member) for member in members}
-    by_name = {getattr(member, "__name__", str(member)): member for member in members}
-    tagged = sum(dataclasses.is_dataclass(member) for member in members) > 1
+    inner = {member: _codec(member) for member in members if member is not type(None)}
+    if len(inner) > 1:
+        codec = _tagged({member.__name__: one for member, one in inner.items()})
+    else:
+        (codec,) = inner.values()
+    if len(inner) == len(members):
+        return codec
+    return _Codec(
+        encode=lambda value: None if value is None else codec.encode(value),
+        decode=lambda data: None if data is None else codec.decode(data),
+        schema=codec.schema if len(inner) > 1 else {"anyOf": [codec.schema, {"type": "null"}]},
+    )
+
+
+def _tagged(inner: dict[str, _Codec]) -> _Codec:
+    """Return the codec of dataclasses of which a value is one."""
+    # Of movements a viewer plots any field; which fields belong together is the type's business.
+    merged: dict[str, Any] = {_TYPE: {"enum": list(inner)}}
+    for codec in inner.values():
+        merged.update(codec.schema["properties"])
 
     def write(value: Any) -> Any:
-        if value is None:
-            return None
-        if tagged:
-            return {_TYPE: type(value).__name__, **inner[type(value)].encode(value)}
-        return next(c.encode for m, c in inner.items() if m is not type(None))(value)
+        name = type(value).__name__
+        return {_TYPE: name, **inner[name].encode(value)}
 
-    def read(data: Any) -> Any:
-        if data is None and type(None) in inner:
-            return None
-        if tagged:
-            return inner[by_name[data[_TYPE]]].decode(data)
-        return next(c.decode for m, c in inner.items() if m is not type(None))(data)
-
-    if not tagged:
-        return _Codec(
-            encode=write, decode=read, schema={"anyOf": [c.schema for c in inner.values()]}
-        )
-    # Of movements a viewer plots any field; which fields belong together is the type's business.
-    merged: dict[str, Any] = {
-        _TYPE: {"enum": [n for n, m in by_name.items() if m is not type(None)]}
-    }
-    for codec in inner.values():
-        merged.update(codec.schema.get("properties", {}))
-    return _Codec(encode=write, decode=read, schema={"type": "object", "properties": merged})
-
-
-def _sequence(item: Any) -> _Codec:
-    codec = _codec(item)
     return _Codec(
-        encode=lambda values: [codec.encode(value) for value in values],
-        decode=lambda data: tuple(codec.decode(value) for value in data),
-        schema={"type": "array", "items": codec.schema},
+        encode=write,
+        decode=lambda data: inner[data[_TYPE]].decode(data),
+        schema={"type": "object", "properties": merged},
+    )
+
+
+def _sequence(item: _Codec) -> _Codec:
+    return _Codec(
+        encode=lambda values: [item.encode(value) for value in values],
+        decode=lambda data: tuple(item.decode(value) for value in data),
+        schema={"type": "array", "items": item.schema},
     )
 
 
