@@ -38,7 +38,8 @@ class _Codec:
 
 def encode(value: object) -> Any:
     """Return a value of one of our dataclasses as plain JSON values."""
-    return _codec(type(value)).encode(value)
+    kind: Any = type(value)
+    return _codec(kind).encode(value)
 
 
 def decode(kind: type[T], data: object) -> T:
@@ -52,7 +53,7 @@ def decode(kind: type[T], data: object) -> T:
         InputError: they are not of that kind.
     """
     try:
-        return cast("T", _codec(kind).decode(data))
+        return cast("T", _codec(cast("Any", kind)).decode(data))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"expected the fields of {kind.__name__}, got {data!s:.120} "
@@ -62,7 +63,7 @@ def decode(kind: type[T], data: object) -> T:
 
 def json_schema(kind: type[Any]) -> bytes:
     """Return the JSON schema of a dataclass, as viewers want it."""
-    return dump({"title": kind.__name__, **_codec(kind).schema})
+    return dump({"title": kind.__name__, **_codec(cast("Any", kind)).schema})
 
 
 def dump(plain: object) -> bytes:
@@ -120,7 +121,7 @@ def _codec(hint: Any) -> _Codec:
     elif origin is np.ndarray:
         made = _array(np.dtype(typing.get_args(arguments[1])[0]))
     elif isinstance(hint, enum.EnumType):
-        values = [member.value for member in hint]
+        values = [member.value for member in cast("Any", hint)]
         made = _Codec(encode=lambda member: member.value, decode=hint, schema={"enum": values})
     elif dataclasses.is_dataclass(hint):
         made = _fields(cast("type[Any]", hint))

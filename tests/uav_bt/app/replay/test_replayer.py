@@ -211,9 +211,9 @@ def test_a_lost_picture_makes_a_replay_inexact(
     frames = encoder.MomentEncoder._frame
 
     def blind(
-        self: encoder.MomentEncoder, tick: TickRecord, *, pictures: bool
+        self: encoder.MomentEncoder, tick: TickRecord, *, images: bool
     ) -> Iterator[tuple[Channel, bytes | None]]:
-        return frames(self, tick, pictures=pictures and tick.index != 4)
+        return frames(self, tick, images=images and tick.index != 4)
 
     monkeypatch.setattr(encoder.MomentEncoder, "_frame", blind)
     record, _ = fly_noisy(tmp_path, monkeypatch)
