@@ -4,7 +4,7 @@ r"""What teaches the depth network: telemetry, a pose network, labels without tr
     python benchmarks/depth_ablation.py F/train-?-10[12].mcap --steps 300 --run runs/ablation
 
 Every variant begins with the same random weights and sees the same clips for equally many steps;
-each is scored on pictures of the validation scenes. Exact depth is the upper bound: nothing else
+each is scored on images of the validation scenes. Exact depth is the upper bound: nothing else
 sees the truth (`FLIGHT.truth.npz` beside the flight). Stopped, it goes on with the same command.
 """
 
@@ -105,7 +105,7 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(arguments.threads)
     views = depth_views(DepthViewPlan())
-    print(f"{arguments.steps} steps each; {len(views.rgb)} pictures of the validation scenes")
+    print(f"{arguments.steps} steps each; {len(views.rgb)} images of the validation scenes")
     for name in arguments.variants:
         score = teach(name, arguments.flights, arguments.steps, arguments.run, views)
         print(

@@ -99,12 +99,12 @@ def read_truth(record: Path) -> Truth:
 
 def networks(paths: list[Path], scenes: tuple[str, ...], views: int) -> None:
     """Print one row a network."""
-    pictures = depth_views(DepthViewPlan(scenes=scenes, views=views))
-    print(f"{len(pictures.rgb)} pictures of {', '.join(scenes)}")
+    images = depth_views(DepthViewPlan(scenes=scenes, views=views))
+    print(f"{len(images.rgb)} images of {', '.join(scenes)}")
     for path in paths or [_SHIPPED]:
         estimator = OnnxDepthEstimator(path)
-        predicted = np.stack([estimator.depth(rgb) for rgb in pictures.rgb])
-        score = asdict(score_depth_on(pictures, predicted))
+        predicted = np.stack([estimator.depth(rgb) for rgb in images.rgb])
+        score = asdict(score_depth_on(images, predicted))
         print(f"{path}: " + ", ".join(f"{name} {value:.4f}" for name, value in score.items()))
 
 

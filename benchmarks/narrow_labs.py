@@ -2,7 +2,7 @@ r"""How the approach fares where it is hard: three boxes within a metre of the h
 
     python benchmarks/narrow_labs.py --labs 12 --workers 2
 
-Labs, take-offs and seeds are drawn from the lab's number; masks are exact and pictures small, so
+Labs, take-offs and seeds are drawn from the lab's number; masks are exact and images small, so
 that what is measured is the flying.
 """
 

@@ -60,7 +60,7 @@ def ablate_scenes(arguments: argparse.Namespace) -> None:
 def ablate_losses(arguments: argparse.Namespace) -> None:
     """Print the scores of U-Nets that learnt with different losses."""
     parts = [np.load(file, allow_pickle=False) for file in sorted(arguments.masks.glob("*.npz"))]
-    pictures = tuple(np.concatenate([part[key] for part in parts]) for key in ("rgb", "ids"))
+    images = tuple(np.concatenate([part[key] for part in parts]) for key in ("rgb", "ids"))
     exam = ViewPlan(
         scenes=tuple(arguments.on),
         views=arguments.views,
@@ -69,12 +69,12 @@ def ablate_losses(arguments: argparse.Namespace) -> None:
         seed=2,
     )
     views = [(rgb, ids) for _, rgb, ids in twin_views(exam)]
-    print(f"{len(pictures[0])} masks, {arguments.steps} steps of {arguments.batch}")
+    print(f"{len(images[0])} masks, {arguments.steps} steps of {arguments.batch}")
     for loss in LOSSES:
         with tempfile.TemporaryDirectory() as folder:
             weights = Path(folder) / "unet.safetensors"
             config = TrainingConfig(steps=arguments.steps, batch=arguments.batch, loss=loss)
-            training.train_segmentation(pictures, weights, config=config)
+            training.train_segmentation(images, weights, config=config)
             net = OnnxSegmenter(weights.with_suffix(".onnx"))
             score = score_segmentation((net.ids(rgb), ids) for rgb, ids in views)
         print(f"{loss:>14s} mIoU 17 {score.miou:.4f}  mIoU 4 {score.group_miou:.4f}", flush=True)
@@ -85,7 +85,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("which", choices=["scenes", "losses"])
     parser.add_argument("--on", nargs="+", default=list(TESTING_SCENES))
-    parser.add_argument("--views", type=int, default=50, help="pictures a scene to score on")
+    parser.add_argument("--views", type=int, default=50, help="images a scene to score on")
     parser.add_argument("--masks", type=Path, help="folder of the teacher's masks, for losses")
     parser.add_argument("--steps", type=int, default=800)
     parser.add_argument("--batch", type=int, default=8)

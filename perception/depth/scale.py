@@ -56,15 +56,15 @@ class ScaleConfig:
     # Distance to the carpet's border, where mask and depth are at their worst: the paper's 10 of
     # 256 rows, as a share of the map's height so that it means the same at every size.
     margin_share: float = 10.0 / 256.0
-    least_points: int = 20  # fewer inner carpet pixels than this are no scale
+    min_points: int = 20  # fewer inner carpet pixels than this are no scale
     farthest_m: float = 6.0  # beyond the lab a row of pixels spans metres
     spread_half: float = 0.1  # relative spread of the ratios at which the confidence is a half
 
     def __post_init__(self) -> None:
-        if self.points < 1 or not 1 <= self.least_points <= self.points:
+        if self.points < 1 or not 1 <= self.min_points <= self.points:
             raise ValueRangeError(
                 "a scale needs at least one point, and cannot ask for more than it samples: got "
-                f"points = {self.points}, least_points = {self.least_points}"
+                f"points = {self.points}, min_points = {self.min_points}"
             )
 
 
@@ -119,7 +119,7 @@ def sample_carpet(
     with np.errstate(invalid="ignore"):
         usable = (inner > 0) & (ground_m <= config.farthest_m) & (relative > 0.0)
     places = np.flatnonzero(usable)
-    if places.size < config.least_points:
+    if places.size < config.min_points:
         return None
     chosen = generator.choice(places, size=min(config.points, places.size), replace=False)
     rows, columns = np.divmod(chosen, ids.shape[1])

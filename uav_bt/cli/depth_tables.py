@@ -25,11 +25,11 @@ _WIDTH: Final = 9
 def depth_report(result: _Row) -> Iterator[str]:
     """Give the lines of a result of `uav_bt.learning.depth_tables.report.evaluate_depth`."""
     yield (
-        f"{result['model']} on {result['pictures']} pictures of {', '.join(result['scenes'])}, "
+        f"{result['model']} on {result['images']} images of {', '.join(result['scenes'])}, "
         f"{result['masks']} masks, telemetry of profile '{result['profile']}'"
     )
     yield (
-        f"  {result['edges']} edges of obstacles in {result['pictures_with_edges']} pictures, half "
+        f"  {result['edges']} edges of obstacles in {result['images_with_edges']} images, half "
         f"of them longer than {_text(result['median_edge_m'])} m; {result['points']} points"
     )
     yield "  errors in metres; 'known': the share for which a method has an estimate"
@@ -106,7 +106,7 @@ def _corridor(rows: Sequence[_Row]) -> Iterator[str]:
     )
     for row in rows:
         counts = [
-            f"{row['without_depth']}/{row['pictures']}",
+            f"{row['without_depth']}/{row['images']}",
             row["intruded"],
             *(row[name] for name in ("false_alarms", "clear_false_alarms")),
             *(row[name] for name in ("misses", "clear_misses")),

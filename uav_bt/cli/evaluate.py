@@ -116,7 +116,7 @@ def depth(
     from uav_bt.learning.scenes import TESTING_SCENES  # noqa: PLC0415 - late, for --help
 
     network = None if model == "footing" else load_depth_estimator(model, threads=2)
-    plan = images.PicturePlan(
+    plan = images.ImagePlan(
         views=DepthViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed), masks=masks
     )
     wanted = [name.strip() for name in tables.split(",") if name.strip()]

@@ -100,7 +100,7 @@ def perceive(
 ) -> None:
     """Show what perception makes of a video: masks, depth in metres, corridor, helipad.
 
-    SOURCE is a video file, a folder of images, a image, a live camera such as camera:0, or a
+    SOURCE is a video file, a folder of images, an image, a live camera such as camera:0, or a
     record of `uav-bt fly --record`, which brings its camera and telemetry along. Ctrl-C keeps what
     was written and exits with 1.
     """

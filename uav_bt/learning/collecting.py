@@ -1,4 +1,4 @@
-"""Flights to learn from: the rule flies, or the student does, and every view has the rule's word.
+"""Flights to learn from: the rule flies, or the student does, and the rule labels every view.
 
 plan = CollectionPlan(tree="explore_and_land_advised", flights=96)
 collect(plan, Path("runs/collected"))
@@ -26,7 +26,7 @@ from uav_bt.learning.scenes import TRAINING_SCENES
 
 __all__ = ["CollectionPlan", "collect"]
 
-_ADVISER: Final = "Advise"  # the leaf that writes the rule's word
+_ADVISER: Final = "Advise"  # the leaf that writes the rule's advice
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class CollectionPlan:
 
 
 def _silent(_flight: Mapping[str, Any], _now: bool) -> None:  # noqa: FBT001 - as `Progress` has it
-    """Tell nobody."""
+    """Report nothing."""
 
 
 def collect(
@@ -79,8 +79,8 @@ def collect(
         plan: which flights.
         folder: a campaign for each profile goes there, and the scenes that were drawn.
         backend: where flights are flown; the cores of this machine by default.
-        on_flight: told of every flight.
-        on_note: told what a person should know of the folder.
+        on_flight: called with every flight.
+        on_note: called with what a person should know of the folder.
 
     Returns:
         The records.
@@ -116,7 +116,7 @@ def _check_adviser(tree: str | Path) -> None:
     mission = app.check(tree)
     if not any(leaf.node_id == _ADVISER for leaf in mission.leaves()):
         raise InputError(
-            f"nobody says in '{tree}' what the rule would do, so its flights teach nothing: put "
+            f"no leaf of '{tree}' records what the rule would do, so it teaches nothing: put "
             f'<RememberViews/> and <{_ADVISER} policy="corridor"/> behind <BuildCorridor/>, as '
             "explore_and_land_advised has it"
         )

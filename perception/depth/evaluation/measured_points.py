@@ -22,7 +22,7 @@ Floats = NDArray[np.float32]
 class PointConfig:
     """Which points are drawn."""
 
-    each: int = 40  # a picture, of obstacles and of the carpet
+    each: int = 40  # an image, of obstacles and of the carpet
     inset_px: int = 2  # from the border of a class: one holds a tape to a thing, not past it
     nearest_m: float = 0.3  # along the ray; the paper's range of distances
     furthest_m: float = 5.0
@@ -54,7 +54,7 @@ def draw_points(
     generator: np.random.Generator,
     config: PointConfig | None = None,
 ) -> MeasuredPoints:
-    """Draw points of one picture, evenly over its pixels.
+    """Draw points of one image, evenly over its pixels.
 
     Args:
         ids: (H, W) exact class ids.

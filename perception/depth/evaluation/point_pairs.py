@@ -1,7 +1,7 @@
 """Pairs of points on obstacles' edges, and the distance between the two that a depth map tells.
 
 The paper (Mocanu et al.) measures depth by the dimensions of obstacles: a person picks two points
-on the edges of an obstacle in the picture, and the distance of the two in space is compared with
+on the edges of an obstacle in the image, and the distance of the two in space is compared with
 the tape measure's. Here the exact class map stands in for the person: the outline of each visible
 face (a box's sides, a roof) is simplified to a polygon; its corners are what one would click on,
 and two corners that follow each other span an edge.
@@ -30,7 +30,7 @@ Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.uint8]
 
-_LEAST_CORNERS = 3  # of a face; what shrinks to a line shows no edges
+_MIN_CORNERS = 3  # of a face; what shrinks to a line shows no edges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,18 +39,18 @@ class PairConfig:
 
     inset_px: int = 2  # from the outline inwards: a click on the very border means either side
     simplify_px: float = 1.5  # by which the polygon may leave the outline: a pixel and its rounding
-    least_area_px: int = 60  # of a face; less is hard to see, let alone to click on
-    least_length_px: float = 6.0  # of an edge; shorter, three pixels' error are half of it
-    least_length_m: float = 0.1  # likewise, in space
+    min_area_px: int = 60  # of a face; less is hard to see, let alone to click on
+    min_length_px: float = 6.0  # of an edge; shorter, three pixels' error are half of it
+    min_length_m: float = 0.1  # the same, in space
     occluder_m: float = 0.15  # by which another thing at a corner must be nearer to be in front
-    most: int = 8  # edges a picture, so that no crowded one outweighs the others
-    most_across: int = 4  # pairs a picture with an end on each of two faces
+    max_edges: int = 8  # edges an image, so that no crowded one outweighs the others
+    max_across: int = 4  # pairs an image with an end on each of two faces
 
     def __post_init__(self) -> None:
-        if self.inset_px < 0 or self.most < 1 or self.most_across < 0:
+        if self.inset_px < 0 or self.max_edges < 1 or self.max_across < 0:
             raise ValueRangeError(
-                "pairs need inset_px >= 0, most >= 1 and most_across >= 0, got "
-                f"{self.inset_px}, {self.most}, {self.most_across}"
+                "pairs need inset_px >= 0, max_edges >= 1 and max_across >= 0, got "
+                f"{self.inset_px}, {self.max_edges}, {self.max_across}"
             )
 
 
@@ -73,7 +73,7 @@ def pick_pairs(
     generator: np.random.Generator,
     config: PairConfig | None = None,
 ) -> PointPairs:
-    """Pick pairs in one picture.
+    """Pick pairs in one image.
 
     Args:
         ids: (H, W) exact class ids.
@@ -91,7 +91,7 @@ def pick_pairs(
     corners: list[NDArray[np.intp]] = []
     for face in _faces(ids, config):
         outline = _polygon(face, config)
-        if len(outline) < _LEAST_CORNERS:
+        if len(outline) < _MIN_CORNERS:
             continue
         good = np.array([_picked(corner, face, ids, depth_m, config) for corner in outline])
         if not good.any():
@@ -101,8 +101,8 @@ def pick_pairs(
         edges.extend(np.stack([outline, following], axis=1)[good & follows_good])
     spans = np.array(edges, dtype=np.intp).reshape(-1, 2, 2)
     spans = spans[_long_enough(spans, depth_m, camera, config)]
-    spans = generator.permutation(spans)[: config.most]
-    across = _across(corners, generator, config.most_across)
+    spans = generator.permutation(spans)[: config.max_edges]
+    across = _across(corners, generator, config.max_across)
     pairs = np.concatenate([spans, across])
     return PointPairs(
         first=pairs[:, 0],
@@ -123,11 +123,11 @@ def _faces(ids: NDArray[np.uint8], config: PairConfig) -> Iterator[Mask]:
     """Give every connected region of one obstacle's class, less its rim."""
     for obstacle in OBSTACLES:
         mask = (ids == obstacle).astype(np.uint8)
-        if np.count_nonzero(mask) < config.least_area_px:
+        if np.count_nonzero(mask) < config.min_area_px:
             continue
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
         for label in range(1, count):
-            if stats[label, cv2.CC_STAT_AREA] >= config.least_area_px:
+            if stats[label, cv2.CC_STAT_AREA] >= config.min_area_px:
                 yield _less_rim((labels == label).astype(np.uint8), config.inset_px)
 
 
@@ -175,7 +175,7 @@ def _long_enough(
     length_px = np.linalg.norm((spans[:, 0] - spans[:, 1]).astype(np.float64), axis=1)
     ends = [_points(depth_m, spans[:, end], camera, 1) for end in (0, 1)]
     length_m = np.linalg.norm(ends[0] - ends[1], axis=1)
-    long_enough = (length_px >= config.least_length_px) & (length_m >= config.least_length_m)
+    long_enough = (length_px >= config.min_length_px) & (length_m >= config.min_length_m)
     return np.asarray(long_enough, dtype=np.bool_)
 
 

@@ -35,16 +35,16 @@ class DepthSample:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthScore:
-    """Means over pictures. "Relative": after scaling by the picture's median."""
+    """Means over images. "Relative": after scaling by the image's median."""
 
-    pictures: int
+    images: int
     abs_rel: float  # relative, of all pixels but the background's within reach
     delta_1: float  # relative, share of those within a quarter of the truth
     obstacle_abs_rel: float  # relative, of obstacles within reach
     carpet_abs_rel: float  # relative, of the carpet within reach
     obstacle_error_m: float  # with the carpet's scale, mean of obstacles within reach
-    obstacle_median_m: float  # likewise, mean over pictures of the median error
-    carpet_error_m: float  # likewise, of the carpet
+    obstacle_median_m: float  # with the carpet's scale, mean over images of the median error
+    carpet_error_m: float  # with the carpet's scale, of the carpet
     metric_error_m: float  # as it is, taken for metres: obstacles and carpet; of metric networks
 
 
@@ -57,14 +57,14 @@ def score_depth(samples: Iterable[DepthSample]) -> DepthScore:
     """
     rows = [_score_one(sample) for sample in samples]
     if not rows:
-        raise ValueRangeError("there are no pictures to score depth on")
-    # A picture without obstacles, say, has no error of obstacles.
+        raise ValueRangeError("there are no images to score depth on")
+    # An image without obstacles, say, has no error of obstacles.
     table = np.array(rows, dtype=np.float64)
     counts = np.isfinite(table).sum(axis=0)
     sums = np.nansum(table, axis=0)
     means = [float(s / c) if c else float("nan") for s, c in zip(sums, counts, strict=True)]
     return DepthScore(
-        pictures=len(rows),
+        images=len(rows),
         abs_rel=means[0],
         delta_1=means[1],
         obstacle_abs_rel=means[2],

@@ -107,8 +107,8 @@ def test_maps_of_other_sizes_are_refused() -> None:
 
 
 def test_impossible_sampling_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="least_points"):
-        ScaleConfig(points=10, least_points=11)
+    with pytest.raises(ValueRangeError, match="min_points"):
+        ScaleConfig(points=10, min_points=11)
 
 
 # --- estimators -----------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ def test_the_ways_without_a_network_are_measured_beside_the_paper(tmp_path: Path
     out = tmp_path / "depth.json"
     result = run("evaluate", "depth", "--model", "footing", *ONE_SCENE, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "footing on 3 pictures of train-b, unet masks" in result.stdout
+    assert "footing on 3 images of train-b, unet masks" in result.stdout
     lines = [line.split() for line in result.stdout.splitlines()]
     assert ["the", "paper", "0.0740", "0.0597", "0.0988", "0.0655", "0.8342"] in lines
     assert ["the", "paper", "0.1440", "0.1628", "0.3714"] in lines
@@ -63,12 +63,12 @@ def test_figures_that_nobody_knows_are_dashes() -> None:
     ) | {"total": 0, "valid": 0}
     result = {
         "model": "m",
-        "pictures": 1,
+        "images": 1,
         "scenes": ["s"],
         "masks": "unet",
         "profile": "lab",
         "edges": 0,
-        "pictures_with_edges": 0,
+        "images_with_edges": 0,
         "median_edge_m": None,
         "points": 0,
         "tables": {"distance": [{"method": "footing", "what": "carpet", "error": error}]},

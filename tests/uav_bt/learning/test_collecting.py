@@ -104,7 +104,7 @@ def test_a_flight_that_broke_is_none_to_learn_from(tmp_path: Path) -> None:
 
 
 def test_a_tree_in_which_nobody_advises_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nobody says in 'explore_and_land_depth'"):
+    with pytest.raises(InputError, match="no leaf of 'explore_and_land_depth'"):
         collected(tmp_path, tree="explore_and_land_depth")
     assert not list(tmp_path.iterdir())
 

@@ -86,7 +86,7 @@ def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) ->
         validate_every=2,
     )
     assert score is not None
-    assert score.pictures == 2
+    assert score.images == 2
     lines = (tmp_path / "run" / "scores.jsonl").read_text().splitlines()
     assert [json.loads(line)["step"] for line in lines] == [2]
     assert json.loads(lines[0])["abs_rel"] == pytest.approx(score.abs_rel)

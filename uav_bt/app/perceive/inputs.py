@@ -62,7 +62,7 @@ class Look:
     """One source with its camera, telemetry and pipeline.
 
     Args:
-        text: a video file, a folder of images, a image, `camera:N`, or a flight record.
+        text: a video file, a folder of images, an image, `camera:N`, or a flight record.
         options: what is known about the images.
 
     Raises:

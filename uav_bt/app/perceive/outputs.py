@@ -62,7 +62,7 @@ class Film:
         self._slot = -1
 
     def write(self, seen: Perceived) -> None:
-        """Append what a image shows, at its time."""
+        """Append what an image shows, at its time."""
         frame = seen.frame
         self._begin_s = frame.captured_s if self._begin_s is None else self._begin_s
         image = self._panes.draw(

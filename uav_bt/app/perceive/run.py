@@ -31,11 +31,11 @@ def perceive(
     """Perceive every image of a source; Ctrl-C ends it and keeps what was written.
 
     Args:
-        source: a video file, a folder of images, a image, `camera:N`, or a flight record.
+        source: a video file, a folder of images, an image, `camera:N`, or a flight record.
         options: what is known about the images.
         out: an mp4 file with the overlays.
         lines: a file with one JSON object for each frame.
-        advance: told of the progress.
+        advance: called with the progress.
 
     Raises:
         InputError: source, camera, telemetry or network cannot be used, or nothing is readable.

@@ -39,7 +39,7 @@ def open_source(
     """Return the source that a text names; opens nothing that has to be closed.
 
     Args:
-        text: a video file, a folder of images, a image, or `camera:N`.
+        text: a video file, a folder of images, an image, or `camera:N`.
         clock: tells a live camera's times; default: the clock on the wall.
         times_s: of a folder's images, in their order; default: ten a second.
 

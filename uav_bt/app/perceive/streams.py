@@ -70,7 +70,7 @@ class ImageSource(Protocol):
         ...
 
     def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image; what cannot be read is left out and told."""
+        """Iterate over every n-th image; what cannot be read is left out and reported."""
         ...
 
 
@@ -116,7 +116,7 @@ class VideoSource:
         return max(1, math.ceil(float(container.duration) / av.time_base * self.rate_per_s))
 
     def images(self, every: int = 1) -> TimedImages:
-        """Iterate over every n-th image; damaged stretches are left out and told."""
+        """Iterate over every n-th image; damaged stretches are left out and reported."""
         index, begin_s, shape = -1, None, None
         with self._opened() as container:
             for decoded in self._decoded(container):
@@ -128,10 +128,10 @@ class VideoSource:
                 if image.shape != shape:
                     self.skipped.append(f"image {index}: has another size than the first")
                     continue
-                told_s = index / self.rate_per_s if decoded.time is None else float(decoded.time)
-                begin_s = told_s if begin_s is None else begin_s
+                shown_s = index / self.rate_per_s if decoded.time is None else float(decoded.time)
+                begin_s = shown_s if begin_s is None else begin_s
                 yield TimedImage(
-                    image=image, index=index, time_s=told_s - begin_s, name=f"image {index}"
+                    image=image, index=index, time_s=shown_s - begin_s, name=f"image {index}"
                 )
 
     def _decoded(self, container: Any) -> Iterator[Any]:
@@ -171,7 +171,7 @@ class CameraSource:
 
     Args:
         number: of the device.
-        clock: tells when a image came.
+        clock: tells when an image came.
         capture: opens a device.
     """
 

@@ -29,7 +29,7 @@ __all__ = [
     "style",
 ]
 
-# Okabe and Ito's, told apart by everybody; darker first, for they lie on white.
+# Okabe and Ito's, distinguishable to everybody; darker first, for they lie on white.
 SET_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
 OUTCOME_COLOURS: Final = {
     "success": "#2b8a5a",

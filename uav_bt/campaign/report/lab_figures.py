@@ -32,7 +32,7 @@ Cells = NDArray[np.bool_]
 
 
 def flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
-    """Return a set's flights in a scene whose way was kept."""
+    """Return a set's flights in a scene whose path was kept."""
     return [flight for flight in one.flights if flight["scene"] == scene and flight.get("path")]
 
 
@@ -46,15 +46,15 @@ def covered_shares(flights: Flights, lab: LabMap) -> list[float]:
 
 
 def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | None:
-    """Draw what happened in a scene: ways above, coverage below, a column for each set.
+    """Draw what happened in a scene: paths above, coverage below, a column for each set.
 
     Args:
-        sets: what is compared; those without kept ways in this scene are left out.
+        sets: what is compared; those without kept paths in this scene are left out.
         scene: its name.
         lab: what stands there.
 
     Returns:
-        A PNG; None when no way was kept.
+        A PNG; None when no path was kept.
     """
     columns = [(one, flown) for one in sets if (flown := flights_in(one, scene))]
     if not columns:
@@ -63,7 +63,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
         figure = new_figure(5.2 * len(columns) + 0.6, 8.6)
         grid = figure.subplots(2, len(columns), squeeze=False)
         for column, (one, flown) in enumerate(columns):
-            _ways(grid[0, column], flown, lab)
+            _paths(grid[0, column], flown, lab)
             count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
             grid[0, column].set_title(f"{one.label}\n{count}", fontweight="bold")
             image = _coverage(grid[1, column], flown, lab)
@@ -83,7 +83,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
         return png(figure)
 
 
-def _ways(axes: Axes, flown: Flights, lab: LabMap) -> None:
+def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
     _lab(axes, lab)
     alpha = float(np.clip(6.0 / len(flown), 0.15, 0.8))
     # Failures on top, for they are few and what one looks for.

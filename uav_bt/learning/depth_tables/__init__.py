@@ -1,1 +1,1 @@
-"""How good metric depth is: the paper's tables, measured on pictures of the twin."""
+"""How good metric depth is: the paper's tables, measured on images of the twin."""

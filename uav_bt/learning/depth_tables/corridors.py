@@ -12,7 +12,7 @@ import numpy as np
 from perception.camera.ground_plane import view_of
 from perception.obstacles.corridor import CorridorConfig, CorridorPlanes, build_corridor
 from uav_bt.classes import CARPET
-from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, Picture
+from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import methods_for, metric_maps
 from uav_bt.progress import Advance, silent
 from uav_bt.types import Corridor, DepthMap
@@ -28,14 +28,14 @@ _CLEARLY_M: Final = 0.1  # by which walls move before an intrusion is beyond dis
 class CorridorRow:
     """How often the corridor in a method's depth is wrong.
 
-    Pictures without any depth are not counted as seen wrongly: a flight then has no corridor, knows
-    it, and stops.
+    Images without any depth are not counted as wrong: a flight then has no corridor, knows it, and
+    stops.
     """
 
     method: str
     front_m: float  # the front plane, from the drone's centre
     focal_factor: float  # f of the estimated corridor; the true one has f = 1
-    pictures: int
+    images: int
     without_depth: int  # of these; the figures below are about the others
     intruded: int  # with a true intrusion
     false_alarms: int  # an intrusion that is none
@@ -47,33 +47,33 @@ class CorridorRow:
 
 
 def corridor_table(
-    pictures: Sequence[Picture], masks: Masks, *, advance: Advance = silent
+    images: Sequence[SampleImage], masks: Masks, *, advance: Advance = silent
 ) -> list[CorridorRow]:
     """Sweep the front plane and the focal factor.
 
     Args:
-        pictures: what is looked at.
-        masks: whose masks tell things from carpet and background, and give footing.
-        advance: told after every setting.
+        images: what is looked at.
+        masks: whose masks separate things from carpet and background, and give footing.
+        advance: called after every setting.
     """
     settings = [CorridorConfig(front_m=front_m) for front_m in FRONTS_M]
     settings += [CorridorConfig(focal_factor=factor) for factor in FOCAL_FACTORS]
     names = ("adaptive", "fused", "footing")
     maps = {
-        method.name: metric_maps(method, pictures, masks)
-        for method in methods_for(pictures)
+        method.name: metric_maps(method, images, masks)
+        for method in methods_for(images)
         if method.name in names
     }
     rows = []
     for done, config in enumerate(settings, start=1):
-        truths = [_truths(picture, config) for picture in pictures]
+        truths = [_truths(image, config) for image in images]
         for name, found in maps.items():
-            told = [
-                (_seen(picture, map_, masks, config), truth)
-                for picture, map_, truth in zip(pictures, found, truths, strict=True)
+            seen_and_true = [
+                (_seen(image, map_, masks, config), truth)
+                for image, map_, truth in zip(images, found, truths, strict=True)
                 if np.isfinite(map_.depth).any()
             ]
-            rows.append(_row(name, config, told, len(pictures)))
+            rows.append(_row(name, config, seen_and_true, len(images)))
         advance("corridor", done, len(settings))
     return rows
 
@@ -87,10 +87,10 @@ class _Truth:
     wide: Corridor
 
 
-def _truths(picture: Picture, config: CorridorConfig) -> _Truth:
+def _truths(image: SampleImage, config: CorridorConfig) -> _Truth:
     plain = replace(config, focal_factor=1.0)
-    depth = DepthMap(depth=picture.depth_m, metric=True, captured_s=picture.frame.captured_s)
-    offset_m = picture.camera.forward_offset_m
+    depth = DepthMap(depth=image.depth_m, metric=True, captured_s=image.frame.captured_s)
+    offset_m = image.camera.forward_offset_m
 
     def build(by_m: float) -> Corridor:
         walls = replace(
@@ -102,46 +102,46 @@ def _truths(picture: Picture, config: CorridorConfig) -> _Truth:
             # The front plane stays ahead of the lens, or there is no corridor to look into.
             front_m=max(plain.front_m + by_m, offset_m + 0.03),
         )
-        planes = CorridorPlanes.of(picture.truth, walls)
-        things = picture.ids > CARPET
+        planes = CorridorPlanes.of(image.truth, walls)
+        things = image.ids > CARPET
         return build_corridor(depth, planes, offset_m=offset_m, things=things, config=walls)
 
     return _Truth(exact=build(0.0), narrow=build(-_CLEARLY_M), wide=build(_CLEARLY_M))
 
 
-def _seen(picture: Picture, depth: DepthMap, masks: Masks, config: CorridorConfig) -> Corridor:
+def _seen(image: SampleImage, depth: DepthMap, masks: Masks, config: CorridorConfig) -> Corridor:
     return build_corridor(
         depth,
-        CorridorPlanes.of(view_of(picture.frame, picture.camera, MAP_SIZE_PX), config),
-        offset_m=picture.camera.forward_offset_m,
-        things=picture.masks[masks].ids > CARPET,
+        CorridorPlanes.of(view_of(image.frame, image.camera, MAP_SIZE_PX), config),
+        offset_m=image.camera.forward_offset_m,
+        things=image.masks[masks].ids > CARPET,
         config=config,
     )
 
 
 def _row(
-    name: str, config: CorridorConfig, told: Sequence[tuple[Corridor, _Truth]], pictures: int
+    name: str, config: CorridorConfig, seen_and_true: Sequence[tuple[Corridor, _Truth]], images: int
 ) -> CorridorRow:
     alarm, real, narrow, wide = (
         np.array([corridor.nearest_side is not None for corridor in corridors], dtype=bool)
         for corridors in (
-            [seen for seen, _ in told],
-            [truth.exact for _, truth in told],
-            [truth.narrow for _, truth in told],
-            [truth.wide for _, truth in told],
+            [seen for seen, _ in seen_and_true],
+            [truth.exact for _, truth in seen_and_true],
+            [truth.narrow for _, truth in seen_and_true],
+            [truth.wide for _, truth in seen_and_true],
         )
     )
     errors_m = [
         abs(seen.nearest_m - truth.exact.nearest_m)
-        for seen, truth in told
+        for seen, truth in seen_and_true
         if seen.nearest_side is not None and truth.exact.nearest_side is not None
     ]
     return CorridorRow(
         method=name,
         front_m=config.front_m,
         focal_factor=config.focal_factor,
-        pictures=pictures,
-        without_depth=pictures - len(told),
+        images=images,
+        without_depth=images - len(seen_and_true),
         intruded=int(real.sum()),
         false_alarms=int((alarm & ~real).sum()),
         misses=int((~alarm & real).sum()),

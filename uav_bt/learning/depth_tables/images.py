@@ -1,8 +1,8 @@
-"""Pictures of the twin with the telemetry of a flight, their truth, and what networks see in them.
+"""Images of the twin with the telemetry of a flight, their truth, and what networks see in them.
 
 The places are drawn like those of a flight (`sim_bridge.twin.views.sample_flight_poses`), landings
 left out. The telemetry is what the profile's own sensors report there: one set of sensors is flown
-through all pictures of a scene, twenty seconds apart, so that the altimeter's slow error and the
+through all images of a scene, twenty seconds apart, so that the altimeter's slow error and the
 noise of height and attitude are those of a flight; the body is tilted as a flying one, which moves
 the lens. The twin's gimbal reports its pitch without error, so here it has none; what an error of
 it costs is one of the tables.
@@ -27,21 +27,21 @@ from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
-__all__ = ["MAP_SIZE_PX", "MASKS", "Masks", "Picture", "PicturePlan", "take_pictures"]
+__all__ = ["MAP_SIZE_PX", "MASKS", "ImagePlan", "Masks", "SampleImage", "take_images"]
 
 Masks = Literal["unet", "exact"]
 MASKS: Final[tuple[Masks, ...]] = ("unet", "exact")
 MAP_SIZE_PX: Final = (224, 112)  # of the class maps, and so of metric depth in flight
 
-_APART_S = 20.0  # between pictures: the altimeter's correlation time, and no scale is remembered
+_APART_S = 20.0  # between images: the altimeter's correlation time, and no scale is remembered
 _TILT_STD_RAD = 0.035  # of a flying body: 0.34 m/s2 of acceleration, gusts and movements
 
 
 @dataclass(frozen=True, kw_only=True)
-class PicturePlan:
-    """Which pictures depth is measured on, and by whose masks."""
+class ImagePlan:
+    """Which images depth is measured on, and by whose masks."""
 
-    # A third of all pictures looks past the boxes: this many show more than the paper's 661 edges.
+    # A third of all images looks past the boxes: this many show more than the paper's 661 edges.
     views: DepthViewPlan = field(
         default_factory=lambda: DepthViewPlan(scenes=TESTING_SCENES, views=170, seed=21)
     )
@@ -52,13 +52,13 @@ class PicturePlan:
             raise UnknownNameError("masks", self.masks, MASKS)
         if not self.views.scenes or self.views.views < 1:
             raise ValueRangeError(
-                "pictures need a scene and a positive count, got "
+                "images need a scene and a positive count, got "
                 f"{self.views.scenes}, {self.views.views}"
             )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Picture:
+class SampleImage:
     """A frame as a flight delivers it, what perception made of it, and the truth at map size."""
 
     frame: Frame  # with every eighth pixel: enough to see that it is not black
@@ -71,20 +71,20 @@ class Picture:
     truth: CameraView  # where the lens really is
 
 
-def take_pictures(
-    plan: PicturePlan,
+def take_images(
+    plan: ImagePlan,
     segmenter: Segmenter,
     network: DepthEstimator | None,
     *,
     advance: Advance = silent,
-) -> Iterator[Picture]:
-    """Take the pictures of a plan; the same plan gives the same pictures.
+) -> Iterator[SampleImage]:
+    """Take the images of a plan; the same plan gives the same images.
 
     Args:
         plan: which.
         segmenter: the masks of a flight.
-        network: relative depth; None for ways that need none.
-        advance: told after every picture.
+        network: relative depth; None for methods that need none.
+        advance: called after every image.
 
     Raises:
         SceneError: a scene is missing or malformed.
@@ -101,7 +101,7 @@ def take_pictures(
     done = 0
     for name in views.scenes:
         scene = load_scene(name)
-        # By name, so that a scene's pictures do not depend on which others are in the plan.
+        # By name, so that a scene's images do not depend on which others are in the plan.
         seed = (views.seed << 32) + zlib.crc32(scene.name.encode())
         poses = _level_poses(
             sample_flight_poses(scene, np.random.default_rng(seed), 2 * views.views), views
@@ -112,7 +112,7 @@ def take_pictures(
             done += 1
             frame = telemetry(view.pose, view.image, done)
             yield _perceived(view, frame, video, segmenter, network)
-            advance("pictures", done, total)
+            advance("images", done, total)
 
 
 def _level_poses(poses: list[Any], views: DepthViewPlan) -> list[Any]:
@@ -125,7 +125,7 @@ def _perceived(
     video: CameraModel,
     segmenter: Segmenter,
     network: DepthEstimator | None,
-) -> Picture:
+) -> SampleImage:
     seen = segmenter.segment(frame)
     if seen.ids.shape != MAP_SIZE_PX[::-1]:
         raise ValueRangeError(
@@ -134,7 +134,7 @@ def _perceived(
         )
     camera = video.resized(*MAP_SIZE_PX)
     exact = ClassMap(ids=np.ascontiguousarray(view.ids), captured_s=frame.captured_s)
-    return Picture(
+    return SampleImage(
         frame=_small(frame),
         video=video,
         camera=camera,
@@ -178,16 +178,16 @@ def _telemetry(profile: Any, seed: int, start_z_m: float) -> Any:
         )
         for _ in range(round(_APART_S / CONTROL_STEP_S)):
             estimate = sensors.estimate(motion, airborne=True)
-        told = sensors.telemetry(motion, estimate, surface_m=0.0)
+        sensed = sensors.telemetry(motion, estimate, surface_m=0.0)
         return Frame(
             image=image,
             index=number,
             captured_s=number * _APART_S,
             gimbal_pitch_rad=pose.pitch_rad,
-            attitude=told.attitude,
-            altitude_m=told.altitude_m,
-            height_m=told.height_m,
-            height_above_carpet_m=told.height_above_carpet_m,
+            attitude=sensed.attitude,
+            altitude_m=sensed.altitude_m,
+            height_m=sensed.height_m,
+            height_above_carpet_m=sensed.height_above_carpet_m,
         )
 
     return frame_of

@@ -16,7 +16,7 @@ from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import CarpetSample, Scale
 from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
-from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, Picture
+from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.types import ClassMap, DepthMap, Frame
 
 __all__ = [
@@ -55,7 +55,7 @@ class CollectedScale:
         if not self._known:
             return None
         known, predicted = np.array(self._known), np.array(self._predicted)
-        # Frames that are alike cannot tell scale from shift: then the plain ratio.
+        # Frames that are alike cannot separate scale from shift: then the plain ratio.
         if self._method == "least_squares" and predicted.std() > 1e-3 * predicted.mean():
             factor, shift_m = (float(part) for part in np.polyfit(predicted, known, 1))
             return Scale(factor=factor, shift_m=shift_m) if factor > 0.0 else None
@@ -155,35 +155,35 @@ class Error:
         )
 
 
-def methods_for(pictures: Sequence[Picture]) -> tuple[Method, ...]:
+def methods_for(images: Sequence[SampleImage]) -> tuple[Method, ...]:
     """Return the methods that have what they need."""
-    network = all(picture.relative is not None for picture in pictures)
+    network = all(image.relative is not None for image in images)
     return tuple(method for method in METHODS if network or not method.needs_network)
 
 
 def metric_maps(
     method: Method,
-    pictures: Sequence[Picture],
+    images: Sequence[SampleImage],
     masks: Masks,
     *,
     error: Error | None = None,
     seed: int = 0,
 ) -> list[DepthMap]:
-    """Return a method's metric depth of every picture, at map size; all NaN where it has none.
+    """Return a method's metric depth of every image, at map size; all NaN where it has none.
 
     Args:
         method: one of `METHODS`.
-        pictures: in order of their capture.
+        images: in order of their capture.
         masks: whose.
         error: of the telemetry; None for none but the sensors'.
         seed: of the carpet's sampling.
     """
     wrong = error or Error()
-    frames = [wrong.on(picture.frame) for picture in pictures]
+    frames = [wrong.on(image.frame) for image in images]
     if method.source is None:
         return [
-            _lowest_pixel(frame, picture, picture.masks[masks])
-            for frame, picture in zip(frames, pictures, strict=True)
+            _lowest_pixel(frame, image, image.masks[masks])
+            for frame, image in zip(frames, images, strict=True)
         ]
     maker = MetricDepthMaker(
         source=method.source,
@@ -193,9 +193,9 @@ def metric_maps(
 
     def all_maps() -> list[DepthMap]:
         made = []
-        for frame, picture in zip(frames, pictures, strict=True):
-            relative = _flat(frame) if method.flat else picture.relative
-            metric = maker.make(frame, picture.masks[masks], picture.video, relative)
+        for frame, image in zip(frames, images, strict=True):
+            relative = _flat(frame) if method.flat else image.relative
+            metric = maker.make(frame, image.masks[masks], image.video, relative)
             made.append(metric.depth or _nothing(frame))
         return made
 
@@ -204,8 +204,8 @@ def metric_maps(
     return all_maps()
 
 
-def _lowest_pixel(frame: Frame, picture: Picture, class_map: ClassMap) -> DepthMap:
-    depth = lowest_pixel_depth(class_map.ids, view_of(frame, picture.camera, MAP_SIZE_PX))
+def _lowest_pixel(frame: Frame, image: SampleImage, class_map: ClassMap) -> DepthMap:
+    depth = lowest_pixel_depth(class_map.ids, view_of(frame, image.camera, MAP_SIZE_PX))
     return DepthMap(depth=depth, metric=True, captured_s=frame.captured_s)
 
 

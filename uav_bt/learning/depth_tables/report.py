@@ -11,7 +11,7 @@ import numpy as np
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.depth_tables.corridors import corridor_table
-from uav_bt.learning.depth_tables.images import Masks, PicturePlan, take_pictures
+from uav_bt.learning.depth_tables.images import ImagePlan, Masks, take_images
 from uav_bt.learning.depth_tables.tables import (
     DepthQuestions,
     distance_table,
@@ -31,28 +31,28 @@ _MAKERS: Final[Mapping[str, Callable[[DepthQuestions, Masks, Advance], _Rows]]] 
         questions, masks, advance=advance
     ),
     "corridor": lambda questions, masks, advance: corridor_table(
-        questions.pictures, masks, advance=advance
+        questions.images, masks, advance=advance
     ),
 }
 TABLES: Final = tuple(_MAKERS)
 
 
 def evaluate_depth(
-    plan: PicturePlan,
+    plan: ImagePlan,
     segmenter: Segmenter,
     network: DepthEstimator | None,
     *,
     tables: Sequence[str] = TABLES,
     advance: Advance = silent,
 ) -> dict[str, Any]:
-    """Take pictures of the twin and make tables.
+    """Take images of the twin and make tables.
 
     Args:
-        plan: which pictures.
+        plan: which images.
         segmenter: the masks of a flight, at 224x112.
-        network: relative depth; None measures only the ways that need none.
+        network: relative depth; None measures only the methods that need none.
         tables: which, of `TABLES`.
-        advance: told of every step.
+        advance: called at every step.
 
     Returns:
         What was measured on, and rows by table: names, numbers, and None for what is not a number.
@@ -68,8 +68,8 @@ def evaluate_depth(
     for table in tables:
         if table not in _MAKERS:
             raise UnknownNameError("table", table, TABLES)
-    pictures = list(take_pictures(plan, segmenter, network, advance=advance))
-    questions = DepthQuestions.of(pictures, seed=plan.views.seed)
+    images = list(take_images(plan, segmenter, network, advance=advance))
+    questions = DepthQuestions.of(images, seed=plan.views.seed)
     edges = [int(np.count_nonzero(~pairs.across)) for pairs in questions.pairs]
     lengths_m = questions.edge_lengths()
     return {
@@ -78,8 +78,8 @@ def evaluate_depth(
         "seed": plan.views.seed,
         "profile": plan.views.profile,
         "masks": plan.masks,
-        "pictures": len(pictures),
-        "pictures_with_edges": sum(count > 0 for count in edges),
+        "images": len(images),
+        "images_with_edges": sum(count > 0 for count in edges),
         "edges": sum(edges),
         "median_edge_m": _plain(float(np.median(lengths_m)) if lengths_m.size else math.nan),
         "points": sum(len(points) for points in questions.points),

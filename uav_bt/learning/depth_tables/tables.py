@@ -26,7 +26,7 @@ from perception.depth.evaluation.point_pairs import (
     pick_pairs,
 )
 from perception.depth.evaluation.scores import ErrorSummary, summarise_errors
-from uav_bt.learning.depth_tables.images import Masks, Picture
+from uav_bt.learning.depth_tables.images import Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
 from uav_bt.progress import Advance, silent
 from uav_bt.types import DepthMap
@@ -49,33 +49,33 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthQuestions:
-    """Pictures, and what is asked of each."""
+    """Images, and the pairs and points that are measured in each."""
 
-    pictures: Sequence[Picture]
+    images: Sequence[SampleImage]
     pairs: Sequence[PointPairs]
     points: Sequence[MeasuredPoints]
 
     @classmethod
     def of(
         cls,
-        pictures: Sequence[Picture],
+        images: Sequence[SampleImage],
         *,
         seed: int = 0,
         pairs: PairConfig | None = None,
         points: PointConfig | None = None,
     ) -> DepthQuestions:
-        """Pick pairs and points in every picture."""
+        """Pick pairs and points in every image."""
         chosen, drawn = [], []
-        for number, picture in enumerate(pictures):
+        for number, image in enumerate(images):
             generator = np.random.default_rng((seed, number))
-            exact = (picture.ids, picture.depth_m, picture.camera)
+            exact = (image.ids, image.depth_m, image.camera)
             chosen.append(pick_pairs(*exact, generator, pairs))
             drawn.append(draw_points(*exact, generator, points))
-        return cls(pictures=pictures, pairs=chosen, points=drawn)
+        return cls(images=images, pairs=chosen, points=drawn)
 
     def edge_lengths(self) -> Floats:
         """Return the true lengths of all edges, metres."""
-        return self._lengths([picture.depth_m for picture in self.pictures], across=False)
+        return self._lengths([image.depth_m for image in self.images], across=False)
 
     def pair_errors(
         self, maps: Sequence[DepthMap], *, across: bool = False, patch_px: int = 1
@@ -83,11 +83,11 @@ class DepthQuestions:
         """Summarise the distances between the points of pairs.
 
         Args:
-            maps: metric depth of every picture.
+            maps: metric depth of every image.
             across: of pairs on two faces, else of edges.
             patch_px: side of the median's square; the truth is that of the points themselves.
         """
-        truth = self._lengths([picture.depth_m for picture in self.pictures], across=across)
+        truth = self._lengths([image.depth_m for image in self.images], across=across)
         estimated = self._lengths([map_.depth for map_ in maps], across=across, patch_px=patch_px)
         return summarise_errors(estimated, truth)
 
@@ -95,8 +95,8 @@ class DepthQuestions:
         self, depths: Sequence[NDArray[np.float32]], *, across: bool, patch_px: int = 1
     ) -> Floats:
         lengths = [
-            pair_distances(depth, pairs, picture.camera, patch_px=patch_px)[pairs.across == across]
-            for depth, pairs, picture in zip(depths, self.pairs, self.pictures, strict=True)
+            pair_distances(depth, pairs, image.camera, patch_px=patch_px)[pairs.across == across]
+            for depth, pairs, image in zip(depths, self.pairs, self.images, strict=True)
         ]
         return np.concatenate(lengths)
 
@@ -105,9 +105,9 @@ class DepthQuestions:
     ) -> ErrorSummary:
         """Summarise distances from the camera: of obstacles, of the carpet, or of both (None)."""
         estimated, truth = [], []
-        for map_, points, picture in zip(maps, self.points, self.pictures, strict=True):
+        for map_, points, image in zip(maps, self.points, self.images, strict=True):
             counts = np.full(len(points), True) if obstacle is None else points.obstacle == obstacle
-            estimated.append(ranges_at(map_.depth, points, picture.camera)[counts])
+            estimated.append(ranges_at(map_.depth, points, image.camera)[counts])
             truth.append(points.range_m[counts])
         return summarise_errors(np.concatenate(estimated), np.concatenate(truth))
 
@@ -173,9 +173,9 @@ def distance_table(
 def _all_maps(
     questions: DepthQuestions, masks: Masks, stage: str, advance: Advance
 ) -> Iterator[tuple[Method, list[DepthMap]]]:
-    methods = methods_for(questions.pictures)
+    methods = methods_for(questions.images)
     for done, method in enumerate(methods, start=1):
-        yield method, metric_maps(method, questions.pictures, masks)
+        yield method, metric_maps(method, questions.images, masks)
         advance(stage, done, len(methods))
 
 
@@ -210,13 +210,13 @@ def sensitivity_table(
     ]
     methods = [
         method
-        for method in methods_for(questions.pictures)
+        for method in methods_for(questions.images)
         if method.name in ("adaptive", "fused", "footing")
     ]
     rows = []
     for done, (change, whose, error) in enumerate(changes, start=1):
         for method in methods:
-            maps = metric_maps(method, questions.pictures, whose, error=error)
+            maps = metric_maps(method, questions.images, whose, error=error)
             rows.append(
                 SensitivityRow(
                     change=change,

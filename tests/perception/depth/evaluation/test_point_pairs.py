@@ -96,7 +96,7 @@ def test_a_strip_that_shrinks_to_a_line_has_no_edges() -> None:
 
 def test_pairs_across_have_their_ends_on_two_faces() -> None:
     scenery = one_face().paint(BOXES[1], np.s_[30:71], np.s_[10:51], 3.0)
-    pairs = scenery.pick(config=PairConfig(most_across=3))
+    pairs = scenery.pick(config=PairConfig(max_across=3))
     assert np.count_nonzero(pairs.across) == 3
     first, second = pairs.first[pairs.across], pairs.second[pairs.across]
     on = [scenery.ids[ends[:, 1], ends[:, 0]] for ends in (first, second)]
@@ -105,7 +105,7 @@ def test_pairs_across_have_their_ends_on_two_faces() -> None:
 
 
 def test_no_more_edges_than_wanted_and_another_seed_picks_others() -> None:
-    config = PairConfig(most=1)
+    config = PairConfig(max_edges=1)
     picks = [one_face().pick(seed, config) for seed in range(12)]
     assert {len(pairs) for pairs in picks} == {1}
     assert len({tuple(pairs.first[0]) for pairs in picks}) > 1

@@ -39,7 +39,7 @@ def test_a_view_without_carpet_has_no_metric_error() -> None:
     sample = _sample()
     blind = replace(sample, ids=np.full_like(sample.ids, 4))
     score = score_depth([blind, sample])
-    assert score.pictures == 2
+    assert score.images == 2
     assert score.obstacle_error_m == pytest.approx(0.0, abs=1e-6)
 
 
@@ -54,7 +54,7 @@ def test_a_depth_that_is_not_positive_is_refused() -> None:
 
 
 def test_nothing_to_score_is_refused() -> None:
-    with pytest.raises(ValueRangeError, match="no pictures"):
+    with pytest.raises(ValueRangeError, match="no images"):
         score_depth([])
 
 

@@ -1,4 +1,4 @@
-"""Evaluation of metric depth on pictures of the twin, in small, with depth that is known."""
+"""Evaluation of metric depth on images of the twin, in small, with depth that is known."""
 
 import math
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from uav_bt.classes import CARPET
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.depth import DepthViewPlan
 from uav_bt.learning.depth_tables.corridors import FOCAL_FACTORS, FRONTS_M, corridor_table
-from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Picture, PicturePlan, take_pictures
+from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, ImagePlan, SampleImage, take_images
 from uav_bt.learning.depth_tables.methods import METHODS, Error, methods_for, metric_maps
 from uav_bt.learning.depth_tables.report import TABLES, evaluate_depth
 from uav_bt.learning.depth_tables.tables import (
@@ -24,7 +24,7 @@ from uav_bt.learning.depth_tables.tables import (
 )
 from uav_bt.types import ClassMap, DepthMap, Frame
 
-PLAN = PicturePlan(views=DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3))
+PLAN = ImagePlan(views=DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3))
 SECRET = 0.37  # metres for one unit of the relative depth below
 
 
@@ -46,74 +46,74 @@ class Flat:
 
 
 @pytest.fixture(scope="module")
-def raw() -> list[Picture]:
-    return list(take_pictures(PLAN, Grey(), Flat()))
+def raw() -> list[SampleImage]:
+    return list(take_images(PLAN, Grey(), Flat()))
 
 
-def _known(picture: Picture, *, shift_m: float = 0.0) -> Picture:
-    """Give a picture exact telemetry, exact masks, and exact depth in a secret unit."""
+def _known(image: SampleImage, *, shift_m: float = 0.0) -> SampleImage:
+    """Give an image exact telemetry, exact masks, and exact depth in a secret unit."""
     relative = DepthMap(
-        depth=((picture.depth_m - shift_m) / np.float32(SECRET)).astype(np.float32),
+        depth=((image.depth_m - shift_m) / np.float32(SECRET)).astype(np.float32),
         metric=False,
-        captured_s=picture.frame.captured_s,
+        captured_s=image.frame.captured_s,
     )
-    frame = picture.frame
-    view = view_of(frame, picture.camera, MAP_SIZE_PX)
+    frame = image.frame
+    view = view_of(frame, image.camera, MAP_SIZE_PX)
     lever_m = view.height_m - frame.height_above_carpet_m
-    frame = replace(frame, height_above_carpet_m=picture.truth.height_m - lever_m)
-    exact = picture.masks["exact"]
-    return replace(picture, frame=frame, relative=relative, masks={"unet": exact, "exact": exact})
+    frame = replace(frame, height_above_carpet_m=image.truth.height_m - lever_m)
+    exact = image.masks["exact"]
+    return replace(image, frame=frame, relative=relative, masks={"unet": exact, "exact": exact})
 
 
 @pytest.fixture(scope="module")
-def known(raw: list[Picture]) -> list[Picture]:
-    return [_known(picture) for picture in raw]
+def known(raw: list[SampleImage]) -> list[SampleImage]:
+    return [_known(image) for image in raw]
 
 
 @pytest.fixture(scope="module")
-def questions(known: list[Picture]) -> DepthQuestions:
+def questions(known: list[SampleImage]) -> DepthQuestions:
     return DepthQuestions.of(known)
 
 
-# --- pictures -------------------------------------------------------------------------------------
+# --- images -------------------------------------------------------------------------------------
 
 
-def test_the_same_plan_takes_the_same_pictures_whichever_scenes_stand_beside(
-    raw: list[Picture],
+def test_the_same_plan_takes_the_same_images_whichever_scenes_stand_beside(
+    raw: list[SampleImage],
 ) -> None:
     alone = replace(PLAN, views=replace(PLAN.views, scenes=("train-b",)))
-    for first, second in zip(raw[5:], take_pictures(alone, Grey(), None), strict=True):
+    for first, second in zip(raw[5:], take_images(alone, Grey(), None), strict=True):
         np.testing.assert_array_equal(first.ids, second.ids)
         np.testing.assert_array_equal(first.frame.image, second.frame.image)
         assert first.frame.height_above_carpet_m == second.frame.height_above_carpet_m
 
 
-def test_telemetry_errs_like_a_flight_s_and_no_more(raw: list[Picture]) -> None:
+def test_telemetry_errs_like_a_flight_s_and_no_more(raw: list[SampleImage]) -> None:
     errors_m = [
-        view_of(picture.frame, picture.camera, MAP_SIZE_PX).height_m - picture.truth.height_m
-        for picture in raw
+        view_of(image.frame, image.camera, MAP_SIZE_PX).height_m - image.truth.height_m
+        for image in raw
     ]
     assert 0.003 < np.std(errors_m) < 0.06
     assert np.abs(errors_m).max() < 0.12
-    assert all(picture.frame.attitude.pitch_rad != 0.0 for picture in raw)
-    assert all(picture.frame.gimbal_pitch_rad == picture.truth.pitch_rad for picture in raw)
+    assert all(image.frame.attitude.pitch_rad != 0.0 for image in raw)
+    assert all(image.frame.gimbal_pitch_rad == image.truth.pitch_rad for image in raw)
 
 
 def test_an_ideal_profile_has_no_telemetry_error() -> None:
     plan = replace(PLAN, views=replace(PLAN.views, scenes=("train-a",), profile="ideal"))
     errors_m = []
-    for picture in take_pictures(plan, Grey(), None):
-        view = view_of(picture.frame, picture.camera, MAP_SIZE_PX)
-        assert view.height_m == pytest.approx(picture.truth.height_m, abs=1e-6)
-        carpet = picture.ids == CARPET
-        errors_m.append(np.abs(ground_depth(view) - picture.depth_m)[carpet])
+    for image in take_images(plan, Grey(), None):
+        view = view_of(image.frame, image.camera, MAP_SIZE_PX)
+        assert view.height_m == pytest.approx(image.truth.height_m, abs=1e-6)
+        carpet = image.ids == CARPET
+        errors_m.append(np.abs(ground_depth(view) - image.depth_m)[carpet])
     # The carpet's exact depth is then the ground plane's.
     assert np.percentile(np.concatenate(errors_m), 99) < 0.005
 
 
-def test_landings_are_left_out(raw: list[Picture]) -> None:
+def test_landings_are_left_out(raw: list[SampleImage]) -> None:
     assert len(raw) == 10
-    assert min(picture.frame.gimbal_pitch_rad for picture in raw) > math.radians(-46)
+    assert min(image.frame.gimbal_pitch_rad for image in raw) > math.radians(-46)
 
 
 def test_masks_of_another_size_are_refused() -> None:
@@ -122,24 +122,24 @@ def test_masks_of_another_size_are_refused() -> None:
             return ClassMap(ids=np.zeros((9, 16), dtype=np.uint8), captured_s=frame.captured_s)
 
     with pytest.raises(ValueRangeError, match="224x112 pixels; the masks are 16x9"):
-        next(take_pictures(PLAN, Small(), None))
+        next(take_images(PLAN, Small(), None))
 
 
 @pytest.mark.parametrize(
     "bad",
     [
-        lambda: PicturePlan(views=DepthViewPlan(scenes=())),
-        lambda: PicturePlan(views=DepthViewPlan(views=0)),
+        lambda: ImagePlan(views=DepthViewPlan(scenes=())),
+        lambda: ImagePlan(views=DepthViewPlan(views=0)),
     ],
 )
-def test_plans_without_pictures_are_refused(bad: Any) -> None:
+def test_plans_without_images_are_refused(bad: Any) -> None:
     with pytest.raises(ValueRangeError, match="a scene and a positive count"):
         bad()
 
 
 def test_unknown_masks_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'unet'"):
-        PicturePlan(masks="unets")  # type: ignore[arg-type]
+        ImagePlan(masks="unets")  # type: ignore[arg-type]
 
 
 # --- methods --------------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ def test_unknown_masks_are_refused() -> None:
 
 @pytest.mark.parametrize("name", ["constant", "least_squares", "adaptive", "fused"])
 def test_every_scale_finds_the_secret_unit(
-    name: str, known: list[Picture], questions: DepthQuestions
+    name: str, known: list[SampleImage], questions: DepthQuestions
 ) -> None:
     method = next(method for method in METHODS if method.name == name)
     maps = metric_maps(method, known, "exact")
@@ -156,8 +156,8 @@ def test_every_scale_finds_the_secret_unit(
     assert questions.pair_errors(maps).mean_m < 0.02
 
 
-def test_only_least_squares_undoes_a_shift(raw: list[Picture]) -> None:
-    shifted = [_known(picture, shift_m=0.4) for picture in raw]
+def test_only_least_squares_undoes_a_shift(raw: list[SampleImage]) -> None:
+    shifted = [_known(image, shift_m=0.4) for image in raw]
     questions = DepthQuestions.of(shifted)
     errors = {
         row.method: row.error.mean_m
@@ -168,17 +168,17 @@ def test_only_least_squares_undoes_a_shift(raw: list[Picture]) -> None:
     assert min(errors["constant"], errors["adaptive"]) > 2.0 * errors["least_squares"]
 
 
-def test_collected_scales_know_all_pictures_before_the_first(known: list[Picture]) -> None:
-    """The first picture's unit differs: a constant scale must not follow it."""
+def test_collected_scales_know_all_images_before_the_first(known: list[SampleImage]) -> None:
+    """The first image's unit differs: a constant scale must not follow it."""
     odd = replace(known[0].relative, depth=2.0 * known[0].relative.depth)
-    pictures = [replace(known[0], relative=odd), *known[1:]]
+    images = [replace(known[0], relative=odd), *known[1:]]
     constant = next(method for method in METHODS if method.name == "constant")
-    first = metric_maps(constant, pictures, "exact")[0].depth
+    first = metric_maps(constant, images, "exact")[0].depth
     assert np.nanmedian(first / known[0].depth_m) == pytest.approx(2.0, rel=0.05)
 
 
 def test_the_flat_world_ignores_the_network(
-    known: list[Picture], questions: DepthQuestions
+    known: list[SampleImage], questions: DepthQuestions
 ) -> None:
     flat = next(method for method in METHODS if method.name == "flat")
     maps = metric_maps(flat, known, "exact")
@@ -188,13 +188,13 @@ def test_the_flat_world_ignores_the_network(
     assert questions.distance_errors(maps).mean_m > 0.2
 
 
-def test_without_a_network_only_the_ways_that_need_none_remain(known: list[Picture]) -> None:
-    blind = [replace(picture, relative=None) for picture in known]
+def test_without_a_network_only_the_ways_that_need_none_remain(known: list[SampleImage]) -> None:
+    blind = [replace(image, relative=None) for image in known]
     assert [method.name for method in methods_for(blind)] == ["footing", "lowest_pixel", "flat"]
     assert len(methods_for(known)) == len(METHODS)
 
 
-def test_errors_of_telemetry_add_to_what_the_sensors_say(known: list[Picture]) -> None:
+def test_errors_of_telemetry_add_to_what_the_sensors_say(known: list[SampleImage]) -> None:
     frame = known[0].frame
     wrong = Error(height_m=0.1, pitch_rad=-0.02).on(frame)
     assert wrong.height_above_carpet_m == pytest.approx(frame.height_above_carpet_m + 0.1)
@@ -240,7 +240,7 @@ def test_wrong_height_costs_in_proportion_and_masks_make_rows(questions: DepthQu
 # --- corridor -------------------------------------------------------------------------------------
 
 
-def test_exact_depth_sees_the_true_corridor(known: list[Picture]) -> None:
+def test_exact_depth_sees_the_true_corridor(known: list[SampleImage]) -> None:
     rows = corridor_table(known, "exact")
     assert {row.front_m for row in rows} == set(FRONTS_M)
     assert {row.focal_factor for row in rows} == set(FOCAL_FACTORS)
@@ -249,18 +249,18 @@ def test_exact_depth_sees_the_true_corridor(known: list[Picture]) -> None:
     assert sum(row.clear_misses + row.clear_false_alarms for row in seen) == 0
 
 
-def test_a_blind_method_misses_every_intrusion(known: list[Picture]) -> None:
+def test_a_blind_method_misses_every_intrusion(known: list[SampleImage]) -> None:
     far = [
         replace(
-            picture,
+            image,
             relative=replace(
-                picture.relative,
-                depth=np.where(
-                    picture.ids > CARPET, np.float32(100.0), picture.relative.depth
-                ).astype(np.float32),
+                image.relative,
+                depth=np.where(image.ids > CARPET, np.float32(100.0), image.relative.depth).astype(
+                    np.float32
+                ),
             ),
         )
-        for picture in known
+        for image in known
     ]
     for row in corridor_table(far, "exact"):
         if row.method == "adaptive":
@@ -269,14 +269,13 @@ def test_a_blind_method_misses_every_intrusion(known: list[Picture]) -> None:
             assert math.isnan(row.nearest_error_m)
 
 
-def test_pictures_without_depth_are_no_misses(known: list[Picture]) -> None:
+def test_images_without_depth_are_no_misses(known: list[SampleImage]) -> None:
     nothing = np.zeros_like(known[0].ids)
     nowhere = [
-        replace(picture, masks={"unet": replace(picture.masks["unet"], ids=nothing)})
-        for picture in known
+        replace(image, masks={"unet": replace(image.masks["unet"], ids=nothing)}) for image in known
     ]
     for row in corridor_table(nowhere, "unet"):
-        assert row.without_depth == row.pictures == len(known)
+        assert row.without_depth == row.images == len(known)
         assert row.misses == row.intruded == 0
 
 
@@ -290,8 +289,8 @@ def test_a_report_is_plain_values() -> None:
         plan, Grey(), None, advance=lambda stage, done, total: told.append((stage, done, total))
     )
     assert tuple(result["tables"]) == TABLES
-    assert result["pictures"] == 2
-    assert ("pictures", 2, 2) in told
+    assert result["images"] == 2
+    assert ("images", 2, 2) in told
 
     def leaves(value: Any) -> Iterator[Any]:
         if isinstance(value, dict | list):
@@ -308,7 +307,7 @@ def test_a_report_is_plain_values() -> None:
     ("tables", "error", "words"),
     [(["pair"], UnknownNameError, "did you mean 'pairs'"), ([], ValueRangeError, "no table")],
 )
-def test_tables_are_checked_before_any_picture_is_taken(
+def test_tables_are_checked_before_any_image_is_taken(
     tables: list[str], error: type[Exception], words: str
 ) -> None:
     class Never:
