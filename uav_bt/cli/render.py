@@ -16,10 +16,9 @@ __all__ = ["render"]
 @click.option(
     "--format",
     "format_",
-    type=click.Choice(["ascii", "svg", "dot", "mermaid"]),
+    type=click.Choice(["ascii", "svg"]),
     default="ascii",
     show_default=True,
-    help="dot is for Graphviz, mermaid for Markdown pages.",
 )
 @output_option("--out", "Write the picture there; it is printed if not given.")
 @palette_option()
@@ -27,7 +26,7 @@ def render(*, tree: str, format_: str, out: Path | None, palette: Path | None) -
     """Draw a tree file, with its subtrees in place.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Each node shows its name and
-    what the file gives it; svg, dot and mermaid also show the board keys that it reads and writes.
+    what the file gives it; svg also shows the board keys that it reads and writes.
     """
     from uav_bt.tree import load_tree  # noqa: PLC0415 - `--help` need not wait for it
     from uav_bt.tree.render import render as draw  # noqa: PLC0415

@@ -8,13 +8,12 @@ from xml.etree import ElementTree as ET
 
 from uav_bt.groot.numbering import TreeInstance, TreeNumbering
 from uav_bt.tree import Node
-from uav_bt.tree.describe import NodeInfo, describe
+from uav_bt.tree.describe import add_model
 from uav_bt.tree.nodes.subtree import SubTree
+from uav_bt.tree.port import port_text
 
 __all__ = ["tree_xml"]
 
-# What graphical editors and other engines of the format call these types.
-_TYPE_NAMES: Final = {"int": "int", "float": "double", "bool": "bool", "str": "std::string"}
 # XML has no way to write these; a node composed in Python may be named with them.
 _UNWRITABLE: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
@@ -33,7 +32,7 @@ def tree_xml(numbering: TreeNumbering) -> str:
     classes = {node.node_id: type(node) for node in numbering.nodes}
     for node_id in sorted(classes):
         if not issubclass(classes[node_id], SubTree):  # described by the trees themselves
-            _add_model(model, describe(classes[node_id]))
+            add_model(model, classes[node_id])
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
@@ -72,31 +71,10 @@ def _attributes(node: Node) -> dict[str, str]:
         if reference is not None:
             attributes[port.name] = str(reference)
         elif port.direction == "input":
-            attributes[port.name] = _text(node.port_value(port.name))
+            attributes[port.name] = port_text(node.port_value(port.name))
     if isinstance(node, SubTree):
         attributes |= node.attributes
     return attributes | node.condition_scripts
-
-
-def _add_model(parent: ET.Element, info: NodeInfo) -> None:
-    element = ET.SubElement(parent, info.kind, ID=info.node_id)
-    for port in info.ports:
-        entry = ET.SubElement(
-            element,
-            f"{port.direction}_port",
-            name=port.name,
-            type=_TYPE_NAMES.get(port.type, port.type),
-        )
-        if port.default is not None:
-            entry.set("default", _writable(port.default))
-        if port.doc:
-            entry.text = _writable(port.doc)
-
-
-def _text(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return str(value)
 
 
 def _writable(text: str) -> str:

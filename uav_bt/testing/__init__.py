@@ -36,26 +36,13 @@ __all__ = [
     "pinhole",
 ]
 
-_HOMES: Final = {
-    "BenchBoard": "uav_bt.testing.board",
-    "Event": "uav_bt.testing.events",
-    "EventLog": "uav_bt.testing.events",
-    "NodeEvent": "uav_bt.tree.observer",
-    "LeafBench": "uav_bt.testing.bench",
-    "ManualClock": "uav_bt.clock",
-    "ScriptedDrone": "uav_bt.testing.drone",
-    "ScriptedDroneConfig": "uav_bt.testing.drone",
-    "StrictBlackboard": "uav_bt.testing.board",
-    "TickOutcome": "uav_bt.testing.tree_bench",
-    "TreeBench": "uav_bt.testing.tree_bench",
-    "blank_frame": "uav_bt.testing.drone",
-    "load_tree": "uav_bt.testing.tree_bench",
-    "parse_tree": "uav_bt.testing.tree_bench",
-    "pinhole": "uav_bt.testing.drone",
-}
+_MODULES: Final = ("bench", "board", "drone", "events", "tree_bench")
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    if name in __all__:
+        for module in _MODULES:
+            home = importlib.import_module(f"{__name__}.{module}")
+            if hasattr(home, name):
+                return getattr(home, name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -4,27 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
-from xml.sax.saxutils import escape, quoteattr
+from typing import Any
+from xml.etree import ElementTree as ET
 
 from uav_bt.board.blackboard import Key
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
-from uav_bt.tree.port import Port
+from uav_bt.tree.port import PORT_TYPES, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["NodeInfo", "PortInfo", "describe", "describe_all", "palette_xml", "port_text"]
-
-# What graphical editors and other engines of the format call these types.
-_TYPE_NAMES: Final[dict[type, str]] = {
-    int: "int",
-    float: "double",
-    bool: "bool",
-    str: "std::string",
-    object: "BT::AnyTypeAllowed",
-}
-_PORT_TAGS: Final = {"input": "input_port", "output": "output_port", "inout": "inout_port"}
+__all__ = ["NodeInfo", "PortInfo", "add_model", "describe", "describe_all", "palette_xml"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,13 +42,6 @@ class NodeInfo:
     writes: tuple[str, ...]
     builtin: bool  # one of the format's own
     origin: str  # module and class
-
-
-def port_text(value: object) -> str:
-    """Return a port's value as a tree file has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return str(value)
 
 
 def _summary(node: type[Node]) -> str:
@@ -110,23 +93,27 @@ def palette_xml(registry: NodeRegistry) -> str:
     A graphical editor imports it and offers the nodes with their ports; what it saves again is
     accepted by the loader.
     """
-    lines = ['<root BTCPP_format="4">', "  <TreeNodesModel>"]
+    root = ET.Element("root", BTCPP_format="4")
+    model = ET.SubElement(root, "TreeNodesModel")
     for node_id in registry:
-        node = registry[node_id]
-        if node not in BUILTIN_NODES:
-            lines += _model(node)
-    lines += ["  </TreeNodesModel>", "</root>", ""]
-    return "\n".join(lines)
+        if registry[node_id] not in BUILTIN_NODES:
+            add_model(model, registry[node_id])
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _model(node: type[Node]) -> list[str]:
-    tag = node.kind.value
-    lines = [f"    <{tag} ID={quoteattr(node.node_id)}>"]
+def add_model(parent: ET.Element, node: type[Node]) -> None:
+    """Describe a node class to graphical editors.
+
+    Args:
+        parent: the TreeNodesModel.
+        node: the class.
+    """
+    element = ET.SubElement(parent, node.kind.value, ID=node.node_id)
     for port in node.ports:
-        port_tag = _PORT_TAGS[port.direction]
-        attributes = f" name={quoteattr(port.name)}"
-        attributes += f" type={quoteattr(_TYPE_NAMES.get(port.type, port.type.__name__))}"
+        known = PORT_TYPES.get(port.type)
+        name = port.type.__name__ if known is None else known.cpp_name
+        entry = ET.SubElement(element, f"{port.direction}_port", name=port.name, type=name)
         if port.default is not Port.REQUIRED:
-            attributes += f" default={quoteattr(port_text(port.default))}"
-        lines.append(f"      <{port_tag}{attributes}>{escape(port.doc)}</{port_tag}>")
-    return [*lines, f"    </{tag}>"]
+            entry.set("default", port_text(port.default))
+        entry.text = port.doc

@@ -12,20 +12,16 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees import common
 
-from uav_bt.board.blackboard import Key, Reading
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailedError
-from uav_bt.protocols import Clock
+from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
-from uav_bt.tree.port import Port, Reference, bind_ports
-from uav_bt.tree.script import Environment
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
-from uav_bt.tree.variables import Variables
+from uav_bt.tree.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from abc import ABC
@@ -50,9 +46,6 @@ else:
 
 __all__ = ["Node", "NodeKind"]
 
-T = TypeVar("T")
-
-_NO_LITERAL: Final = object()
 _ANSWERED: Final = {
     RUNNING.value: NodeEvent.CONTINUES,
     SUCCESS.value: NodeEvent.SUCCEEDED,
@@ -72,7 +65,7 @@ class NodeKind(enum.Enum):
     SUBTREE = "SubTree"
 
 
-class Node(Behaviour):
+class Node(Surroundings, Behaviour):
     """Base of every node.
 
     Args:
@@ -85,9 +78,7 @@ class Node(Behaviour):
         TypeError: a child is a py_trees behaviour, but none of our nodes.
     """
 
-    node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
     kind: ClassVar[NodeKind]
-    ports: ClassVar[tuple[Port[Any], ...]] = ()
     min_children: ClassVar[int] = 0
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 
@@ -116,55 +107,16 @@ class Node(Behaviour):
                 )
             child.parent = self
         scripts = {key: str(given[key]) for key in given if key in CONDITION_ATTRIBUTES}
-        values = {key: value for key, value in given.items() if key not in scripts}
-        bound, wrong = bind_ports(self.ports, values, CONDITION_ATTRIBUTES)
-        for key, script in scripts.items():
-            message = check_condition(script)
-            if message is not None:
-                wrong[key] = f"attribute '{key}': {message}"
-        if wrong:
-            raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(wrong.values())}")
-        self._given = {key: at for key, at in bound.items() if isinstance(at, Reference)}
-        self._references = self._given  # once placed: a subtree's variable may be a board key
-        self._literals = {key: at for key, at in bound.items() if key not in self._given}
-        self._variables = Variables()
-        self._mission: MissionContext | None = None
-        self._keys: dict[str, Key[Any]] = {}  # of the mission's board, by name, as they are used
+        wrong = {
+            key: f"attribute '{key}': {message}"
+            for key, script in scripts.items()
+            if (message := check_condition(script))
+        }
+        self._bind({key: value for key, value in given.items() if key not in scripts}, wrong)
         self._conditions = Conditions(scripts) if scripts else None
-        self._environment: Environment | None = None
         self._visited: Status | None = None  # shown to a visitor of py_trees instead of the status
-        self.path = self.name  # unique in its tree once the tree is made
 
-    # --- surroundings -----------------------------------------------------------------------------
-
-    @property
-    def mission(self) -> MissionContext:
-        """The mission that the tree was set up for.
-
-        Raises:
-            MissionError: it was not.
-        """
-        if self._mission is None:
-            raise MissionError(f"node '{self.path}' is not set up: call MissionTree.setup first")
-        return self._mission
-
-    @property
-    def clock(self) -> Clock:
-        """The mission's clock."""
-        return self.mission.clock
-
-    @property
-    def variables(self) -> Variables:
-        """The variables of the tree that the node stands in."""
-        return self._variables
-
-    @property
-    def environment(self) -> Environment:
-        """What scripts of this node see."""
-        if self._environment is None:
-            board = None if self._mission is None else self._mission.board
-            self._environment = Environment(self._variables, board)
-        return self._environment
+    # --- the tree ---------------------------------------------------------------------------------
 
     @property
     def condition_scripts(self) -> dict[str, str]:
@@ -172,20 +124,6 @@ class Node(Behaviour):
         if self._conditions is None:
             return {}
         return {name: script.source for name, script in self._conditions.scripts.items()}
-
-    def place(self, path: str, variables: Variables) -> None:
-        """Give the node its place in a tree; `MissionTree` does."""
-        self.path = path
-        self._variables = variables
-        self._environment = None
-        self._references = {
-            name: self._placed(reference, variables) for name, reference in self._given.items()
-        }
-
-    @staticmethod
-    def _placed(reference: Reference, variables: Variables) -> Reference:
-        key = None if reference.on_board else variables.board_key(reference.key)
-        return reference if key is None else Reference(key, on_board=True)
 
     def setup(self, mission: MissionContext | None = None, **_kwargs: Any) -> None:
         """Hand the node its mission; py_trees' own `BehaviourTree.setup(mission=...)` works too.
@@ -207,97 +145,6 @@ class Node(Behaviour):
 
     def _setup(self) -> None:
         """Get ready for the first tick; for subclasses."""
-
-    # --- ports ------------------------------------------------------------------------------------
-
-    def port(self, port: Port[T]) -> T:
-        """Return a port's value: the literal, or what its reference holds now.
-
-        Raises:
-            BoardAccessError: the reference holds nothing, nothing fresh, or another type.
-        """
-        value = self._literals.get(port.name, _NO_LITERAL)
-        return self._resolve(port) if value is _NO_LITERAL else value
-
-    def port_value(self, name: str) -> Any:
-        """Return a port's value by the port's name."""
-        value = self._literals.get(name, _NO_LITERAL)
-        return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
-
-    def port_reading(self, port: Port[T]) -> Reading[T]:
-        """Return a port's value with its age; a missing or stale one is no error."""
-        reference = self._references.get(port.name)
-        if reference is None:
-            return Reading(self.port(port), 0.0)
-        if reference.on_board:
-            reading = self._read_board(self._board_key(reference))
-            if reading.value is None:
-                return Reading(None, reading.age_s)
-            return Reading(self._converted(port, reading.value), reading.age_s)
-        entry = self._variables.entry(reference.key)
-        if entry is None:
-            return Reading(None, float("inf"))
-        return Reading(self._converted(port, entry.value), 0.0)
-
-    def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key; unconnected, it goes nowhere."""
-        reference = self._references.get(port.name)
-        if reference is None:
-            return  # nobody connected it
-        if reference.on_board:
-            self._write_board(self._board_key(reference), value)
-        else:
-            self._variables[reference.key] = value
-
-    def reference(self, port: Port[Any]) -> Reference | None:
-        """Return what a port refers to, or None when it has a literal or is unconnected."""
-        return self._references.get(port.name)
-
-    def _declared(self, name: str) -> Port[Any]:
-        for port in self.ports:
-            if port.name == name:
-                return port
-        raise BoardAccessError(f"node '{self.path}' declares no port '{name}'")
-
-    def _resolve(self, port: Port[T]) -> T:
-        reference = self._references.get(port.name)
-        if reference is None:
-            raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
-        if reference.on_board:
-            value = self._board_value(self._board_key(reference))
-        else:
-            entry = self._variables.entry(reference.key)
-            value = None if entry is None else entry.value
-        if value is None:
-            age_s = self.port_reading(port).age_s
-            raise BoardAccessError(
-                f"node '{self.path}', port '{port.name}': {self._given[port.name]} "
-                f"holds nothing fresh (age {age_s:.2f} s)"
-            )
-        return self._converted(port, value)
-
-    def _converted(self, port: Port[T], value: object) -> T:
-        if type(value) is port.type and port.takes_all:
-            return value
-        try:
-            return port.read(value)
-        except ValueError as error:
-            raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
-
-    def _board_key(self, reference: Reference) -> Key[Any]:
-        key = self._keys.get(reference.key)
-        if key is None:
-            key = self._keys[reference.key] = self.mission.board.key(reference.key)
-        return key
-
-    def _board_value(self, key: Key[T]) -> T | None:
-        return self.mission.board.value(key)
-
-    def _read_board(self, key: Key[T]) -> Reading[T]:
-        return self.mission.board.read(key)
-
-    def _write_board(self, key: Key[T], value: T) -> None:
-        self.mission.board.write(key, value)
 
     # --- the tick ---------------------------------------------------------------------------------
 

@@ -13,25 +13,46 @@ from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
 
-__all__ = ["RESERVED_ATTRIBUTES", "Port", "Reference", "parse_reference"]
+__all__ = [
+    "PORT_TYPES",
+    "REFERENCE_KEY",
+    "RESERVED_ATTRIBUTES",
+    "Port",
+    "PortType",
+    "Reference",
+    "bind_ports",
+    "parse_reference",
+    "port_text",
+]
 
 T = TypeVar("T")
 
 RESERVED_ATTRIBUTES: Final = frozenset({"ID", "name"})
 
 _PORT_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_REFERENCE: Final = re.compile(r"\s*\{\s*(?P<board>@?)(?P<key>[A-Za-z_][A-Za-z0-9_.\-]*|=)\s*\}\s*")
-# Only what the format's own engine reads: no underscores, no "inf", no hexadecimal.
-_INTEGER: Final = re.compile(r"[+-]?[0-9]+")
-_NUMBER: Final = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_TRUE: Final = frozenset({"true", "True", "TRUE", "1"})
-_FALSE: Final = frozenset({"false", "False", "FALSE", "0"})
-_TYPE_WORDS: Final[dict[type, str]] = {
-    int: "an integer",
-    float: "a number",
-    bool: "true or false",
-    str: "a text",
+REFERENCE_KEY: Final = r"[A-Za-z_][A-Za-z0-9_.\-]*|="
+_REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})\s*\}}\s*")
+
+
+@dataclass(frozen=True)
+class PortType:
+    """How the values of a type are written."""
+
+    words: str  # in messages
+    cpp_name: str  # what graphical editors and other engines of the format call it
+    # Of its literals, as a regular expression for Python and XML Schema; None: any text. Only what
+    # the format's own engine reads: no underscores, no "inf", no hexadecimal.
+    pattern: str | None = None
+
+
+PORT_TYPES: Final[dict[type, PortType]] = {
+    int: PortType("an integer", "int", r"[+\-]?[0-9]+"),
+    float: PortType("a number", "double", r"[+\-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?"),
+    bool: PortType("true or false", "bool", "true|True|TRUE|1|false|False|FALSE|0"),
+    str: PortType("a text", "std::string"),
+    object: PortType("a value", "BT::AnyTypeAllowed"),
 }
+"""The types that have literals; of any other a port takes references only."""
 
 
 @dataclass(frozen=True)
@@ -149,12 +170,13 @@ class Port(Generic[T]):
         if self.type in {str, object}:
             return text
         stripped = text.strip()
-        if self.type is bool and stripped in _TRUE | _FALSE:
-            return stripped in _TRUE
-        if self.type is int and _INTEGER.fullmatch(stripped):
-            return int(stripped)
-        if self.type is float and _NUMBER.fullmatch(stripped) and math.isfinite(float(stripped)):
-            return float(stripped)
+        known = PORT_TYPES.get(self.type)
+        if known is not None and known.pattern and re.fullmatch(known.pattern, stripped):
+            if self.type is bool:
+                return stripped.lower() in {"true", "1"}
+            value: Any = self.type(stripped)  # type: ignore[call-arg]  # int or float
+            if math.isfinite(value):
+                return value
         raise ValueError(f"expected {self._type_words()}, got '{text}'")
 
     def _cast(self, value: object) -> object:
@@ -170,7 +192,15 @@ class Port(Generic[T]):
         return value
 
     def _type_words(self) -> str:
-        return _TYPE_WORDS.get(self.type, f"a {self.type.__name__}")
+        known = PORT_TYPES.get(self.type)
+        return f"a {self.type.__name__}" if known is None else known.words
+
+
+def port_text(value: object) -> str:
+    """Return a port's value as a tree file has it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
 
 
 def bind_ports(

@@ -8,7 +8,6 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-import yaml
 
 from tests.conformance import Scripted
 from tests.uav_bt.tree.tree_world import document
@@ -125,25 +124,6 @@ def test_svg_escapes_all_texts() -> None:
     assert texts[:3] == [NASTY, "Sequence", NASTY]
     assert 'title="<&' in texts
     assert next(root.iter(f"{SVG}title")).text == NASTY
-
-
-def test_dot_escapes_all_texts() -> None:
-    text = render(nasty_tree(), "dot")
-    label = re.search(r'n0 \[label="(.*)", fillcolor="#d6e6f8"\];', text)
-    assert label is not None
-    assert label[1].replace("\\\\", "\\").replace('\\"', '"') == f"Sequence\\n'{NASTY}'"
-    assert "  n0 -> n1;\n  n0 -> n2;\n" in text
-
-
-def test_mermaid_writes_what_could_mean_something_as_entities() -> None:
-    text = render(nasty_tree(), "mermaid")
-    label = re.search(r'n0\["Sequence<br/>(.*)"\]:::control', text)
-    assert label is not None
-    assert not set(label[1]) & set('"<>&\\`[]')
-    assert yaml.safe_load(text.split("---")[1]) == {"title": NASTY}
-    back = re.sub(r"#(\d+);", lambda match: chr(int(match[1])), label[1])
-    assert back == f"'{NASTY}'"
-    assert "  n0 --- n1\n  n0 --- n2\n" in text
 
 
 @pytest.mark.parametrize("format_", FORMATS)

@@ -25,7 +25,7 @@ def test_a_starter_is_good_and_is_the_shipped_mission_with_a_comment(
     assert text.count("How to read it") == 1
     assert 'attribute="{@name}"' in text
     shipped = load_tree(resolve_tree(STARTERS[start]))
-    assert render(parse_tree(text), "dot") == render(shipped, "dot")
+    assert render(parse_tree(text), "svg") == render(shipped, "svg")
 
 
 def test_a_file_that_exists_is_never_touched(tmp_path: Path) -> None:

@@ -17,11 +17,11 @@ from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.describe import NodeInfo, describe, port_text
+from uav_bt.tree.describe import NodeInfo, describe
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
 from uav_bt.tree.loading.models import PORT_DIRECTIONS
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.port import Port
+from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
 
 __all__ = ["schema_xml"]
@@ -30,14 +30,8 @@ _TAG: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 _KIND_TAGS: Final = tuple(kind.value for kind in NodeKind)
 _EXPLICIT: Final = (NodeKind.ACTION, NodeKind.CONDITION, NodeKind.CONTROL, NodeKind.DECORATOR)
 
-# The literals of the port types, as the loader reads them.
-_PATTERNS: Final = {
-    "reference": r"\{\s*@?([A-Za-z_][A-Za-z0-9_.\-]*|=)\s*\}",
-    "integer": r"[+\-]?[0-9]+",
-    "number": r"[+\-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?",
-    "boolean": r"true|True|TRUE|1|false|False|FALSE|0",
-}
-_LITERALS: Final[dict[type, str]] = {int: "integer", float: "number", bool: "boolean"}
+_NAMES: Final[dict[type, str]] = {int: "integer", float: "number", bool: "boolean"}
+_REFERENCE: Final = rf"\{{\s*@?({REFERENCE_KEY})\s*\}}"
 
 
 def schema_xml(registry: NodeRegistry) -> str:
@@ -87,9 +81,10 @@ def _add_attribute(parent: ET.Element, name: str, type_: str, *, required: bool 
 
 def _add_values(schema: ET.Element) -> None:
     # Of a token, blanks at both ends do not count, as the loader has it.
-    for name, pattern in _PATTERNS.items():
+    _add_restriction(schema, "xs:token", "pattern", [_REFERENCE], name="value.reference")
+    for type_, name in _NAMES.items():
+        pattern = PORT_TYPES[type_].pattern or ""
         _add_restriction(schema, "xs:token", "pattern", [pattern], name=f"value.{name}")
-    for name in _LITERALS.values():
         either = _add(schema, "simpleType", name=f"port.{name}")
         _add(either, "union", memberTypes=f"value.{name} value.reference")
     _add_restriction(schema, "xs:string", "minLength", ["1"], name="value.name")
@@ -189,8 +184,8 @@ def _add_port(content: ET.Element, port: Port[Any]) -> None:
         either = _add(attribute, "simpleType")
         union = _add(either, "union", memberTypes="value.reference")
         _add_restriction(union, "xs:string", "enumeration", map(str, port.choices))
-    elif port.type in _LITERALS:
-        attribute.set("type", f"port.{_LITERALS[port.type]}")
+    elif port.type in _NAMES:
+        attribute.set("type", f"port.{_NAMES[port.type]}")
     elif port.type in {str, object}:
         attribute.set("type", "xs:string")
     else:

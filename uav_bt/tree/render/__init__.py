@@ -1,4 +1,4 @@
-"""Pictures of a tree: what a mission looks like, without flying it."""
+"""Drawings of a tree: what a mission looks like, without flying it."""
 
 from __future__ import annotations
 
@@ -6,23 +6,36 @@ from collections.abc import Callable
 from typing import Final
 
 from uav_bt.tree.mission_tree import MissionTree
-from uav_bt.tree.render.sketch import Box, sketch
+from uav_bt.tree.render.sketch import Box, one_line, sketch
 from uav_bt.tree.render.svg import svg
-from uav_bt.tree.render.texts import ascii_art, dot, mermaid
 
-__all__ = ["FORMATS", "render"]
+__all__ = ["FORMATS", "ascii_art", "render"]
 
-FORMATS: Final[dict[str, Callable[[Box, str], str]]] = {
-    "ascii": ascii_art,
-    "svg": svg,
-    "dot": dot,
-    "mermaid": mermaid,
-}
+
+def ascii_art(root: Box, title: str) -> str:
+    """Return a tree as indented lines of ASCII characters, one for each node."""
+    lines = [one_line(title, 60)]
+    stack = [(root, "", True)]
+    while stack:
+        box, before, last = stack.pop()
+        lines.append(f"{before}{'`-- ' if last else '|-- '}{_summary(box)}")
+        inside = before + ("    " if last else "|   ")
+        stack += [(child, inside, child is box.children[-1]) for child in reversed(box.children)]
+    text = "\n".join([*lines, ""])
+    return text.encode("ascii", "backslashreplace").decode("ascii")
+
+
+def _summary(box: Box) -> str:
+    name = f"'{box.name}'" if box.name else ""
+    return " ".join(text for text in (box.tag, name, *box.attributes) if text)
+
+
+FORMATS: Final[dict[str, Callable[[Box, str], str]]] = {"ascii": ascii_art, "svg": svg}
 """What draws a tree's root box under a title, by the format's name."""
 
 
 def render(tree: MissionTree, format_: str) -> str:
-    """Return a tree as a picture: its subtrees in place, each node with what the file gives it.
+    """Return a drawing of a tree: its subtrees in place, each node with what the file gives it.
 
     Args:
         tree: the tree; it need not be set up.

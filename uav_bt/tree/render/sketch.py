@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from uav_bt.errors import BoardAccessError
-from uav_bt.tree.describe import port_text
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes.subtree import SubTree
-from uav_bt.tree.port import Port
+from uav_bt.tree.port import Port, port_text
 
 __all__ = ["Box", "one_line", "sketch"]
 

@@ -1,0 +1,186 @@
+"""What a node sees: its mission, the variables of its tree, and through its ports both."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Final, TypeVar
+
+from uav_bt.board.blackboard import Key, Reading
+from uav_bt.board.context import MissionContext
+from uav_bt.errors import BoardAccessError, InputError, MissionError
+from uav_bt.protocols import Clock
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
+from uav_bt.tree.port import Port, Reference, bind_ports
+from uav_bt.tree.script import Environment
+from uav_bt.tree.variables import Variables
+
+__all__ = ["Surroundings"]
+
+T = TypeVar("T")
+
+_NO_LITERAL: Final = object()
+
+
+class Surroundings:
+    """The part of a node that reads and writes; `Node` adds the tick."""
+
+    node_id: ClassVar[str] = ""  # the XML tag; default: the class's name
+    ports: ClassVar[tuple[Port[Any], ...]] = ()
+
+    name: str
+    path: str  # unique in its tree once the tree is made
+
+    def _bind(self, given: dict[str, object], wrong: dict[str, str]) -> None:
+        """Take over what the ports are given.
+
+        Args:
+            given: values by port.
+            wrong: what is wrong with other attributes, for the same error.
+
+        Raises:
+            InputError: a port is missing, unknown or has a value of another type.
+        """
+        bound, wrong_ports = bind_ports(self.ports, given, CONDITION_ATTRIBUTES)
+        if messages := [*wrong_ports.values(), *wrong.values()]:
+            raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(messages)}")
+        self._given = {key: at for key, at in bound.items() if isinstance(at, Reference)}
+        self._references = self._given  # once placed: a subtree's variable may be a board key
+        self._literals = {key: at for key, at in bound.items() if key not in self._given}
+        self._variables = Variables()
+        self._mission: MissionContext | None = None
+        self._keys: dict[str, Key[Any]] = {}  # of the mission's board, by name, as they are used
+        self._environment: Environment | None = None
+        self.path = self.name
+
+    @property
+    def mission(self) -> MissionContext:
+        """The mission that the tree was set up for.
+
+        Raises:
+            MissionError: it was not.
+        """
+        if self._mission is None:
+            raise MissionError(f"node '{self.path}' is not set up: call MissionTree.setup first")
+        return self._mission
+
+    @property
+    def clock(self) -> Clock:
+        """The mission's clock."""
+        return self.mission.clock
+
+    @property
+    def variables(self) -> Variables:
+        """The variables of the tree that the node stands in."""
+        return self._variables
+
+    @property
+    def environment(self) -> Environment:
+        """What scripts of this node see."""
+        if self._environment is None:
+            board = None if self._mission is None else self._mission.board
+            self._environment = Environment(self._variables, board)
+        return self._environment
+
+    def place(self, path: str, variables: Variables) -> None:
+        """Give the node its place in a tree; `MissionTree` does."""
+        self.path = path
+        self._variables = variables
+        self._environment = None
+        self._references = {
+            name: self._placed(reference, variables) for name, reference in self._given.items()
+        }
+
+    @staticmethod
+    def _placed(reference: Reference, variables: Variables) -> Reference:
+        key = None if reference.on_board else variables.board_key(reference.key)
+        return reference if key is None else Reference(key, on_board=True)
+
+    # --- ports ------------------------------------------------------------------------------------
+
+    def port(self, port: Port[T]) -> T:
+        """Return a port's value: the literal, or what its reference holds now.
+
+        Raises:
+            BoardAccessError: the reference holds nothing, nothing fresh, or another type.
+        """
+        value = self._literals.get(port.name, _NO_LITERAL)
+        return self._resolve(port) if value is _NO_LITERAL else value
+
+    def port_value(self, name: str) -> Any:
+        """Return a port's value by the port's name."""
+        value = self._literals.get(name, _NO_LITERAL)
+        return self._resolve(self._declared(name)) if value is _NO_LITERAL else value
+
+    def port_reading(self, port: Port[T]) -> Reading[T]:
+        """Return a port's value with its age; a missing or stale one is no error."""
+        reference = self._references.get(port.name)
+        if reference is None:
+            return Reading(self.port(port), 0.0)
+        if reference.on_board:
+            reading = self._read_board(self._board_key(reference))
+            if reading.value is None:
+                return Reading(None, reading.age_s)
+            return Reading(self._converted(port, reading.value), reading.age_s)
+        entry = self._variables.entry(reference.key)
+        if entry is None:
+            return Reading(None, float("inf"))
+        return Reading(self._converted(port, entry.value), 0.0)
+
+    def set_port(self, port: Port[T], value: T) -> None:
+        """Write an output port's variable or board key; unconnected, it goes nowhere."""
+        reference = self._references.get(port.name)
+        if reference is None:
+            return  # nobody connected it
+        if reference.on_board:
+            self._write_board(self._board_key(reference), value)
+        else:
+            self._variables[reference.key] = value
+
+    def reference(self, port: Port[Any]) -> Reference | None:
+        """Return what a port refers to, or None when it has a literal or is unconnected."""
+        return self._references.get(port.name)
+
+    def _declared(self, name: str) -> Port[Any]:
+        for port in self.ports:
+            if port.name == name:
+                return port
+        raise BoardAccessError(f"node '{self.path}' declares no port '{name}'")
+
+    def _resolve(self, port: Port[T]) -> T:
+        reference = self._references.get(port.name)
+        if reference is None:
+            raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
+        if reference.on_board:
+            value = self._board_value(self._board_key(reference))
+        else:
+            entry = self._variables.entry(reference.key)
+            value = None if entry is None else entry.value
+        if value is None:
+            age_s = self.port_reading(port).age_s
+            raise BoardAccessError(
+                f"node '{self.path}', port '{port.name}': {self._given[port.name]} "
+                f"holds nothing fresh (age {age_s:.2f} s)"
+            )
+        return self._converted(port, value)
+
+    def _converted(self, port: Port[T], value: object) -> T:
+        if type(value) is port.type and port.takes_all:
+            return value
+        try:
+            return port.read(value)
+        except ValueError as error:
+            raise BoardAccessError(f"node '{self.path}', port '{port.name}': {error}") from error
+
+    def _board_key(self, reference: Reference) -> Key[Any]:
+        key = self._keys.get(reference.key)
+        if key is None:
+            key = self._keys[reference.key] = self.mission.board.key(reference.key)
+        return key
+
+    def _board_value(self, key: Key[T]) -> T | None:
+        return self.mission.board.value(key)
+
+    def _read_board(self, key: Key[T]) -> Reading[T]:
+        return self.mission.board.read(key)
+
+    def _write_board(self, key: Key[T], value: T) -> None:
+        self.mission.board.write(key, value)
