@@ -38,7 +38,7 @@ class BtlogWriter:
     """Writes a log as the flight goes on. Use it as a context manager, or close it.
 
     Every `write` reaches the operating system, so that a mission that is cut short leaves its log.
-    A disk that fills up ends the log, not the mission: it is `close` that tells.
+    A disk that fills up ends the log, not the mission: `close` raises then.
 
     Args:
         path: the file; what was there is replaced.
@@ -129,7 +129,7 @@ class BtlogWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close; when something else went wrong already, that is what is told."""
+        """Close; an exception that is under way already comes first."""
         try:
             self.close()
         except FileError as second:
@@ -142,7 +142,7 @@ class BtlogReader:
     """Reads a log, one transition after another. Use it as a context manager, or close it.
 
     A log whose writer was cut short in the middle of a transition is read up to there;
-    `partial_bytes` says how much was left over.
+    `partial_bytes` is how much was left over.
 
     Args:
         path: the file.

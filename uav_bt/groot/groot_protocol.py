@@ -123,5 +123,5 @@ def parse_request(frames: list[bytes]) -> Request:
 
 
 def error_reply(reason: str) -> list[bytes]:
-    """Return the frames that tell a client that it gets no answer, and why."""
+    """Return the frames of an answer that gives the reason of an error only."""
     return [b"error", reason.encode(errors="replace")]

@@ -1,8 +1,8 @@
 """The server that Groot2 connects to: a thread of its own, on this machine only unless asked.
 
 Facts from BehaviorTree.CPP's `groot2_publisher.cpp`: requests are answered by a ZeroMQ REP socket,
-notifications go out through a PUB socket on the next port. The only notification there is tells
-that a breakpoint was reached; nobody can set one here, so that socket stays silent, and is there
+notifications go out through a PUB socket on the next port. The only notification reports
+that a breakpoint was reached; none can be set here, so that socket stays silent, and is there
 because Groot2 connects to it. Requests are answered by a ROUTER socket here: to a client it is the
 same, but where bytes that are no ZeroMQ at all arrive, a REP socket can fall silent for everybody.
 """
@@ -40,7 +40,7 @@ class GrootConfig:
 
     port: int = DEFAULT_PORT  # of the requests, notifications have the next; 0: any two free ones
     host: str = "127.0.0.1"  # address of the interface to listen on
-    # Whoever reaches the port reads everything: tree, board, positions. There are no passwords.
+    # Any client of the port reads everything: tree, board, positions. There are no passwords.
     allow_remote: bool = False
 
     def __post_init__(self) -> None:

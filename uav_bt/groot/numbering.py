@@ -85,7 +85,7 @@ class TreeNumbering:
     def _name(self, node: SubTree, outer: str) -> str:
         prefix = f"{outer}/" if outer else ""
         full_path = f"{prefix}{node.name}"
-        # The engine numbers an instance that nobody named; ours do not say more than that name and
+        # The engine numbers an unnamed instance; of ours only is known whether name and
         # id agree. A name used twice is numbered, too: the paths are the blackboards' names.
         if node.name == node.tree_id or full_path in self._full_paths.values():
             return f"{prefix}{node.name}::{self.uid(node)}"

@@ -1,4 +1,4 @@
-"""A tree as XML that says which number each node has, and what its nodes are."""
+"""A tree as XML with the number of each node, and a model of its nodes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uav_bt.tree.port import port_text
 
 __all__ = ["tree_xml"]
 
-# XML has no way to write these; a node composed in Python may be named with them.
+# XML cannot write these; a node composed in Python may be named with them.
 _UNWRITABLE: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 

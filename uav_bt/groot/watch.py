@@ -35,7 +35,6 @@ class TreeWatch:
     Raises:
         FileError: the log cannot begin.
         InputError: the tree has more nodes than can be numbered.
-        MissionError: somebody else watches the tree.
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class TreeWatch:
 
     def on_tick(self, record: TickRecord) -> None:
         """Hand on what the runner's tick did."""
-        del record  # the transitions tell it in more detail
+        del record  # the transitions have it in more detail
         self.after_tick()
 
     def after_tick(self) -> None:
@@ -120,7 +119,7 @@ def watched_live(
         groot: where Groot2 can connect while the flight goes on.
 
     Raises:
-        FileError: the log cannot be written, told before anything flies; or was not, told after.
+        FileError: the log cannot be written (before anything flies), or was not whole (after).
         InputError: Groot2's ports are taken.
         MissingDependencyError: Groot2 needs the extra `live`.
     """

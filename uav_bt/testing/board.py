@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 class StrictBlackboard(Blackboard):
-    """A board on which reading a stale value is an error, as is reading what nobody declared.
+    """A board on which reading a stale value is an error, as is reading an undeclared key.
 
     In flight a stale value reads as none, and a leaf copes. In a test it mostly means that the test
     forgot to refresh its board, and would pass for the wrong reason.
@@ -30,7 +30,7 @@ class StrictBlackboard(Blackboard):
         """Return a fresh value, or a reading of nothing for one that was never written.
 
         Raises:
-            BoardAccessError: nobody declared the key, or it was declared with another type, or the
+            BoardAccessError: the key is not declared, or was declared with another type, or the
                 value is stale and `allow_stale` is False.
         """
         declared = self._keys.get(key.name)
@@ -61,7 +61,7 @@ class BenchBoard:
         self._board = board
 
     def __setitem__(self, key: Key[T], value: T) -> None:
-        """Write as whoever writes that key would, captured now or when the value itself says.
+        """Write as the key's writer would, captured now or at the value's own `captured_s`.
 
         Raises:
             BoardAccessError: the value has another type than the key.

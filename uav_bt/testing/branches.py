@@ -1,8 +1,8 @@
-"""The branches of a tree file: what each of its nodes can answer, and who can be halted.
+"""The branches of a tree file: what each of its nodes can answer, and which can be halted.
 
 A branch is a node with an outcome. Which outcomes a node has follows from its kind, its conditions
-and the outcomes of its children: a `Sequence` of leaves that never fail does not fail either, and
-nobody can cover that it does.
+and the outcomes of its children: a `Sequence` of leaves that never fail does not fail either, so
+that branch is not counted.
 """
 
 from __future__ import annotations
@@ -218,8 +218,8 @@ class _Analysis:
         return _S | _F if rule is None else rule(element, children)
 
     def _leaf(self, element: Element, node_id: str) -> _Outcomes:
-        says = NodeKind.CONDITION if element.tag == NodeKind.CONDITION.value else NodeKind.ACTION
-        kind = self._kinds.get(node_id, says)
+        written = NodeKind.CONDITION if element.tag == NodeKind.CONDITION.value else NodeKind.ACTION
+        kind = self._kinds.get(node_id, written)
         return _S | _F if kind is NodeKind.CONDITION else _S | _F | _H
 
     def _subtree(self, tree_id: str) -> _Outcomes:

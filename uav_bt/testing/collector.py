@@ -18,7 +18,7 @@ _MARK: Final = b"BTCPP_format"
 
 
 def is_tree_file(path: Path) -> bool:
-    """Return whether an XML file says that it is a tree file; a damaged one still does."""
+    """Return whether an XML file is marked as a tree file, be it damaged."""
     with path.open("rb") as file:
         return _MARK in file.read(_HEAD_BYTES)
 
@@ -51,7 +51,7 @@ class TreeCheck(pytest.Item):
             raise _RefusedError("\n".join(findings))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Show the findings alone; where they were raised tells nobody anything."""
+        """Show the findings alone, without a traceback."""
         if isinstance(excinfo.value, _RefusedError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)

@@ -35,7 +35,7 @@ class FileCoverage:
     ticked: int = 0
     branches: int = 0
     taken: int = 0
-    missing: tuple[str, ...] = ()  # a line for each node that has branches nobody went through
+    missing: tuple[str, ...] = ()  # a line for each node that has branches that were not taken
     refused: str = ""  # why the file could not be measured
 
     @property
@@ -47,7 +47,7 @@ class FileCoverage:
 def percentage(files: Iterable[FileCoverage]) -> int:
     """Return the branches that were taken in several files, in whole percent, rounded down."""
     files = list(files)
-    # A file that cannot be measured counts as one branch that nobody took.
+    # A file that cannot be measured counts as one branch that was not taken.
     branches = sum(1 if file.refused else file.branches for file in files)
     taken = sum(file.taken for file in files)
     return 100 if not branches else math.floor(100 * taken / branches)

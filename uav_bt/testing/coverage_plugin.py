@@ -26,7 +26,7 @@ def coverage_plugin(
 
     Args:
         targets: files, or folders with all tree files in them.
-        fail_under: the least percentage, as given; empty: none.
+        fail_under: the minimum percentage, as given; empty: none.
         folder: where pytest was started; shown paths are relative to it.
         reports: False in a worker process, which hands over what it has seen.
 
@@ -35,7 +35,7 @@ def coverage_plugin(
     """
     try:
         files = [file for target in targets for file in _files(folder / target)]
-        least = _percentage(fail_under) if fail_under else 0.0
+        minimum = _percentage(fail_under) if fail_under else 0.0
     except FileError as error:
         raise pytest.UsageError(f"--tree-coverage: {error}") from error
     except ValueError as error:
@@ -43,7 +43,7 @@ def coverage_plugin(
             f"--tree-coverage-fail-under: expected 0 to 100, got '{fail_under}'"
         ) from error
     unique = list({_shown(file, folder): None for file in files})
-    return CoveragePlugin(TreeCoverage(unique), least, reports=reports)
+    return CoveragePlugin(TreeCoverage(unique), minimum, reports=reports)
 
 
 def _files(target: Path) -> list[Path]:
@@ -73,9 +73,9 @@ def _shown(file: Path, folder: Path) -> Path:
 class CoveragePlugin:
     """Watches every tree that is made during the run, and reports at its end."""
 
-    def __init__(self, coverage: TreeCoverage, least: float, *, reports: bool) -> None:
+    def __init__(self, coverage: TreeCoverage, minimum: float, *, reports: bool) -> None:
         self._coverage = coverage
-        self._least = least
+        self._minimum = minimum
         self._reports = reports
         self._results: list[FileCoverage] = []
         MissionTree.made_hooks.append(coverage.watch)
@@ -108,7 +108,7 @@ class CoveragePlugin:
             # A broken package is its own tests' business; the format's nodes are always there.
             registry = NodeRegistry()
         self._results = self._coverage.results(registry)
-        if percentage(self._results) < self._least and session.exitstatus == pytest.ExitCode.OK:
+        if percentage(self._results) < self._minimum and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
@@ -129,5 +129,5 @@ class CoveragePlugin:
                 write(f"  {line}")
         total = percentage(self._results)
         write(f"tree coverage: {total} %")
-        if total < self._least:
-            write(f"FAIL: expected a tree coverage of at least {self._least:g} %, got {total} %")
+        if total < self._minimum:
+            write(f"FAIL: expected a tree coverage of at least {self._minimum:g} %, got {total} %")

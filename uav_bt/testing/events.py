@@ -55,7 +55,7 @@ class EventLog:
 
     def __init__(self, tree: MissionTree, clock: Clock) -> None:
         self.events: list[Event] = []
-        self.tick = 0  # the number of the tick that is going on; whoever ticks counts it up
+        self.tick = 0  # the number of the tick that is going on, counted up by the bench
         self._clock = clock
         self._paths: dict[str, set[str]] = {}
         for node in tree.nodes():

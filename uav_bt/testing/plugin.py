@@ -57,10 +57,10 @@ def pytest_configure(config: pytest.Config) -> None:
         return
     from uav_bt.testing.coverage_plugin import coverage_plugin  # noqa: PLC0415  # see above
 
-    least = config.getoption("tree_coverage_fail_under")
+    minimum = config.getoption("tree_coverage_fail_under")
     plugin = coverage_plugin(
         targets,
-        least or config.getini("uav_bt_tree_coverage_fail_under"),
+        minimum or config.getini("uav_bt_tree_coverage_fail_under"),
         folder=config.invocation_params.dir,
         reports=not hasattr(config, "workerinput"),
     )
@@ -97,7 +97,7 @@ def tree_bench() -> Callable[..., TreeBench]:
 
 @pytest.fixture
 def manual_clock() -> ManualClock:
-    """Return a clock that moves only when told to."""
+    """Return a clock that moves only by `advance`."""
     from uav_bt.clock import ManualClock  # noqa: PLC0415  # see the module's docstring
 
     return ManualClock()

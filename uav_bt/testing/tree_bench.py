@@ -39,8 +39,8 @@ class TreeBench(BenchWorld):
         bench.tick_until(Status.SUCCESS, max_ticks=10)
         bench.log.assert_order("TakeOff succeeded", "Land started")
 
-    A tick comes `tick_s` after the one before, as in a mission. A drone that the test told of once
-    (`hover`, `observe`) goes on telling the same before every tick, until `lose_telemetry`.
+    A tick comes `tick_s` after the one before, as in a mission. The state that a test
+    gave once (`hover`, `observe`) is observed again before every tick, until `lose_telemetry`.
 
     Args:
         tree: the tree.
@@ -62,12 +62,12 @@ class TreeBench(BenchWorld):
         self._telemetry: DroneState | None = None
 
     def observe(self, state: DroneState) -> None:
-        """Let the drone tell this now and before every tick that follows."""
+        """Observe a state now and before every tick that follows."""
         self._telemetry = state
         super().observe(state)
 
     def lose_telemetry(self) -> None:
-        """Let the drone tell nothing new; what it told grows old."""
+        """Observe no new state; the last one grows old."""
         self._telemetry = None
 
     def advance(self, seconds: float) -> None:

@@ -149,7 +149,7 @@ class MissionTree:
             failure.add_note(f"while halting the tree, also: {second}")
 
     def halt(self) -> None:
-        """Stop whatever runs. Every running leaf is told once, even when another one raises.
+        """Stop whatever runs; `terminate` of every running leaf is called, even if another raises.
 
         Raises:
             NodeFailedError: a leaf's `terminate` raised; the first of them, when all are halted.
@@ -158,7 +158,7 @@ class MissionTree:
         if self.root.node_status is not RUNNING:
             self.root.set_status(IDLE)  # to the engine a finished root is idle at once
         # As the engine does: the root, which passes it on, and then each node by itself, for those
-        # that did not hear of it. `_onHalted` scripts of nodes that do not run are run, too.
+        # that it did not reach. `_onHalted` scripts of nodes that do not run are run, too.
         for node in (self.root, *self.nodes()):
             try:
                 node.halt()

@@ -110,7 +110,7 @@ class Port(Generic[T]):
 
     @property
     def required(self) -> bool:
-        """True when a tree file must give a value; an output that nobody wants goes nowhere."""
+        """True when a tree file must give a value; an unconnected output goes nowhere."""
         return self.default is Port.REQUIRED and self.direction != "output"
 
     @property

@@ -1,4 +1,4 @@
-"""Leaves that answer what a script says, in place of those that fly: for tests and dry runs."""
+"""Leaves that answer by a script, in place of those that fly: for tests and dry runs."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class AnswerScript:
 
 
 class ScriptedLeaf(Leaf):
-    """Answers what its script says and does nothing else.
+    """Answers by its script and does nothing else.
 
     Args:
         name: the instance's name; default: the node's id.

@@ -129,7 +129,7 @@ class Surroundings:
         """Write an output port's variable or board key; unconnected, it goes nowhere."""
         reference = self._references.get(port.name)
         if reference is None:
-            return  # nobody connected it
+            return  # not connected
         if reference.on_board:
             self._write_board(self._board_key(reference), value)
         else:

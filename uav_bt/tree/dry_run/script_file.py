@@ -43,7 +43,7 @@ class Scalar:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationScript:
-    """What a script file says; selectors are paths, names or node ids of leaves."""
+    """The content of a script file; selectors are paths, names or node ids of leaves."""
 
     path: Path
     leaves: Mapping[str, Scalar] = field(default_factory=dict)  # answers by selector
@@ -57,7 +57,7 @@ def read_script(path: Path) -> SimulationScript:
     """Read a script file.
 
     Raises:
-        FileError: it cannot be read, is no YAML, or says something that no script can say; with
+        FileError: it cannot be read, is no YAML, or has an entry that no script has; with
             the line.
     """
     file = read_yaml(path, _ScriptFile, "script file")

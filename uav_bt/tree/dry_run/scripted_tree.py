@@ -1,4 +1,4 @@
-"""A mission's tree whose leaves answer what a script file says."""
+"""A mission's tree whose leaves answer by a script file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dry runs: a mission's tree ticked with leaves that answer what a script says.
+"""Dry runs: a mission's tree ticked with leaves that answer by a script.
 
 The tree is the real one, with its control nodes, decorators, conditions, scripts and timers; only
 the leaves that would fly are replaced. The format's own leaves (`Script`, `Sleep`, ...) do what

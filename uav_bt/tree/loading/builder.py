@@ -9,8 +9,9 @@ from typing import Final
 from uav_bt.errors import TreeError, ValueRangeError, did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.checker import Checker, node_id_of
-from uav_bt.tree.loading.document import Document, label
+from uav_bt.tree.loading.checker import Checker
+from uav_bt.tree.loading.document import Document
+from uav_bt.tree.loading.elements import label, node_id_of
 from uav_bt.tree.loading.findings import Finding, Findings, Position
 from uav_bt.tree.loading.source import MAX_DEPTH, Element
 from uav_bt.tree.mission_tree import Place, child_paths
@@ -118,10 +119,13 @@ class Builder:
                 self._check_override(target, attributes, plan)
 
     def _check_override(self, target: str, attributes: Mapping[str, str], plan: _Plan) -> None:
-        element, said = plan.element, f"override of '{target}': "
+        element, lead = plan.element, f"override of '{target}': "
         for name in _FIXED.intersection(attributes):
             self._findings.add(
-                element.path, element.position, f"{said}'{name}' cannot be replaced", label(element)
+                element.path,
+                element.position,
+                f"{lead}'{name}' cannot be replaced",
+                label(element),
             )
         # The file itself is good by now, so whatever is found comes from the override.
         found = Findings()
@@ -131,14 +135,14 @@ class Builder:
         )
         for finding in found:
             self._findings.add(
-                finding.path, finding.position, f"{said}{finding.message}", finding.node
+                finding.path, finding.position, f"{lead}{finding.message}", finding.node
             )
 
     def _mock(self, mocks: Mapping[str, str], plans: list[_Plan]) -> None:
         classes = {plan.path: leaf for plan in plans if (leaf := self._leaf_class(plan))}
         leaves = [plan for plan in plans if plan.path in classes]
         for names in (_id_of, lambda plan: plan.name, lambda plan: plan.path):
-            # The most exact way to name a leaf comes last, and so is the one that counts.
+            # The most exact name of a leaf comes last, and so is the one that counts.
             for plan in leaves:
                 plan.mock = mocks.get(names(plan), plan.mock)
         named: dict[str, list[_Plan]] = {}

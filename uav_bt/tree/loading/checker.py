@@ -28,7 +28,7 @@ from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import parse_script
 from uav_bt.tree.script.expressions import Name
 
-__all__ = ["Checker", "node_attributes", "node_id_of"]
+__all__ = ["Checker"]
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
@@ -94,15 +94,15 @@ class Checker:
             self._note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
         return node
 
-    def _check_children(self, element: Element, least: int, most: int | None) -> None:
+    def _check_children(self, element: Element, fewest: int, most: int | None) -> None:
         count = len(element.children)
-        if count >= least and (most is None or count <= most):
+        if count >= fewest and (most is None or count <= most):
             return
-        if most == least:
-            some = "exactly one child" if least == 1 else f"exactly {least} children"
-            needed = some if least else "no children"
+        if most == fewest:
+            some = "exactly one child" if fewest == 1 else f"exactly {fewest} children"
+            needed = some if fewest else "no children"
         else:
-            needed = f"at least {least}" if most is None else f"{least} to {most} children"
+            needed = f"at least {fewest}" if most is None else f"{fewest} to {most} children"
         self._note(element, f"needs {needed}, has {count}")
 
     # --- ports ------------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.elements import (
-    EDITOR_ATTRIBUTES,
     check_attributes,
     check_no_text,
     label,
@@ -22,15 +21,7 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = [
-    "EDITOR_ATTRIBUTES",
-    "Document",
-    "autoremaps",
-    "check_attributes",
-    "check_no_text",
-    "label",
-    "outline",
-]
+__all__ = ["Document", "autoremaps", "outline"]
 
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
 _TREE_ATTRIBUTES: Final = frozenset({"ID"})
@@ -39,7 +30,7 @@ _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
 
 @dataclass
 class Document:
-    """What the outline of a tree file says."""
+    """The outline of a tree file."""
 
     path: Path
     main: str = ""

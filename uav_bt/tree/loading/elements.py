@@ -1,4 +1,4 @@
-"""What is said and checked of any element of a tree file."""
+"""What messages call an element of a tree file, and checks of any element."""
 
 from __future__ import annotations
 

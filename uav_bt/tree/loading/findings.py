@@ -11,7 +11,7 @@ from uav_bt.errors import TreeError
 
 __all__ = ["MAX_FINDINGS", "WHOLE_FILE", "Finding", "Findings", "Position"]
 
-MAX_FINDINGS: Final = 500  # nobody reads more, and each costs the search for a suggestion
+MAX_FINDINGS: Final = 500  # more are not read, and each costs the search for a suggestion
 
 
 @dataclass(frozen=True, order=True)

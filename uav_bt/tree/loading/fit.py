@@ -1,4 +1,4 @@
-"""Which types go into which ports, told before anything flies."""
+"""Which types go into which ports, checked before anything flies."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Nodes that are known from a palette only, so that trees of other engines can be checked.
 
-A palette is a TreeNodesModel, as Groot2 exports it and BehaviorTree.CPP writes it. It says of each
-node its kind and its ports, and of a port its direction, type and default. It does not say which
+A palette is a TreeNodesModel, as Groot2 exports it and BehaviorTree.CPP writes it. It has each
+node's kind and its ports, and each port's direction, type and default. It leaves open which
 ports must be given, how many children a node takes, or what a node does: none of that is checked,
 and such a node cannot be ticked.
 """
@@ -55,7 +55,7 @@ class PalettePort(Port[Any]):
 
     @property
     def required(self) -> bool:
-        """Never: nobody said so."""
+        """Never: a palette does not know."""
         return False
 
 

@@ -67,7 +67,7 @@ class Slot:
     name: str
     writes: list[Write] = field(default_factory=list)
     reads: list[Read] = field(default_factory=list)
-    obscure: bool = False  # something writes it that the file does not tell
+    obscure: bool = False  # something writes it that the file does not show
 
     @property
     def created(self) -> bool:
@@ -143,7 +143,7 @@ class Scope:
                 self._slots[name] = Slot(name, [write])
 
     def place(self, name: str) -> Slot | Key[Any] | None:
-        """Return the variable or the board key that a name is; None for a key nobody knows."""
+        """Return the variable or the board key that a name is; None for an unknown key."""
         self.touched.add(name)
         if name in self._board:
             return self._board[name]

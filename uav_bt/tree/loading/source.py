@@ -1,6 +1,6 @@
 """Reading XML as data and nothing else: bounded, without entities, with every position kept.
 
-Expat is used instead of a whole XML library because it tells line *and* column of every element,
+Expat is used instead of a whole XML library because it gives line *and* column of every element,
 and because a document type declaration, which all entity attacks need, can be refused the moment
 it begins.
 """

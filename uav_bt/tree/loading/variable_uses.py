@@ -55,7 +55,7 @@ class VariableUses:
         self._count = 0
 
     def find(self) -> Iterator[Scope]:
-        """Iterate over all scopes: of the main tree, of its subtrees, of trees nobody uses.
+        """Iterate over all scopes: of the main tree, of its subtrees, of unused trees.
 
         Trees that contain themselves are followed once, and of trees that multiply without bound
         only a part; the loader refuses both.

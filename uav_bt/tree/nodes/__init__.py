@@ -24,9 +24,17 @@ from uav_bt.tree.nodes.decorators import (
     RetryUntilSuccessful,
     RunOnce,
 )
-from uav_bt.tree.nodes.fallbacks import AsyncFallback, Fallback, ReactiveFallback
 from uav_bt.tree.nodes.leaves import AlwaysFailure, AlwaysSuccess
 from uav_bt.tree.nodes.loops import LoopBool, LoopDouble, LoopInt, LoopString
+from uav_bt.tree.nodes.ordered import (
+    AsyncFallback,
+    AsyncSequence,
+    Fallback,
+    ReactiveFallback,
+    ReactiveSequence,
+    Sequence,
+    SequenceWithMemory,
+)
 from uav_bt.tree.nodes.parallel import Parallel, ParallelAll
 from uav_bt.tree.nodes.scripts import (
     Precondition,
@@ -34,12 +42,6 @@ from uav_bt.tree.nodes.scripts import (
     ScriptNode,
     SetBlackboard,
     UnsetBlackboard,
-)
-from uav_bt.tree.nodes.sequences import (
-    AsyncSequence,
-    ReactiveSequence,
-    Sequence,
-    SequenceWithMemory,
 )
 from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.nodes.timers import Delay, Sleep, Timeout

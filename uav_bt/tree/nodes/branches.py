@@ -95,6 +95,9 @@ def _same(variable: object, case: str) -> bool:
     return compare_equal(float(text), float(case))
 
 
+_SWITCH_DOC: Final = "Ticks the child whose case is the variable's value, or the last of its {}."
+
+
 class _Switch(ControlNode):
     """Ticks the child whose case is the variable's value, or the last child."""
 
@@ -132,48 +135,25 @@ class _Switch(ControlNode):
         super()._halt()
 
 
-def _cases(count: int) -> tuple[Port[str], ...]:
-    return tuple(Port(f"case_{n}", str, doc=f"value of child {n}") for n in range(1, count + 1))
+def _switch(cases: int, children: str) -> type[_Switch]:
+    """Return the class for so many cases; `children` is one more, in words."""
+    ports = tuple(Port(f"case_{n}", str, doc=f"value of child {n}") for n in range(1, cases + 1))
+    body = {
+        "__doc__": _SWITCH_DOC.format(children),
+        "__module__": __name__,
+        "cases": ports,
+        "ports": (_Switch.VARIABLE, *ports),
+        "min_children": cases + 1,
+        "max_children": cases + 1,
+    }
+    return type(f"Switch{cases}", (_Switch,), body)
 
 
-class Switch2(_Switch):
-    """Ticks the child whose case is the variable's value, or the last of its three."""
-
-    cases = _cases(2)
-    ports = (_Switch.VARIABLE, *cases)
-    min_children = max_children = 3
-
-
-class Switch3(_Switch):
-    """Ticks the child whose case is the variable's value, or the last of its four."""
-
-    cases = _cases(3)
-    ports = (_Switch.VARIABLE, *cases)
-    min_children = max_children = 4
-
-
-class Switch4(_Switch):
-    """Ticks the child whose case is the variable's value, or the last of its five."""
-
-    cases = _cases(4)
-    ports = (_Switch.VARIABLE, *cases)
-    min_children = max_children = 5
-
-
-class Switch5(_Switch):
-    """Ticks the child whose case is the variable's value, or the last of its six."""
-
-    cases = _cases(5)
-    ports = (_Switch.VARIABLE, *cases)
-    min_children = max_children = 6
-
-
-class Switch6(_Switch):
-    """Ticks the child whose case is the variable's value, or the last of its seven."""
-
-    cases = _cases(6)
-    ports = (_Switch.VARIABLE, *cases)
-    min_children = max_children = 7
+Switch2 = _switch(2, "three")
+Switch3 = _switch(3, "four")
+Switch4 = _switch(4, "five")
+Switch5 = _switch(5, "six")
+Switch6 = _switch(6, "seven")
 
 
 class TryCatch(ControlNode):

@@ -9,8 +9,8 @@ from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS, Status
 
 __all__ = ["Delay", "Sleep", "Timeout"]
 
-# Times are sums of ticks, and their last digits are nobody's intention.
-_HAIR_S = 1e-9
+# Times are sums of ticks: their last digits are rounding.
+_EPSILON_S = 1e-9
 
 
 def _not_negative(value: int) -> None:
@@ -35,7 +35,7 @@ class Timeout(DecoratorNode):
             self._deadline_s = now_s + limit_msec / 1000 if limit_msec > 0 else float("inf")
             self._expired = False
             self.set_status(RUNNING)
-        if not self._expired and now_s >= self._deadline_s - _HAIR_S:
+        if not self._expired and now_s >= self._deadline_s - _EPSILON_S:
             # The engine's timer strikes once; a child that is not running then is left alone.
             self._expired = True
             if self.child.node_status is RUNNING:
@@ -67,7 +67,7 @@ class Delay(DecoratorNode):
         if self._start_at_s is None:
             self._start_at_s = now_s + delay_msec / 1000
             self.set_status(RUNNING)
-        if now_s < self._start_at_s - _HAIR_S:
+        if now_s < self._start_at_s - _EPSILON_S:
             return RUNNING
         status = self.child.execute_tick()
         if status is SUCCESS or status is FAILURE:
@@ -93,4 +93,4 @@ class Sleep(Leaf):
 
     def update(self) -> Status:
         """Succeed when the time has come."""
-        return RUNNING if self.clock.now() < self._end_s - _HAIR_S else SUCCESS
+        return RUNNING if self.clock.now() < self._end_s - _EPSILON_S else SUCCESS

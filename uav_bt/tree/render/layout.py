@@ -28,7 +28,7 @@ class Size:
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where a box is drawn, px, from the upper left corner of the picture."""
+    """Where a box is drawn, px, from the upper left corner of the image."""
 
     left_px: float
     top_px: float

@@ -1,4 +1,4 @@
-"""A tree as an SVG picture: no fonts, scripts or files from elsewhere."""
+"""A tree as an SVG image: no fonts, scripts or files from elsewhere."""
 
 from __future__ import annotations
 

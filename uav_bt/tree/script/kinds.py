@@ -19,7 +19,7 @@ __all__ = ["certain_names", "kind_of"]
 
 
 def kind_of(expression: Expression) -> type | None:
-    """Return the type of an expression's value, or None when only running it tells."""
+    """Return the type of an expression's value, or None when it is known only at run time."""
     if isinstance(expression, Literal):
         return type(expression.value)
     if isinstance(expression, (Unary, Comparison)):

@@ -19,7 +19,7 @@ _WORDS: Final = {"true": 1.0, "false": 0.0}
 
 
 class ScriptError(ValueError):
-    """A script cannot be read, or cannot do what it says."""
+    """A script cannot be read, or fails when it runs."""
 
 
 def number(value: object) -> float:

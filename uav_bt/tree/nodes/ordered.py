@@ -1,4 +1,4 @@
-"""Sequences: every child has to succeed."""
+"""Sequences and fallbacks: children ticked in order until one decides."""
 
 from __future__ import annotations
 
@@ -7,20 +7,30 @@ from typing import ClassVar
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = ["AsyncSequence", "ReactiveSequence", "Sequence", "SequenceWithMemory"]
+__all__ = [
+    "AsyncFallback",
+    "AsyncSequence",
+    "Fallback",
+    "ReactiveFallback",
+    "ReactiveSequence",
+    "Sequence",
+    "SequenceWithMemory",
+]
 
 
-class Sequence(ControlNode):
-    """Ticks its children one after another; fails with the first that fails, then starts over."""
+class _Ordered(ControlNode):
+    """Ticks its children one after another, going on with the one that it had reached."""
 
-    _yields: ClassVar[bool] = False  # a tick ends after each child that finished at once
-    _restarts: ClassVar[bool] = True  # a failure forgets how far it was
+    _decides: ClassVar[Status]  # the answer of a child that is the answer of all
+    _otherwise: ClassVar[Status]  # the answer when no child has decided
+    _yields: ClassVar[bool] = False  # a tick ends after each child that answered at once
+    _restarts: ClassVar[bool] = True  # a decision or a halt forgets how far it was
 
     _index = 0
     _skipped = 0
 
     def update(self) -> Status:
-        """Tick the children."""
+        """Tick the children from the one that was reached."""
         children = self.children
         count = len(children)
         if self.node_status is IDLE:
@@ -32,9 +42,9 @@ class Sequence(ControlNode):
             status = child.execute_tick()
             if status is RUNNING:
                 return RUNNING
-            if status is FAILURE:
-                self._fail()
-                return FAILURE
+            if status is self._decides:
+                self._decided()
+                return status
             self._index += 1
             if status is SKIPPED:
                 self._skipped += 1
@@ -44,9 +54,9 @@ class Sequence(ControlNode):
         self._reset_children()
         self._index = 0
         self._skipped = 0
-        return SKIPPED if all_skipped else SUCCESS
+        return SKIPPED if all_skipped else self._otherwise
 
-    def _fail(self) -> None:
+    def _decided(self) -> None:
         if self._restarts:
             self._reset_children()
             self._index = 0
@@ -59,6 +69,13 @@ class Sequence(ControlNode):
             self._index = 0
             self._skipped = 0
         super()._halt()
+
+
+class Sequence(_Ordered):
+    """Ticks its children one after another; fails with the first that fails, then starts over."""
+
+    _decides = FAILURE
+    _otherwise = SUCCESS
 
 
 class AsyncSequence(Sequence):
@@ -74,11 +91,27 @@ class SequenceWithMemory(Sequence):
     _restarts = False
 
 
-class ReactiveSequence(ControlNode):
-    """Asks all children again at every tick; a running child halts the others."""
+class Fallback(_Ordered):
+    """Ticks its children one after another until one succeeds."""
+
+    _decides = SUCCESS
+    _otherwise = FAILURE
+
+
+class AsyncFallback(Fallback):
+    """A Fallback that answers RUNNING after each child that failed at once."""
+
+    _yields = True
+
+
+class _Reactive(ControlNode):
+    """Ticks all its children again at every tick."""
+
+    _decides: ClassVar[Status]
+    _otherwise: ClassVar[Status]
 
     def update(self) -> Status:
-        """Tick the children."""
+        """Tick the children from the first."""
         children = self.children
         all_skipped = True
         self.set_status(RUNNING)
@@ -93,8 +126,22 @@ class ReactiveSequence(ControlNode):
                     if other is not child:
                         other.reset()
                 return RUNNING
-            if status is FAILURE:
+            if status is self._decides:
                 self._reset_children()
-                return FAILURE
+                return status
         self._reset_children()
-        return SKIPPED if all_skipped else SUCCESS
+        return SKIPPED if all_skipped else self._otherwise
+
+
+class ReactiveSequence(_Reactive):
+    """Asks all children again at every tick; a running child halts the others."""
+
+    _decides = FAILURE
+    _otherwise = SUCCESS
+
+
+class ReactiveFallback(_Reactive):
+    """Asks all children again at every tick; the first that runs or succeeds halts the others."""
+
+    _decides = SUCCESS
+    _otherwise = FAILURE
