@@ -46,7 +46,8 @@ class EventLog:
     """Writes down what happens in a tree, and checks it.
 
     A node is named by its path, its name or its node id; where several nodes carry a name, any of
-    them is meant. Every failing assertion shows the whole log.
+    them is meant. The assertions count events of a node: at least one, or exactly `times`, in the
+    whole log or in one `tick`. Every failing assertion shows the whole log.
 
     Args:
         tree: the tree to watch.

@@ -108,6 +108,10 @@ class TreeBench(BenchWorld):
     def tick_until(self, status: Status, max_ticks: int) -> int:
         """Tick until the root answers a status.
 
+        Args:
+            status: the root's answer that ends it.
+            max_ticks: how many ticks at most.
+
         Returns:
             How many ticks that took.
 

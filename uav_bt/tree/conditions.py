@@ -82,6 +82,10 @@ class Conditions:
     def ended(self, status: Status, environment: Environment) -> None:
         """Run what belongs to an end with SUCCESS or FAILURE.
 
+        Args:
+            status: how the node ended.
+            environment: the names of the scripts.
+
         Raises:
             ScriptError: a script fails.
         """

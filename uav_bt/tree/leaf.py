@@ -68,6 +68,11 @@ class Leaf(Node):
     def write(self, key: Key[T], value: T, captured_s: float | None = None) -> None:
         """Write the board; `captured_s` is when what the value describes was captured.
 
+        Args:
+            key: one of `writes`, or what an output port is connected to.
+            value: in the unit of the key.
+            captured_s: when what the value describes was captured; default: now.
+
         Raises:
             BoardAccessError: the key is not among `writes`, or the value has another type.
         """

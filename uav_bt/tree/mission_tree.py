@@ -33,7 +33,12 @@ class Place:
 
 
 def child_paths(parent: str, names: Sequence[str]) -> list[str]:
-    """Return the paths of a node's children; the second of one name gets `#2`."""
+    """Return the paths of a node's children; the second of one name gets `#2`.
+
+    Args:
+        parent: the parent's path.
+        names: of its children, in order.
+    """
     seen: Counter[str] = Counter()
     paths: list[str] = []
     for name in names:

@@ -70,6 +70,10 @@ class Reference:
 def parse_reference(text: str, port_name: str) -> Reference | None:
     """Return the reference that an attribute's text is, or None when it is a literal.
 
+    Args:
+        text: the attribute.
+        port_name: what `{=}` stands for.
+
     Raises:
         ValueError: the text has braces like a reference, but no key that could exist.
     """

@@ -81,7 +81,12 @@ class Surroundings:
         return self._environment
 
     def place(self, path: str, variables: Variables) -> None:
-        """Give the node its place in a tree; `MissionTree` does."""
+        """Give the node its place in a tree; `MissionTree` does.
+
+        Args:
+            path: of the node, unique in its tree.
+            variables: of the tree that it stands in.
+        """
         self.path = path
         self._variables = variables
         self._environment = None
@@ -126,7 +131,12 @@ class Surroundings:
         return Reading(self._converted(port, entry.value), 0.0)
 
     def set_port(self, port: Port[T], value: T) -> None:
-        """Write an output port's variable or board key; unconnected, it goes nowhere."""
+        """Write an output port's variable or board key; unconnected, it goes nowhere.
+
+        Args:
+            port: the output port.
+            value: in the unit of the port.
+        """
         reference = self._references.get(port.name)
         if reference is None:
             return  # not connected

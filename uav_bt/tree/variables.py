@@ -100,7 +100,12 @@ class Variables:
         return entry.value
 
     def get(self, key: str, default: Any = None) -> Any:
-        """Return a variable's value, or the default when it was never written."""
+        """Return a variable's value, or the default when it was never written.
+
+        Args:
+            key: the variable.
+            default: what stands for one that has no value.
+        """
         entry = self.entry(key)
         return default if entry is None else entry.value
 

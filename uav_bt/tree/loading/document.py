@@ -63,6 +63,11 @@ def autoremaps(subtree: Element) -> bool:
 def outline(root: Element, registry: NodeRegistry, findings: Findings) -> Document:
     """Read the outline of a file and of those it includes, and note what is wrong with them.
 
+    Args:
+        root: the file's root element.
+        registry: the nodes that may occur.
+        findings: where they are added.
+
     Raises:
         TreeError: an included file cannot be read or is no XML.
     """

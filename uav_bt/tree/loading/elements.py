@@ -34,7 +34,13 @@ def label(element: Element) -> str:
 
 
 def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
-    """Note every attribute that the element cannot have."""
+    """Note every attribute that the element cannot have.
+
+    Args:
+        element: of a tree file.
+        known: the attributes that it can have.
+        findings: where they are added.
+    """
     for attribute in element.attributes:
         if attribute in known or attribute in EDITOR_ATTRIBUTES:
             continue

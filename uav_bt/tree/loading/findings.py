@@ -54,6 +54,12 @@ class Findings:
     def add(self, path: Path | str, position: Position, message: str, node: str = "") -> None:
         """Note a finding.
 
+        Args:
+            path: of the file.
+            position: in the file.
+            message: what is wrong.
+            node: the node concerned, as `Tag 'name'`.
+
         Raises:
             TreeError: there are too many.
         """

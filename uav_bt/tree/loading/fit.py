@@ -15,14 +15,24 @@ _TEXTUAL: Final = (str, int, float, bool)  # what `Port.read` makes of a text
 
 
 def key_fits(port: Port[Any], key: Key[Any]) -> bool:
-    """Return whether a port can be connected to a board key."""
+    """Return whether a port can be connected to a board key.
+
+    Args:
+        port: of a node.
+        key: of the mission board.
+    """
     if port.direction == "input":
         return issubclass(key.type, port.type) or (port.type is float and key.type is int)
     return issubclass(port.type, key.type) or (key.type is float and port.type is int)
 
 
 def may_convert(kind: type, wanted: type) -> bool:
-    """Return False when a value of one type can never be read as another; see `Port.read`."""
+    """Return False when a value of one type can never be read as another; see `Port.read`.
+
+    Args:
+        kind: the type of the value.
+        wanted: the type of the port.
+    """
     if object in {kind, wanted}:
         return True
     if kind is str:

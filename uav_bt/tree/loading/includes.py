@@ -27,6 +27,10 @@ class Includes:
     def read(self, include: Element, findings: Findings) -> list[Element]:
         """Return the root of the included file; nothing when it was read before or is refused.
 
+        Args:
+            include: the element that names the file.
+            findings: where they are added.
+
         Raises:
             TreeError: the file cannot be read or is no XML.
         """

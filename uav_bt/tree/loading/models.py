@@ -34,7 +34,12 @@ class NodeModel:
 
 
 def read_models(models: Element, findings: Findings) -> list[NodeModel]:
-    """Read a TreeNodesModel; what is wrong with it is noted, and the rest returned."""
+    """Read a TreeNodesModel; what is wrong with it is noted, and the rest returned.
+
+    Args:
+        models: the TreeNodesModel.
+        findings: where they are added.
+    """
     check_attributes(models, frozenset(), findings)
     seen: set[str] = set()
     found: list[NodeModel] = []

@@ -195,6 +195,10 @@ def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeR
     installed node as it is (same kind, same ports) leaves it in place, because we know more about
     it; one that describes another node of the same name replaces it, because the tree was made for
     that one.
+
+    Args:
+        registry: the installed nodes.
+        palette: the described nodes.
     """
     described = {node.node_id: node for node in palette}
     chosen: dict[str, type[Node]] = {}

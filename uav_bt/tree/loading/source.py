@@ -139,6 +139,10 @@ def read_source(path: Path) -> bytes:
 def parse_source(data: bytes, path: Path) -> Element:
     """Return the root element of a document.
 
+    Args:
+        data: the file's bytes.
+        path: what messages call the file.
+
     Raises:
         TreeError: it is no well-formed XML, or has what a tree file must not have.
     """

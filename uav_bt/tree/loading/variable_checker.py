@@ -25,7 +25,13 @@ _IN_SCRIPTS: Final = (int, float, str)
 
 
 def check_variables(document: Document, registry: NodeRegistry, findings: Findings) -> None:
-    """Note the uses of variables that cannot go well."""
+    """Note the uses of variables that cannot go well.
+
+    Args:
+        document: the file, without other findings.
+        registry: the nodes that may occur.
+        findings: where they are added.
+    """
     _VariableChecker(document, registry, findings).check()
 
 

@@ -13,7 +13,12 @@ __all__ = ["FORMATS", "ascii_art", "render"]
 
 
 def ascii_art(root: Box, title: str) -> str:
-    """Return a tree as indented lines of ASCII characters, one for each node."""
+    """Return a tree as indented lines of ASCII characters, one for each node.
+
+    Args:
+        root: the uppermost box.
+        title: the first line.
+    """
     lines = [one_line(title, 60)]
     stack = [(root, "", True)]
     while stack:

@@ -42,7 +42,12 @@ class Box:
 
 
 def one_line(text: str, longest: int = _MAX_TEXT) -> str:
-    """Return a text without line breaks and control characters, shortened where it is long."""
+    """Return a text without line breaks and control characters, shortened where it is long.
+
+    Args:
+        text: any text.
+        longest: how many characters are left.
+    """
     visible = "".join(" " if unicodedata.category(char)[0] == "C" else char for char in text)
     words = " ".join(visible.split())
     return words if len(words) <= longest else f"{words[: longest - 3]}..."

@@ -55,7 +55,12 @@ _STYLE: Final = (
 
 
 def svg(root: Box, title: str) -> str:
-    """Return a tree as an SVG document."""
+    """Return a tree as an SVG document.
+
+    Args:
+        root: the uppermost box.
+        title: above the tree.
+    """
     sizes = {id(box): _size(box) for box in root.walk()}
     places = arrange(root, sizes)
     width = max(place.left_px + place.width_px for place in places.values())

@@ -57,6 +57,10 @@ class Environment:
     def write(self, name: str, value: Value) -> Any:
         """Write a variable in the type it has, and return what it holds now.
 
+        Args:
+            name: the variable.
+            value: a number or a text.
+
         Raises:
             ScriptError: the value has another type, or the name is a board key.
         """
