@@ -83,7 +83,6 @@ class Node(Surroundings, Behaviour):
     max_children: ClassVar[int | None] = 0  # None: as many as one likes
 
     children: list[Node]
-    observer: Observer | None = None  # filled by `uav_bt.tree.observer.observe`
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -98,6 +97,7 @@ class Node(Surroundings, Behaviour):
     ) -> None:
         super().__init__(name or self.node_id)
         self.node_status = IDLE
+        self.observer: Observer | None = None  # filled by `uav_bt.tree.observer.observe`
         self.children = list(children)
         for child in self.children:
             if not isinstance(child, Node):
@@ -171,7 +171,7 @@ class Node(Surroundings, Behaviour):
             if self.observer is not None:
                 self.observer(self, NodeEvent.RAISED)
             raise NodeFailedError(self.path, error) from error
-        if status is not SKIPPED:
+        if status is not self.node_status and status is not SKIPPED:
             self.set_status(status)
         if self.observer is not None:
             self.observer(self, _ANSWERED[status.value])
@@ -226,7 +226,8 @@ class Node(Surroundings, Behaviour):
         """Halt when running, then stand idle."""
         if self.node_status is RUNNING:
             self.halt()
-        self.set_status(IDLE)
+        if self.node_status is not IDLE:
+            self.set_status(IDLE)
 
     def _tick(self) -> Status:
         return self.update()
