@@ -4,7 +4,7 @@
     python benchmarks/depth_flight.py TREE --masks exact      # quicker, without a segmentation net
 
 TREE is any mission file with EstimateDepth. "Cut off" are boxes whose lower end is below the image;
-"distances" asks what `uav-bt evaluate depth` asks of single images: points at 0.3 to 5 m, evenly
+"distances" asks what `uav-bt net evaluate depth` asks of single images: points at 0.3 to 5 m, evenly
 of obstacles and carpet, each frame's as many.
 """
 

@@ -6,7 +6,7 @@
 `scenes` trains teachers on the points of the first one, two, three and four training scenes and
 scores each: windows alone, as the paper has it (dots, dilation, largest components), and with sharp
 borders. `losses` trains the U-Net with each loss for equally many steps on the masks that
-`uav-bt train segmentation` left in its run folder.
+`uav-bt net train segmentation` left in its run folder.
 """
 
 from __future__ import annotations

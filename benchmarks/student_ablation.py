@@ -1,8 +1,9 @@
-"""What each part of the control student's training is worth, off line and in flight.
+r"""What each part of the control student's training is worth, off line and in flight.
 
-    uav-bt collect explore_and_land_advised --out runs/c0                      # the rule flies
-    uav-bt collect explore_and_land_student_advised --student S --out runs/c1  # the student does
-    uav-bt collect explore_and_land_advised --scene val-a --scene val-b --flights 8 --out runs/cv
+    uav-bt net collect explore_and_land_advised --out runs/c0  # the rule flies
+    uav-bt net collect explore_and_land_student_advised --student S --out runs/c1  # the student
+    uav-bt net collect explore_and_land_advised --scene val-a --scene val-b --flights 8 \
+        --out runs/cv
     python benchmarks/student_ablation.py runs/c0 runs/c1 --validate runs/cv --out runs/ablation
 
 Each variant trains for equally many steps, is scored on the held-out records, and flies the mission

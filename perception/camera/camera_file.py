@@ -78,7 +78,9 @@ def load_camera(
         FileError: the file is absent or malformed.
         ValueRangeError: it was calibrated at another aspect than that of the pictures.
     """
-    file = read_yaml(path, _CameraFile, "camera file", remedy="`uav-bt calibrate` makes one").value
+    file = read_yaml(
+        path, _CameraFile, "camera file", remedy="`uav-bt lab calibrate` makes one"
+    ).value
     camera = file.camera(forward_offset_m)
     return camera if size_px is None else fitted_camera(camera, *size_px, source=str(path))
 

@@ -21,7 +21,7 @@ __all__ = ["SHIPPED_STUDENT", "ControlEstimate", "OnnxControlStudent", "meaning"
 
 SHIPPED_STUDENT: Final = SHIPPED_WEIGHTS / "student.onnx"
 
-_CURE: Final = "`uav-bt train student`"
+_CURE: Final = "`uav-bt net train student`"
 _ABOUT: Final = ["framework", "control"]  # where OpenVINO keeps an ONNX file's metadata
 _LEAST_ADVANCE_M: Final = 0.15  # of a movement: half the rules' shortest step; less is a turn
 

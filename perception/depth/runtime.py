@@ -57,7 +57,7 @@ class OnnxDepthEstimator:
             )
         self._path = path
         self._inverse = says == "disparity"
-        model = read_model(path, "`uav-bt train depth`")
+        model = read_model(path, "`uav-bt net train depth`")
         self._size = input_size(model, path)
         self._request = compile_model(taking_pictures(model), threads).create_infer_request()
         grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)

@@ -67,7 +67,7 @@ class OnnxSegmenter:
             raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         self._path = path
         self._mapping = _mapping_of(mapping)
-        model = read_model(path, "`uav-bt train segmentation`")
+        model = read_model(path, "`uav-bt net train segmentation`")
         wanted = self._mapping.input
         planar = wanted.layout == "nchw"
         self._size = input_size(model, path, planar=planar)

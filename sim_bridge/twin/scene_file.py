@@ -53,7 +53,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
         _SceneFile,
         "scene file",
         failure=SceneError,
-        remedy="`uav-bt scenes` lists the shipped scenes",
+        remedy="`uav-bt lab scenes` lists the shipped scenes",
     )
     found = file.value
     problem = layout_problem(found.helipad, found.boxes)

@@ -23,7 +23,7 @@ class CalibratedDrone:
 
         Args:
             drone: what flies; not connected yet.
-            camera_file: made by `uav-bt calibrate`, at any size of the frames' aspect.
+            camera_file: made by `uav-bt lab calibrate`, at any size of the frames' aspect.
         """
         self._drone = drone
         self._file = camera_file

@@ -1,12 +1,5 @@
-"""The command line: one thin module per command over `uav_bt.app` and `uav_bt.learning`."""
+"""The command line: a module for each group or large command."""
 
-from __future__ import annotations
+from uav_bt.cli.root import uav_bt as main
 
 __all__ = ["main"]
-
-
-def main() -> None:
-    """Run `uav-bt`."""
-    from uav_bt.cli.root import uav_bt  # noqa: PLC0415 - the package's face imports nothing
-
-    uav_bt()

@@ -1,23 +1,32 @@
-"""`uav-bt campaign`: many flights, on all cores or on a cluster."""
+"""`uav-bt campaign` and `report`: many flights, on all cores or on a cluster."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from uav_bt.cli.options import image_size_option, policy_option, profile_option
+from uav_bt import campaign as campaigns
+from uav_bt.campaign import CampaignResult
+from uav_bt.campaign.plan import CampaignPlan
+from uav_bt.campaign.report.campaign_report import write_report
+from uav_bt.campaign.report.statistics import by_tree, summarise
+from uav_bt.campaign.runner import Backend, LocalBackend
+from uav_bt.cli.options import (
+    FOLDER,
+    RUNS,
+    image_size_option,
+    output_option,
+    policy_option,
+    profile_option,
+    workers_option,
+)
+from uav_bt.cli.progress import campaign_progress
 from uav_bt.errors import MissionError
-from uav_bt.plugins import need
 
-if TYPE_CHECKING:
-    from uav_bt.campaign import CampaignResult
-    from uav_bt.campaign.plan import CampaignPlan
-    from uav_bt.campaign.runner import Backend
-
-__all__ = ["campaign"]
+__all__ = ["campaign", "report"]
 
 
 @click.command()
@@ -26,17 +35,17 @@ __all__ = ["campaign"]
     "--scenes",
     metavar="GLOB",
     multiple=True,
-    help="Scenes by name, file or pattern, several with commas between. Repeatable. Default: val-*",
+    help="Scenes by name, file or pattern, with commas between. Repeatable; default: val-*.",
 )
 @click.option(
     "--flights",
     type=click.IntRange(min=1),
-    help="Flights of each tree in each scene, one seed each. Default: 10",
+    help="Flights of each tree in each scene, one seed each; default: 10.",
 )
 @click.option(
     "--seed-from", type=click.IntRange(min=0), default=0, show_default=True, help="The first seed."
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Flights at a time. Default: all cores")
+@workers_option()
 @profile_option()
 @click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
 @image_size_option()
@@ -44,14 +53,14 @@ __all__ = ["campaign"]
 @click.option(
     "--out",
     metavar="DIR",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Where the plan and the flights are kept. Default: runs/TREE",
+    type=FOLDER,
+    help="Where the plan and the flights are kept; default: runs/TREE.",
 )
 @click.option(
     "--resume",
     metavar="DIR",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Go on with the campaign in this folder; all else is known there.",
+    type=FOLDER,
+    help="Continue the campaign in this folder, with the plan that is kept there.",
 )
 @click.option(
     "--backend",
@@ -60,7 +69,7 @@ __all__ = ["campaign"]
     show_default=True,
     help="This machine's cores, or a Dask cluster.",
 )
-@click.option("--address", metavar="HOST:PORT", help="The Dask scheduler's.")
+@click.option("--address", metavar="HOST:PORT", help="Address of the Dask scheduler.")
 @click.option(
     "--timeout-s",
     type=click.FloatRange(min=0.0, min_open=True),
@@ -99,8 +108,8 @@ def campaign(
     """Fly missions many times and keep every flight.
 
     TREE is a tree file, or the name of a mission that ships with uav-bt; each flies in every scene.
-    Flights are kept one by one in DIR/flights.jsonl. A campaign that was stopped goes on with the
-    same command; more --flights add to it. A flight that crashes or hangs its process counts as
+    Flights are kept one by one in DIR/flights.jsonl. The same command continues a campaign that was
+    stopped; more --flights add to it. A flight that crashes or hangs its process counts as
     `error`. `uav-bt report DIR` shows what came of it.
 
     Exits with 0 when all flights were flown, whatever their outcome (but see --fail-under), with 1
@@ -114,10 +123,6 @@ def campaign(
         _only_resume(ctx)
     elif not trees:
         raise click.UsageError("which TREE is to be flown? or --resume DIR")
-    need("campaign", "joblib")
-
-    from uav_bt import campaign as campaigns  # noqa: PLC0415
-
     if resume is not None:
         plan, folder = campaigns.plan_of(resume), resume
     else:
@@ -133,16 +138,16 @@ def campaign(
             timeout_s=timeout_s,
             record=record,
         )
-        folder = out or Path("runs") / "-".join(Path(tree.name).stem for tree in plan.trees)
+        folder = out or RUNS / "-".join(Path(tree.name).stem for tree in plan.trees)
     result = _fly(ctx, plan, folder, _backend(workers, address))
-    _tell(result, folder)
+    _print_result(result, folder)
     good = sum(flight["outcome"] == "success" for flight in result.flights)
     if fail_under is not None and 100.0 * good / len(result.flights) < fail_under:
         ctx.exit(MissionError.exit_code)
 
 
 def _only_resume(ctx: click.Context) -> None:
-    """Refuse what the folder to go on in says already."""
+    """Refuse options that the folder's plan decides."""
     may = {"resume", "workers", "backend", "address", "fail_under"}
     given = [
         param.opts[0] if isinstance(param, click.Option) else "TREE"
@@ -159,19 +164,13 @@ def _only_resume(ctx: click.Context) -> None:
 
 def _backend(workers: int | None, address: str | None) -> Backend:
     if address is not None:
-        need("dask", "distributed")
-        from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415 - an extra
+        from uav_bt.campaign.cluster import DaskBackend  # noqa: PLC0415  (an extra of its own)
 
         return DaskBackend(address)
-    from uav_bt.campaign.runner import LocalBackend  # noqa: PLC0415 - `--help` need not wait for it
-
     return LocalBackend(workers)
 
 
 def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend) -> CampaignResult:
-    from uav_bt import campaign as campaigns  # noqa: PLC0415
-    from uav_bt.cli.campaign_progress import campaign_progress  # noqa: PLC0415
-
     with campaign_progress(len(plan)) as progress:
         try:
             return campaigns.run(
@@ -180,22 +179,18 @@ def _fly(ctx: click.Context, plan: CampaignPlan, folder: Path, backend: Backend)
         except KeyboardInterrupt:
             progress.note(
                 f"stopped; {progress.done} of {len(plan)} flights are kept in {folder}, "
-                "and the same command goes on from there"
+                "and the same command continues from there"
             )
             ctx.exit(MissionError.exit_code)
 
 
-def _tell(result: CampaignResult, folder: Path) -> None:
-    from uav_bt.campaign.report.statistics import by_tree  # noqa: PLC0415 - `--help` need not wait for it
-
+def _print_result(result: CampaignResult, folder: Path) -> None:
     for tree, flights in by_tree(result.flights).items():
-        _tell_tree(tree, flights)
+        _print_tree(tree, flights)
     click.echo(f"flights: {folder / 'flights.jsonl'}")
 
 
-def _tell_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
-    from uav_bt.campaign.report.statistics import summarise  # noqa: PLC0415
-
+def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
     summary = summarise(flights)
     low, high = summary.success_95
     outcomes = ", ".join(f"{name} {count}" for name, count in summary.outcomes.items())
@@ -210,3 +205,21 @@ def _tell_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
             click.echo(
                 f"  {name:<24}{found.count:>5}" + "".join(f"{value:>9.2f}" for value in numbers)
             )
+
+
+@click.command()
+@click.argument(
+    "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+@output_option(
+    "--out", "The HTML page; images and tables go beside it; default: report.html in DIR."
+)
+def report(*, sources: tuple[Path, ...], out: Path | None) -> None:
+    """Write the report of campaigns, their trees side by side.
+
+    DIR is the folder of a `uav-bt campaign`, or a file with a flight a line. The page needs nothing
+    but itself; its images (PNG) and tables (CSV) are written beside it as well.
+    """
+    written = write_report(sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True))
+    for file in (written.page, *written.images, *written.tables):
+        click.echo(file)

@@ -1,4 +1,4 @@
-"""`uav-bt collect`: flights for the control student to learn from."""
+"""`uav-bt net collect`: flights for the control student to learn from."""
 
 from __future__ import annotations
 
@@ -7,8 +7,18 @@ from typing import Final
 
 import click
 
-from uav_bt.cli.options import image_size_option, policy_option, seed_option
+from uav_bt.campaign.runner import LocalBackend
+from uav_bt.cli.options import (
+    FOLDER,
+    RUNS,
+    image_size_option,
+    policy_option,
+    seed_option,
+    workers_option,
+)
+from uav_bt.cli.progress import campaign_progress
 from uav_bt.errors import MissionError
+from uav_bt.learning import collecting
 from uav_bt.plugins import need
 
 __all__ = ["collect"]
@@ -23,27 +33,27 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
     type=click.IntRange(min=1),
     default=96,
     show_default=True,
-    help="At least so many in all, shared out evenly over scenes and profiles.",
+    help="Minimum in all, shared evenly over scenes and profiles.",
 )
 @click.option(
     "--scene",
     "scenes",
-    metavar="NAME|FILE",
+    metavar="SCENE",
     multiple=True,
-    help="Scenes to begin with. Repeatable. Default: all training scenes",
+    help="Scene to begin with, by name or file. Repeatable; default: all training scenes.",
 )
 @click.option(
     "--profile",
     "profiles",
     type=click.Choice(["ideal", "lab", "harsh"]),
     multiple=True,
-    help="How imperfect the twin is. Repeatable. Default: lab and harsh",
+    help="How imperfect the twin is. Repeatable; default: lab and harsh.",
 )
 @click.option(
     "--layouts/--no-layouts",
     default=True,
     show_default=True,
-    help="Draw the boxes of all scenes but the first of each, too; light is drawn in any case.",
+    help="Vary the boxes, too, in all flights but the first of each scene; light always varies.",
 )
 @click.option(
     "--student",
@@ -54,12 +64,12 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
 @seed_option()
 @image_size_option()
 @policy_option()
-@click.option("--workers", type=click.IntRange(min=1), help="Flights at a time. Default: all cores")
+@workers_option()
 @click.option(
     "--out",
     metavar="DIR",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Where flights and records are kept. Default: runs/collected-TREE",
+    type=FOLDER,
+    help="Where flights and records are kept; default: runs/collected-TREE.",
 )
 @click.pass_context
 def collect(
@@ -77,21 +87,16 @@ def collect(
     workers: int | None,
     out: Path | None,
 ) -> None:
-    """Fly a mission many times and keep records with the rule's word on every view.
+    """Fly a mission many times and record the rule's advice on every view.
 
     TREE has an <Advise/> leaf: explore_and_land_advised, where the rule flies, or
-    explore_and_land_student_advised, where the student does and the rule says what it should have
-    done. `uav-bt train student DIR...` learns from the records. A collection that was stopped goes
-    on with the same command.
+    explore_and_land_student_advised, where the student does and the rule notes what it would have
+    done. `uav-bt net train student DIR...` learns from the records. The same command continues a
+    collection that was stopped.
     """
-    need("campaign", "joblib")
     need("record", "mcap", "foxglove")
-    from uav_bt.campaign.runner import LocalBackend  # noqa: PLC0415
-    from uav_bt.cli.campaign_progress import campaign_progress  # noqa: PLC0415
-    from uav_bt.learning import collecting  # noqa: PLC0415 - `--help` need not wait for it
-
     if student is not None:
-        # Absolute: workers stand elsewhere.
+        # Absolute: workers have another working directory.
         policies = {**dict.fromkeys(_FLYING, f"student:{student.resolve()}"), **policies}
     default = collecting.CollectionPlan(tree=tree)
     plan = collecting.CollectionPlan(
@@ -104,7 +109,7 @@ def collect(
         policies=policies,
         image_size_px=image_size,
     )
-    folder = out or Path("runs") / f"collected-{Path(tree).stem}"
+    folder = out or RUNS / f"collected-{Path(tree).stem}"
     with campaign_progress(len(plan)) as progress:
         try:
             records = collecting.collect(
@@ -115,7 +120,7 @@ def collect(
                 on_note=progress.note,
             )
         except KeyboardInterrupt:
-            progress.note(f"stopped; the same command goes on from what is kept in {folder}")
+            progress.note(f"stopped; the same command continues from what is kept in {folder}")
             ctx.exit(MissionError.exit_code)
     size_mb = sum(record.stat().st_size for record in records) / 1e6
     click.echo(f"{len(records)} records, {size_mb:.0f} MB: {folder}")

@@ -1,4 +1,4 @@
-"""The tables of `uav-bt evaluate depth` as text."""
+"""The tables of `uav-bt net evaluate depth` as text."""
 
 from __future__ import annotations
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import click
 
+from sim_bridge.twin import create_drone
+from uav_bt import app
+from uav_bt.app.doctor import examine
 from uav_bt.errors import UavBtError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from uav_bt.mission.preflight import Check
+from uav_bt.mission.preflight import Check, check_drone
+from uav_bt.protocols import DroneOptions
 
 __all__ = ["doctor"]
 
@@ -25,12 +25,10 @@ __all__ = ["doctor"]
 )
 @click.pass_context
 def doctor(ctx: click.Context, *, drone: str | None) -> None:
-    """Tell what is installed and what works.
+    """Report what is installed and what works.
 
     Exits with 1 when something that uav-bt needs is wrong; extras are a choice.
     """
-    from uav_bt.app.doctor import examine  # noqa: PLC0415 - `--help` need not wait for it
-
     bad = 0
     for check in examine(_draws):
         click.echo(str(check))
@@ -44,14 +42,11 @@ def doctor(ctx: click.Context, *, drone: str | None) -> None:
 
 
 def _draws() -> str:
-    """Draw a small picture of the lab.
+    """Draw a small image of the lab.
 
     Raises:
         UavBtError: it cannot be drawn here.
     """
-    from sim_bridge.twin import create_drone  # noqa: PLC0415
-    from uav_bt.protocols import DroneOptions  # noqa: PLC0415
-
     twin = create_drone(DroneOptions(image_size_px=(160, 90)))
     twin.connect()
     try:
@@ -63,9 +58,6 @@ def _draws() -> str:
 
 
 def _drone_checks(drone: str) -> Iterator[Check]:
-    from uav_bt import app  # noqa: PLC0415
-    from uav_bt.mission.preflight import check_drone  # noqa: PLC0415
-
     flown = app.make_drone(app.FlightOptions(drone=drone))
     flown.connect()
     try:

@@ -1,89 +1,75 @@
-"""`uav-bt export`: make the ONNX files that missions fly on from trained weights."""
+"""`uav-bt net export`: make the ONNX files that missions fly on from trained weights."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import click
 
-from uav_bt.cli.options import output_option, seed_option, views_option
+from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
 from uav_bt.cli.progress import progress_bars
+from uav_bt.learning.depth import SHIPPED_DEPTH
+from uav_bt.learning.exporting import (
+    CALIBRATION_VIEWS,
+    export_depth,
+    export_segmentation,
+    export_student,
+)
+from uav_bt.learning.segmentation import SHIPPED_UNET
+from uav_bt.learning.student import SHIPPED_STUDENT
 from uav_bt.plugins import need
 
-__all__ = ["export"]
-
-_RUNS: Final = Path("runs")  # where results go by default; git does not look there
+__all__ = ["depth", "segmentation", "student"]
 
 
-@click.group()
-def export() -> None:
-    """Make ONNX files from trained weights.
-
-    A network in 8-bit integers takes about half the time of one in floats. What numbers it will
-    meet is seen on pictures of the twin.
-    """
-
-
-def _network_options(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return the options of a network's export."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in (
-            seed_option(5),
-            views_option(50),
-            output_option("--out", f"The ONNX file; {_RUNS}/{name}-PRECISION.onnx if not given."),
-            click.option(
-                "--precision",
-                type=click.Choice(["int8", "fp32"]),
-                default="int8",
-                show_default=True,
-                help="8-bit integers or floats.",
-            ),
-            click.option(
-                "--weights",
-                type=click.Path(dir_okay=False, path_type=Path),
-                help="The safetensors file that `uav-bt train` made; the shipped one if not given.",
-            ),
-        ):
-            command = option(command)
-        return command
-
-    return decorate
+def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    for option in (
+        seed_option(5),
+        views_option(50),
+        output_option(
+            "--out",
+            f"The ONNX file; {RUNS}/NETWORK-PRECISION.onnx if not given.",
+            suffix=".onnx",
+        ),
+        click.option(
+            "--precision",
+            type=click.Choice(["int8", "fp32"]),
+            default="int8",
+            show_default=True,
+            help="8-bit integers or floats.",
+        ),
+        click.option(
+            "--weights",
+            metavar="FILE",
+            type=INPUT,
+            help="The safetensors file of `uav-bt net train`; the shipped one if not given.",
+        ),
+    ):
+        command = option(command)
+    return command
 
 
-@export.command()
-@_network_options("unet")
+@click.command()
+@_network_options
 def segmentation(**options: Any) -> None:
-    """Make the ONNX file of a segmentation U-Net."""
-    need("train", "onnx")
-    from uav_bt.learning.exporting import export_segmentation  # noqa: PLC0415 - late, for --help
-    from uav_bt.learning.segmentation import SHIPPED_UNET  # noqa: PLC0415
-
+    """Export a segmentation U-Net."""
     _export(export_segmentation, "unet", SHIPPED_UNET, **options)
 
 
-@export.command()
-@_network_options("depth")
+@click.command()
+@_network_options
 def depth(**options: Any) -> None:
-    """Make the ONNX file of a depth network."""
-    need("train", "onnx")
-    from uav_bt.learning.depth import SHIPPED_DEPTH  # noqa: PLC0415 - late, for --help
-    from uav_bt.learning.exporting import export_depth  # noqa: PLC0415
-
+    """Export a depth network."""
     _export(export_depth, "depth", SHIPPED_DEPTH, **options)
 
 
-@export.command()
-@_network_options("student")
+@click.command()
+@_network_options
 def student(**options: Any) -> None:
-    """Make the ONNX file of a control student. All its shapes are fixed."""
-    need("train", "onnx")
-    from uav_bt.learning.exporting import export_student  # noqa: PLC0415 - late, for --help
-    from uav_bt.learning.student import SHIPPED_STUDENT  # noqa: PLC0415
-
+    """Export a control student. All its shapes are fixed."""
     _export(export_student, "student", SHIPPED_STUDENT, **options)
 
 
@@ -99,11 +85,8 @@ def _export(
     views: int,
     seed: int,
 ) -> None:
-    from uav_bt.learning.exporting import CALIBRATION_VIEWS  # noqa: PLC0415 - late, for --help
-
-    path = out or _RUNS / f"{name}-{precision}.onnx"
-    if path.suffix != ".onnx":
-        raise click.UsageError(f"--out must end in .onnx, got '{path}'")
+    need("train", "onnx")
+    path = out or RUNS / f"{name}-{precision}.onnx"
     path.parent.mkdir(parents=True, exist_ok=True)
     plan = replace(
         CALIBRATION_VIEWS, scenes=scenes or CALIBRATION_VIEWS.scenes, views=views, seed=seed

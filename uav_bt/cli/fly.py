@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 import click
+from rich.console import Console
 
+from uav_bt import app
+from uav_bt.app import film
+from uav_bt.app.site import load_site
+from uav_bt.app.view.live import ViewListeners, live_view
+from uav_bt.cli.keys import pilot_keys
 from uav_bt.cli.options import (
-    groot_port,
+    INPUT,
     image_size_option,
     output_option,
     policy_option,
@@ -19,14 +26,34 @@ from uav_bt.cli.options import (
     seed_option,
     threads_option,
 )
+from uav_bt.display.status import summary
 from uav_bt.errors import MissionError
-
-if TYPE_CHECKING:
-    from uav_bt.app.view.live import ViewListeners
+from uav_bt.groot import GrootConfig, watched_live
+from uav_bt.mission.judge import Outcome
 
 __all__ = ["fly"]
 
-_GROOT_PORT: Final = 1667  # what Groot2 itself asks for
+_GROOT_PORT: Final = 1667  # the default of Groot2
+_MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
+
+
+def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    """Return a port whose neighbour exists, too.
+
+    Raises:
+        BadParameter: it is none.
+    """
+    if value is None:
+        return None
+    if not re.fullmatch(r"[1-9]\d{0,4}", value) or int(value) > _MAX_GROOT_PORT:
+        # `--groot` takes the next word for its port; the mission's name may be meant.
+        raise click.BadParameter(
+            f"expected a port from 1 to {_MAX_GROOT_PORT} or nothing, got '{value}'; "
+            "write a --groot without a port after TREE",
+            ctx,
+            param,
+        )
+    return int(value)
 
 
 @click.command()
@@ -44,7 +71,7 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
 @click.option(
     "--site",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=INPUT,
     help="A site file: heights, camera, classes and limits of the place.",
 )
 @click.option(
@@ -57,8 +84,8 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
 @click.option(
     "--camera",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="A camera file of `uav-bt calibrate`: frames are undistorted with it.",
+    type=INPUT,
+    help="A camera file of `uav-bt lab calibrate`: frames are undistorted with it.",
 )
 @output_option("--report", "Write the flight's report there, as JSON.")
 @output_option("--record", "Keep the flight's record: an MCAP file, for viewers and for replay.")
@@ -67,9 +94,9 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     type=click.Choice(["lossless", "high"]),
     default="lossless",
     show_default=True,
-    help="Of the record's pictures: exact, or small.",
+    help="Quality of the record's images: exact, or small.",
 )
-@output_option("--video", "Film the flight: an mp4 file.")
+@output_option("--video", "Make a video of the flight: an mp4 file.")
 @click.option(
     "--view",
     metavar="[WHERE]",
@@ -84,10 +111,10 @@ _GROOT_PORT: Final = 1667  # what Groot2 itself asks for
     metavar="[PORT]",
     is_flag=False,
     flag_value=str(_GROOT_PORT),
-    callback=groot_port,
+    callback=_groot_port,
     help=f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
 )
-@click.option("--realtime", is_flag=True, help="Let the twin keep pace with the clock on the wall.")
+@click.option("--realtime", is_flag=True, help="Fly the twin no faster than real time.")
 @image_size_option()
 @threads_option()
 @click.pass_context
@@ -119,8 +146,10 @@ def fly(
     TREE is a tree file, or the name of a mission that ships with uav-bt. Ctrl-C lands the drone and
     the report is still written. At a terminal m takes over (the drone hovers, the mission waits)
     and hands back, l lands, and X cuts the motors in flight. A real drone is checked before it
-    takes off. Exits with 0 when the mission succeeded, 1 when it did not, and 2
-    when nothing was flown because something given was refused.
+    takes off.
+
+    Exits with 0 when the mission succeeded, with 1 when it did not, and with 2 when nothing was
+    flown because something given was refused.
     """
     written = {
         "report": report,
@@ -130,17 +159,6 @@ def fly(
     }
     files = {what: path for what, path in written.items() if path is not None}
     _refuse_clashes(files)
-
-    from rich.console import Console  # noqa: PLC0415 - `--help` need not wait for all of these
-
-    from uav_bt import app  # noqa: PLC0415
-    from uav_bt.app import film  # noqa: PLC0415
-    from uav_bt.app.site import load_site  # noqa: PLC0415
-    from uav_bt.app.view.live import live_view  # noqa: PLC0415
-    from uav_bt.cli.keys import pilot_keys  # noqa: PLC0415
-    from uav_bt.display.status import summary  # noqa: PLC0415
-    from uav_bt.groot import GrootConfig, watched_live  # noqa: PLC0415
-    from uav_bt.mission.judge import Outcome  # noqa: PLC0415
 
     options = app.FlightOptions(
         scene=scene,
@@ -166,7 +184,7 @@ def fly(
             watchers.append(filmed)
         viewed = None
         if view is not None:
-            # Of the command, not of the flight: a browser still looks when the summary is printed.
+            # Lives as long as the command: a browser still shows it when the summary is printed.
             viewed = ctx.with_resource(live_view(web=view == "web", title=title, told=click.echo))
             watchers.append(viewed)
         tree_watchers: list[film.TreeListeners] = [
@@ -206,7 +224,7 @@ def _refuse_clashes(files: Mapping[str, Path]) -> None:
 
 
 def _wait_for(viewed: ViewListeners) -> None:
-    """Keep a browser's view until somebody has seen enough."""
+    """Keep a browser's view until Ctrl-C."""
     click.echo("The view stays until Ctrl-C.")
     with suppress(KeyboardInterrupt):
         viewed.wait()

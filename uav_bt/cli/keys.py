@@ -1,4 +1,4 @@
-"""Keys for whoever watches a flight at a terminal: take over, hand back, land, cut the motors."""
+"""Keys of the person at the terminal: take over, hand back, land, cut the motors."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ import threading
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final
 
-if TYPE_CHECKING:
-    from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.runner import MissionRunner
 
-__all__ = ["KEYS_HELP", "obey", "pilot_keys"]
-
-KEYS_HELP: Final = "Keys: m takes over and hands back, l lands, X (shift) cuts the motors."
+__all__ = ["obey", "pilot_keys"]
 
 
 def obey(key: str, runner: MissionRunner) -> None:
-    """Do what a key stands for; others do nothing."""
+    """Do what a key stands for; other keys do nothing.
+
+    Args:
+        key: one character.
+        runner: of the mission that flies.
+    """
     if key == "m":
         runner.set_manual(manual=not runner.manual)
     elif key == "l":

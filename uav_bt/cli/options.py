@@ -6,35 +6,40 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import click
 
-from uav_bt.files import writing
-
-if TYPE_CHECKING:
-    from uav_bt.tree import NodeRegistry
-
 __all__ = [
-    "groot_port",
+    "FOLDER",
+    "INPUT",
+    "RUNS",
+    "format_option",
     "image_size_option",
     "output_option",
-    "palette_option",
     "policy_option",
     "profile_option",
-    "registry_with",
+    "records_argument",
+    "run_option",
     "seed_option",
-    "tell_or_write",
+    "steps_option",
     "threads_option",
     "views_option",
+    "workers_option",
 ]
 
-_MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
+INPUT: Final = click.Path(dir_okay=False, path_type=Path)
+FOLDER: Final = click.Path(file_okay=False, path_type=Path)
+RUNS: Final = Path("runs")  # the folder of results; git ignores it
+
+records_argument = click.argument(
+    "records", nargs=-1, required=True, metavar="RECORDS...", type=click.Path(path_type=Path)
+)
 
 _Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def _picture_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
+def _image_size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, int]:
     """Return width and height in pixels of a WIDTHxHEIGHT.
 
     Raises:
@@ -46,29 +51,10 @@ def _picture_size(ctx: click.Context, param: click.Parameter, value: str) -> tup
     return int(match[1]), int(match[2])
 
 
-def groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
-    """Return a port whose neighbour exists, too.
-
-    Raises:
-        BadParameter: it is none.
-    """
-    if value is None:
-        return None
-    if not re.fullmatch(r"[1-9]\d{0,4}", value) or int(value) > _MAX_GROOT_PORT:
-        # `--groot` takes the next word for its port; the mission's name may be meant.
-        raise click.BadParameter(
-            f"expected a port from 1 to {_MAX_GROOT_PORT} or nothing, got '{value}'; "
-            "write a --groot without a port after TREE",
-            ctx,
-            param,
-        )
-    return int(value)
-
-
 def _node_policies(
     ctx: click.Context, param: click.Parameter, values: tuple[str, ...]
 ) -> dict[str, str]:
-    """Return policies' names by node of several NODE=NAME.
+    """Return the names of policies by node of several NODE=NAME.
 
     Raises:
         BadParameter: one is malformed, or two are about the same node.
@@ -86,66 +72,58 @@ def _node_policies(
     return policies
 
 
-def _writable(ctx: click.Context, param: click.Parameter, value: Path | None) -> Path | None:
-    """Refuse, before any work is done, a file whose folder is absent or does not let us write."""
-    if value is None:
-        return None
-    if not value.parent.is_dir():
-        raise click.BadParameter(
-            f"folder '{value.parent}' does not exist; create it first", ctx, param
-        )
-    if not os.access(value.parent, os.W_OK):
-        raise click.BadParameter(f"folder '{value.parent}' cannot be written to", ctx, param)
-    return value
+def output_option(
+    name: str, help_: str, *, default: Path | None = None, suffix: str = ""
+) -> _Decorator:
+    """Return an option for a file that will be written.
 
+    Args:
+        name: of the option, with its dashes.
+        help_: its line in the help.
+        default: the file without the option; None for no file.
+        suffix: how the file's name must end.
+    """
 
-def output_option(name: str, help_: str) -> _Decorator:
-    """Return an option for a file that will be written."""
+    def checked(ctx: click.Context, param: click.Parameter, value: Path | None) -> Path | None:
+        if value is None or value == default:
+            return value
+        folder = value.parent
+        if not value.name.endswith(suffix):
+            message = f"the name must end in {suffix}, got '{value}'"
+        elif not folder.is_dir():
+            message = f"folder '{folder}' does not exist; create it first"
+        elif not os.access(folder, os.W_OK):
+            message = f"folder '{folder}' cannot be written to"
+        else:
+            return value
+        raise click.BadParameter(message, ctx, param)  # before any work is done
+
     return click.option(
         name,
         metavar="FILE",
         type=click.Path(dir_okay=False, writable=True, path_type=Path),
-        callback=_writable,
+        callback=checked,
+        default=default,
+        show_default=default is not None,
         help=help_,
     )
 
 
-def tell_or_write(text: str, out: Path | None) -> None:
-    """Print a text, or write it into a file.
+def format_option(*choices: str, help_: str) -> _Decorator:
+    """Return the option for the form of what is printed, the parameter `format_`.
 
-    Raises:
-        FileError: the file cannot be written.
+    Args:
+        choices: the forms; the first is the default.
+        help_: its line in the help.
     """
-    if out is None:
-        click.echo(text, nl=False)
-        return
-    with writing(out):
-        out.write_text(text, encoding="utf-8")
-    click.echo(f"written: {out}")
-
-
-def palette_option() -> _Decorator:
-    """Return the option for a palette of nodes that are not installed."""
     return click.option(
-        "--palette",
-        metavar="FILE",
-        type=click.Path(dir_okay=False, path_type=Path),
-        help="A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of "
-        "nodes that are not installed here.",
+        "--format",
+        "format_",
+        type=click.Choice(choices),
+        default=choices[0],
+        show_default=True,
+        help=help_,
     )
-
-
-def registry_with(palette: Path | None) -> NodeRegistry:
-    """Return the installed nodes, with those of a palette.
-
-    Raises:
-        TreeError: the palette cannot be read or makes no sense.
-    """
-    from uav_bt.tree import NodeRegistry  # noqa: PLC0415 - `--help` need not wait for it
-    from uav_bt.tree.loading.palette import read_palette, with_palette  # noqa: PLC0415
-
-    installed = NodeRegistry.installed()
-    return installed if palette is None else with_palette(installed, read_palette(palette))
 
 
 def seed_option(default: int = 0) -> _Decorator:
@@ -155,12 +133,12 @@ def seed_option(default: int = 0) -> _Decorator:
         type=click.IntRange(min=0),
         default=default,
         show_default=True,
-        help="Of everything random.",
+        help="Seed of everything random.",
     )
 
 
 def views_option(default: int) -> _Decorator:
-    """Return the options that say which pictures of the twin are taken."""
+    """Return the options for which images of the twin are drawn, and how many of each scene."""
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         scenes = click.option(
@@ -168,14 +146,14 @@ def views_option(default: int) -> _Decorator:
             "scenes",
             metavar="SCENE",
             multiple=True,
-            help="Take pictures of this scene, by name or file, not of the usual ones. Repeatable.",
+            help="Draw images of this scene, by name or file, not of the default ones. Repeatable.",
         )
         views = click.option(
             "--views",
             type=click.IntRange(min=1),
             default=default,
             show_default=True,
-            help="Pictures of each scene.",
+            help="Images of each scene.",
         )
         return scenes(views(command))
 
@@ -183,14 +161,14 @@ def views_option(default: int) -> _Decorator:
 
 
 def image_size_option() -> _Decorator:
-    """Return the option for the size of the camera's pictures."""
+    """Return the option for the size of the camera's frames."""
     return click.option(
         "--image-size",
         metavar="WxH",
-        callback=_picture_size,
+        callback=_image_size,
         default="640x360",
         show_default=True,
-        help="Of the camera's pictures, 16:9.",
+        help="Size of the camera's frames, 16:9.",
     )
 
 
@@ -210,6 +188,7 @@ def profile_option() -> _Decorator:
     """Return the option for how imperfect the twin is."""
     return click.option(
         "--profile",
+        metavar="NAME",
         default="lab",
         show_default=True,
         help="How imperfect the twin is: ideal, lab or harsh.",
@@ -223,5 +202,40 @@ def threads_option() -> _Decorator:
         type=click.IntRange(min=1),
         default=1,
         show_default=True,
-        help="Of the networks' inference.",
+        help="Threads of the networks' inference.",
+    )
+
+
+def workers_option() -> _Decorator:
+    """Return the option for the number of processes that fly."""
+    return click.option(
+        "--workers", type=click.IntRange(min=1), help="Flights at a time; default: all cores."
+    )
+
+
+def run_option(name: str, content: str) -> _Decorator:
+    """Return the option for the folder of a training.
+
+    Args:
+        name: of its default, a folder in `RUNS`.
+        content: what is kept there.
+    """
+    return click.option(
+        "--run",
+        metavar="DIR",
+        type=FOLDER,
+        default=RUNS / name,
+        show_default=True,
+        help=f"Where {content} are kept; the same command continues a training from there.",
+    )
+
+
+def steps_option(default: int) -> _Decorator:
+    """Return the option for the steps of a training."""
+    return click.option(
+        "--steps",
+        type=click.IntRange(min=1),
+        default=default,
+        show_default=True,
+        help="Steps of training.",
     )

@@ -1,22 +1,19 @@
-"""`uav-bt perceive`: the whole of perception over a video, a folder or a live camera."""
+"""`uav-bt net perceive`: the whole of perception over a video, a folder or a live camera."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
 
 import click
 
-from uav_bt.cli.options import output_option, threads_option
+from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
+from uav_bt.app.perceive import perceive as perceive_source
+from uav_bt.cli.options import INPUT, output_option, threads_option
 from uav_bt.cli.progress import progress_bars
-
-if TYPE_CHECKING:
-    from uav_bt.app.perceive import PerceiveSummary
+from uav_bt.errors import MissionError
 
 __all__ = ["perceive"]
-
-_INTERRUPTED: Final = 1
 
 
 @click.command()
@@ -25,27 +22,27 @@ _INTERRUPTED: Final = 1
 @output_option("--json", "Write one JSON object a frame there, a line each.")
 @click.option(
     "--camera",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=INPUT,
     metavar="FILE",
-    help="Camera file of `uav-bt calibrate`; without it, the ANAFI's video is assumed.",
+    help="Camera file of `uav-bt lab calibrate`; without it, the ANAFI's video is assumed.",
 )
 @click.option(
     "--height-m",
     type=click.FloatRange(min=0.0, min_open=True, max=100.0),
     default=1.5,
     show_default=True,
-    help="Of the camera above the carpet, for all frames.",
+    help="Height of the camera above the carpet, for all frames.",
 )
 @click.option(
     "--gimbal-deg",
     type=click.FloatRange(min=-90.0, max=90.0),
     default=-30.0,
     show_default=True,
-    help="Where the camera looks, for all frames: 0 level, negative down.",
+    help="Pitch of the camera, for all frames: 0 level, negative down.",
 )
 @click.option(
     "--telemetry",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=INPUT,
     metavar="FILE",
     help="Record of the same flight, from `uav-bt fly --record`: height and gimbal by frame.",
 )
@@ -53,17 +50,17 @@ _INTERRUPTED: Final = 1
     "--model",
     default="depth",
     show_default=True,
-    help="Of depth: 'depth', an ONNX file, or 'footing' (masks and geometry, no network).",
+    help="Depth network: 'depth', an ONNX file, or 'footing' (masks and geometry, no network).",
 )
 @click.option(
     "--segmentation",
     default="unet",
     show_default=True,
-    help="'unet', 'teacher', or an ONNX file.",
+    help="Segmentation: 'unet', 'teacher', or an ONNX file.",
 )
 @click.option(
     "--classes",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=INPUT,
     metavar="FILE",
     help="Class-mapping file of a foreign segmentation network.",
 )
@@ -72,12 +69,12 @@ _INTERRUPTED: Final = 1
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Look at every so many frames only.",
+    help="Process only one in this many frames.",
 )
 @click.option(
     "--seconds",
     type=click.FloatRange(min=0.0, min_open=True),
-    help="Stop after so much of the source.",
+    help="Stop after this much of the source.",
 )
 @threads_option()
 @click.pass_context
@@ -106,10 +103,7 @@ def perceive(
     """
     if out is not None and out == json:
         raise click.UsageError("--out and --json name the same file")
-
-    from uav_bt.app import perceive  # noqa: PLC0415
-
-    options = perceive.PerceiveOptions(
+    options = PerceiveOptions(
         camera=camera,
         height_m=height_m,
         gimbal_pitch_rad=math.radians(gimbal_deg),
@@ -122,14 +116,14 @@ def perceive(
         threads=threads,
     )
     with progress_bars() as advance:
-        summary = perceive.perceive(source, options, out=out, lines=json, advance=advance)
+        summary = perceive_source(source, options, out=out, lines=json, advance=advance)
     _show(summary)
     if out is not None and summary.frames:
         click.echo(f"video: {out}")
     if json is not None:
         click.echo(f"frames: {json}")
     if summary.interrupted:
-        ctx.exit(_INTERRUPTED)
+        ctx.exit(MissionError.exit_code)
 
 
 def _show(summary: PerceiveSummary) -> None:

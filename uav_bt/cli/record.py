@@ -1,49 +1,47 @@
-"""`uav-bt record`: what is in a flight's record."""
+"""`uav-bt record info`, `view` and `replay`: what is done with the record of a flight."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Final, Literal
 
 import click
 
-if TYPE_CHECKING:
-    from uav_bt.record.info import RecordInfo
+from uav_bt.app.replay import Difference, ReplayOptions, ReplayReport
+from uav_bt.app.replay import replay as replay_record
+from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
+from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
+from uav_bt.cli.options import INPUT, format_option, output_option, policy_option
+from uav_bt.cli.progress import progress_bars
+from uav_bt.display.rerun import sinks
+from uav_bt.errors import MissionError
+from uav_bt.record.info import RecordInfo, record_info
 
-__all__ = ["record"]
+__all__ = ["info", "replay", "view"]
 
-_SHOWN = ("tree", "scene", "seed", "drone", "profile", "record_quality", "started", "uav_bt", "git")
-_FILE = click.Path(dir_okay=False, path_type=Path)
-
-
-@click.group()
-def record() -> None:
-    """Look into records of flights."""
-
-
-@record.command()
-@click.argument("file", type=_FILE)
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="For people, or one JSON object.",
+_METADATA: Final = (
+    *("tree", "scene", "seed", "drone", "profile", "record_quality", "started", "uav_bt", "git"),
 )
-def info(*, file: Path, form: str) -> None:
-    """Print content, duration, rates and losses of a record, and whether it is whole."""
-    from uav_bt.record.info import record_info  # noqa: PLC0415 - `--help` need not wait for it
+_MAX_PRINTED: Final = 20  # differing ticks, and nodes that differ
 
+_file_argument = click.argument("file", type=INPUT)
+
+
+@click.command()
+@_file_argument
+@format_option("text", "json", help_="text is for people; json is one object.")
+def info(*, file: Path, format_: str) -> None:
+    """Print what is in a record: duration, rates, losses, and whether it is whole."""
     found = record_info(file)
-    click.echo(json.dumps(found.to_json(), indent=2) if form == "json" else _text(found))
+    click.echo(json.dumps(found.to_json(), indent=2) if format_ == "json" else _text(found))
 
 
 def _text(found: RecordInfo) -> str:
     state = "whole" if found.finished and not found.damages else "NOT WHOLE"
     lines = [f"{found.path}: {state}, {found.duration_s:.1f} s, {found.bytes / 1e6:.1f} MB"]
-    lines += [f"  {name}: {found.metadata[name]}" for name in _SHOWN if name in found.metadata]
+    lines += [f"  {name}: {found.metadata[name]}" for name in _METADATA if name in found.metadata]
     if not found.finished:
         lines.append("  unfinished: no index, no summary; `mcap recover` makes it whole")
     if found.end is not None:
@@ -66,3 +64,154 @@ def _text(found: RecordInfo) -> str:
     ]
     lines += [f"  damage: {damage}" for damage in found.damages]
     return "\n".join(lines)
+
+
+@click.command()
+@_file_argument
+@output_option("--save", "Keep the view: an rrd file, which `rerun FILE` opens anywhere.")
+@click.option("--web", is_flag=True, help="Show it in a browser on this machine, until Ctrl-C.")
+@output_option("--video", "Make a video of it: an mp4 file.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(0.1, 100.0),
+    default=1.0,
+    show_default=True,
+    help="How many times faster than the flight the video runs.",
+)
+@click.option(
+    "--from",
+    "from_s",
+    metavar="SECONDS",
+    type=click.FloatRange(min=0.0),
+    help="Begin here, from the record's start.",
+)
+@click.option(
+    "--to",
+    "to_s",
+    metavar="SECONDS",
+    type=click.FloatRange(min=0.0),
+    help="End here, from the record's start.",
+)
+def view(
+    *,
+    file: Path,
+    save: Path | None,
+    web: bool,
+    video: Path | None,
+    speed: float,
+    from_s: float | None,
+    to_s: float | None,
+) -> None:
+    """Show a record of `uav-bt fly --record` in Rerun.
+
+    Camera with overlays, mask, metric depth, the lab and the path in 3D, the tree with its
+    statuses, and plots, on one timeline. Opens a window unless --web, --save or --video is given.
+    A record that was cut short is shown as far as it goes.
+    """
+    if from_s is not None and to_s is not None and from_s >= to_s:
+        raise click.UsageError(f"--from {from_s:g} must lie before --to {to_s:g}")
+    window = not (web or save or video)
+    if window:
+        sinks.need_display(WITHOUT_DISPLAY)
+    with RecordedFlight(file, Span(from_s=from_s, to_s=to_s)) as flight:
+        with progress_bars() as advance:
+            if save is not None:
+                flight.save(save, advance=advance)
+            if video is not None:
+                flight.film(video, speed=speed, advance=advance)
+        for what, path in (("view", save), ("video", video)):
+            if path is not None:
+                click.echo(f"{what}: {path}")
+        if web or window:
+            _show(flight, web=web)
+        for damage in flight.damages:
+            click.echo(f"{file}: {damage}", err=True)
+
+
+def _show(flight: RecordedFlight, *, web: bool) -> None:
+    with flight.shown(web=web) as viewer:
+        if viewer.url is not None:
+            click.echo(f"{viewer.url}\nCtrl-C ends it.")
+        with progress_bars() as advance:
+            flight.draw(viewer.stream, advance=advance, stopped=lambda: viewer.closed)
+        try:
+            viewer.wait()
+        except KeyboardInterrupt:
+            click.echo("", err=True)
+
+
+@click.command()
+@_file_argument
+@click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
+@policy_option()
+@click.option(
+    "--masks",
+    type=click.Choice(["network", "recorded"]),
+    help="Where class maps come from; default: the tree's network, or the record if the flight "
+    "flew on exact masks.",
+)
+@format_option("text", "json", help_="text is for people; json is one object with all differences.")
+@click.pass_context
+def replay(
+    ctx: click.Context,
+    *,
+    file: Path,
+    tree: str | None,
+    policies: dict[str, str],
+    masks: Literal["network", "recorded"] | None,
+    format_: str,
+) -> None:
+    """Feed recorded frames through perception and tree, and print what differs.
+
+    What is decided now changes nothing of what was seen then. Exits with 0 when statuses and
+    commands are the recorded ones (of a lossy record: within the tolerance that is printed), 1 when
+    they differ, and 2 when the record or what was given is refused.
+    """
+    report = replay_record(file, ReplayOptions(tree=tree, policies=policies, masks=masks))
+    if format_ == "json":
+        click.echo(json.dumps(report.to_json(), indent=2))
+    else:
+        for line in _report_lines(report):
+            click.echo(line)
+    if not report.same:
+        ctx.exit(MissionError.exit_code)
+
+
+def _report_lines(report: ReplayReport) -> Iterator[str]:
+    for difference in report.differences[:_MAX_PRINTED]:
+        yield from _difference_lines(difference)
+    if report.differing_ticks > _MAX_PRINTED:
+        yield f"... and {report.differing_ticks - _MAX_PRINTED} more ticks (--format json has them)"
+    for path, count in list(report.nodes.items())[:_MAX_PRINTED]:
+        yield f"{count:>6} ticks differ at {path}"
+    yield from (f"only in the recording: {path}" for path in report.only_recorded)
+    yield from (f"only in the replay: {path}" for path in report.only_replayed)
+    yield from (f"damage: {damage}" for damage in report.damages)
+    if report.missing_pictures:
+        yield f"{report.missing_pictures} frames lack their image: the disk was too slow"
+    if report.masks == "recorded":
+        yield "class maps: the recorded ones"
+    if report.ended is not None:
+        yield f"ended early: {report.ended}"
+    verdict = "the same" if report.same else "different"
+    tolerance = (
+        ""
+        if report.exact
+        else f" (the record is not exact: {100 * LOSSY_TICKS:.0f} % of the ticks and "
+        f"{LOSSY_NUMBERS} m or rad of a command may differ)"
+    )
+    yield (
+        f"{report.ticks} ticks: {report.status_ticks} differ in statuses, "
+        f"{report.command_ticks} in commands; {verdict}{tolerance}"
+    )
+
+
+def _difference_lines(difference: Difference) -> Iterator[str]:
+    head = f"{difference.time_s:8.2f} s"
+    for path, (recorded, replayed) in difference.statuses.items():
+        yield f"{head}  {path}: {recorded} -> {replayed}"
+    if difference.proposed_by is not None:
+        recorded_by, replayed_by = (name or "nobody" for name in difference.proposed_by)
+        yield f"{head}  proposed by {recorded_by} -> {replayed_by}"
+    if difference.command is not None:
+        yield f"{head}  command: {difference.command[0]} -> {difference.command[1]}"

@@ -1,96 +1,249 @@
-"""`uav-bt` itself: its commands are imported when they are asked for, its errors told in a line."""
+"""`uav-bt` itself: its groups and commands, and how errors become one line and an exit code.
+
+Exit codes: 0 good; 1 a mission or comparison failed or was interrupted; 2 the input was refused or
+the usage was wrong.
+"""
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import click
 
-from uav_bt import __version__
-from uav_bt.cli.rooms import check_rooms
-from uav_bt.errors import UavBtError, did_you_mean
+import uav_bt as package
+from uav_bt.cli.extras import missing_extra
+from uav_bt.errors import InputError, UavBtError, did_you_mean
 
-__all__ = ["Commands", "uav_bt"]
+__all__ = ["LazyGroup", "check_packages", "uav_bt"]
 
-# Name, and where it stands. Nothing is imported for the commands that are not run.
-_COMMANDS: Final = {
-    "fly": "uav_bt.cli.fly:fly",
-    "doctor": "uav_bt.cli.doctor:doctor",
-    "serve-anafi": "uav_bt.cli.serve_anafi:serve_anafi",
-    "new": "uav_bt.cli.new:new",
-    "check": "uav_bt.cli.check:check",
-    "nodes": "uav_bt.cli.nodes:nodes",
-    "render": "uav_bt.cli.render:render",
-    "simulate": "uav_bt.cli.simulate:simulate",
-    "schema": "uav_bt.cli.schema:schema",
-    "scenes": "uav_bt.cli.scenes:scenes",
-    "calibrate": "uav_bt.cli.calibrate:calibrate",
-    "perceive": "uav_bt.cli.perceive:perceive",
-    "pick": "uav_bt.cli.pick:pick",
-    "record": "uav_bt.cli.record:record",
-    "replay": "uav_bt.cli.replay:replay",
-    "view": "uav_bt.cli.view:view",
-    "campaign": "uav_bt.cli.campaign:campaign",
-    "report": "uav_bt.cli.report:report",
-    "collect": "uav_bt.cli.collect:collect",
-    "train": "uav_bt.cli.train:train",
-    "export": "uav_bt.cli.export:export",
-    "evaluate": "uav_bt.cli.evaluate:evaluate",
-}
+_PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 
 
-class Commands(click.Group):
-    """A group whose commands are imported late and whose errors become messages."""
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they run or when their own help is asked for.
+
+    Args:
+        name: of the group.
+        lazy: where each command stands (module:attribute), and its line in the group's help.
+        groups: the groups inside it.
+        attributes: of `click.Group`.
+    """
+
+    def __init__(
+        self,
+        name: str | None = None,
+        *,
+        lazy: Mapping[str, tuple[str, str]],
+        groups: Sequence[LazyGroup] = (),
+        **attributes: Any,
+    ) -> None:
+        super().__init__(name, {str(group.name): group for group in groups}, **attributes)
+        self._lazy = lazy
+        self._groups = groups
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the commands' names in the order in which a newcomer meets them."""
+        """Return the names of commands and groups in the order of the help."""
         del ctx
-        return list(_COMMANDS)
+        return [name for (name,) in (path for path in self.paths() if len(path) == 1)]
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command:
         """Import a command.
 
         Raises:
-            UsageError: there is none of that name.
+            UsageError: there is none of that name; the message says where it is, if anywhere.
         """
-        if cmd_name not in _COMMANDS:
-            ctx.fail(f"there is no command '{cmd_name}'{did_you_mean(cmd_name, _COMMANDS)}")
-        module, _, name = _COMMANDS[cmd_name].partition(":")
-        command = getattr(importlib.import_module(module), name)
-        return command if isinstance(command, click.Command) else None
+        if cmd_name in self.commands:
+            return self.commands[cmd_name]
+        if cmd_name not in self._lazy:
+            root = ctx.find_root().command
+            found = root.paths() if isinstance(root, LazyGroup) else ()
+            places = [f"'uav-bt {' '.join(path)}'" for path in found if path[-1] == cmd_name]
+            hint = (
+                f"; '{cmd_name}' is {' or '.join(places)}"
+                if places
+                else did_you_mean(cmd_name, self.list_commands(ctx))
+            )
+            ctx.fail(f"there is no command '{cmd_name}'{hint}")
+        module, _, attribute = self._lazy[cmd_name][0].partition(":")
+        command: click.Command = getattr(importlib.import_module(module), attribute)
+        return command
+
+    def paths(self) -> Iterator[tuple[str, ...]]:
+        """Yield the words by which every command and group below this one is called."""
+        for name in self._lazy:
+            yield (name,)
+        for group in self._groups:
+            yield (str(group.name),)
+            for path in group.paths():
+                yield (str(group.name), *path)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the sections of commands and of groups; imports nothing."""
+        del ctx
+        commands = [(name, line) for name, (_, line) in self._lazy.items()]
+        groups = [(str(group.name), group.get_short_help_str(100)) for group in self._groups]
+        for title, rows in (("Commands", commands), ("Groups of commands", groups)):
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+
+class _Root(LazyGroup):
+    """The outermost group, where every error becomes one line and an exit code."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command and turn what it raises into a message and an exit code.
+        """Run a command.
 
         Raises:
-            Exit: the command failed, and has said why.
+            Exit: the command failed, and the reason was printed.
         """
         try:
             return super().invoke(ctx)
         except (click.ClickException, click.Abort, click.exceptions.Exit, BrokenPipeError):
-            raise  # click ends quietly when whoever reads the output has seen enough
-        except UavBtError as error:
-            _say_why(ctx, error, str(error))
-            raise click.exceptions.Exit(error.exit_code) from error
+            raise  # click's own; a closed pipe ends it quietly
         except Exception as error:
-            message = f"unexpected {type(error).__name__}: {error}"
-            hint = "" if ctx.params.get("debug") else " (`uav-bt --debug ...` shows where)"
-            _say_why(ctx, error, message + hint)
-            raise click.exceptions.Exit(UavBtError.exit_code) from error
+            known = missing_extra(error) if isinstance(error, ModuleNotFoundError) else error
+            if isinstance(known, UavBtError):
+                message, code = str(known), known.exit_code
+            else:
+                message, code = f"unexpected {type(error).__name__}: {error}", UavBtError.exit_code
+                message += "" if ctx.params["debug"] else " (`uav-bt --debug ...` shows where)"
+            if ctx.params["debug"]:
+                click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
+            click.echo(f"Error: {message}", err=True)
+            raise click.exceptions.Exit(code) from error
 
 
-def _say_why(ctx: click.Context, error: Exception, message: str) -> None:
-    if ctx.params.get("debug"):
-        click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
-    click.echo(f"Error: {message}", err=True)
+def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -> None:
+    """Refuse to start where a foreign folder hides one of our packages, whose names are plain.
+
+    Args:
+        home: the folder that holds our packages; default: the one of `uav_bt`.
+        names: the packages' names.
+
+    Raises:
+        InputError: a package is missing or is someone else's, with what to do.
+    """
+    home = Path(package.__file__).resolve().parents[1] if home is None else home
+    for name in names:
+        ours = home / name
+        spec = importlib.util.find_spec(name)
+        found = [] if spec is None else list(spec.submodule_search_locations or [])
+        if any(Path(folder).resolve() == ours for folder in found):
+            continue
+        if not found and (spec is None or spec.origin is None):
+            raise InputError(
+                f"the package '{name}' that belongs to uav-bt is not installed; reinstall uav-bt"
+            )
+        theirs = found[0] if found else spec.origin if spec is not None else ""
+        raise InputError(
+            f"Python finds '{theirs}' where uav-bt needs its own '{ours}'; rename that "
+            f"'{name}', start uav-bt from another folder, or take it off PYTHONPATH"
+        )
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="uav-bt")
+_TREE: Final = LazyGroup(
+    "tree",
+    help="List nodes, draw tree files, write their schema.",
+    lazy={
+        "nodes": ("uav_bt.cli.tree:nodes", "List the nodes that tree files can use."),
+        "render": ("uav_bt.cli.tree:render", "Draw a tree file, with its subtrees in place."),
+        "schema": ("uav_bt.cli.tree:schema", "Write an XML Schema of tree files."),
+    },
+)
+_RECORD: Final = LazyGroup(
+    "record",
+    help="Look into records of flights.",
+    lazy={"info": ("uav_bt.cli.record:info", "Print what is in a record.")},
+)
+_TRAIN: Final = LazyGroup(
+    "train",
+    help="Train the networks that missions fly on.",
+    lazy={
+        "teacher": ("uav_bt.cli.teacher:teacher", "Train the teacher of segmentation on picks."),
+        "segmentation": (
+            "uav_bt.cli.train:segmentation",
+            "Train the U-Net on the teacher's masks.",
+        ),
+        "depth": ("uav_bt.cli.train:depth", "Train the depth network on flights."),
+        "student": (
+            "uav_bt.cli.train_student:student",
+            "Train the control student on advised flights.",
+        ),
+    },
+)
+_EVALUATE: Final = LazyGroup(
+    "evaluate",
+    help="Measure networks against the twin's truth.",
+    lazy={
+        "segmentation": ("uav_bt.cli.evaluate:segmentation", "Score a segmentation."),
+        "depth": ("uav_bt.cli.evaluate:depth", "Measure metric depth."),
+        "student": (
+            "uav_bt.cli.evaluate:student",
+            "Measure how well a control student agrees with the rule.",
+        ),
+    },
+)
+_EXPORT: Final = LazyGroup(
+    "export",
+    help="""Make ONNX files from trained weights.
+
+    A network in 8-bit integers takes about half the time of one in floats. The ranges of its
+    numbers are taken from images of the twin.""",
+    lazy={
+        "segmentation": ("uav_bt.cli.export:segmentation", "Export a segmentation U-Net."),
+        "depth": ("uav_bt.cli.export:depth", "Export a depth network."),
+        "student": ("uav_bt.cli.export:student", "Export a control student."),
+    },
+)
+_NET: Final = LazyGroup(
+    "net",
+    help="Train, evaluate and export networks.",
+    lazy={
+        "perceive": ("uav_bt.cli.perceive:perceive", "Run perception over a video or a camera."),
+        "pick": ("uav_bt.cli.teacher:pick", "Click picks on photographs for the teacher."),
+        "collect": ("uav_bt.cli.collect:collect", "Fly and record for the control student."),
+    },
+    groups=(_TRAIN, _EVALUATE, _EXPORT),
+)
+_LAB: Final = LazyGroup(
+    "lab",
+    help="List scenes of the simulated lab, calibrate a camera.",
+    lazy={
+        "scenes": ("uav_bt.cli.lab:scenes", "List the shipped scenes, or draw the map of one."),
+        "calibrate": (
+            "uav_bt.cli.lab:calibrate",
+            "Calibrate a camera from photographs of a checkerboard.",
+        ),
+    },
+)
+
+
+@click.group(
+    cls=_Root,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    lazy={
+        "fly": ("uav_bt.cli.fly:fly", "Fly a mission."),
+        "check": ("uav_bt.cli.tree:check", "Check tree files and report all that is wrong."),
+        "new": ("uav_bt.cli.tree:new", "Write a commented mission file to begin with."),
+        "simulate": ("uav_bt.cli.simulate:simulate", "Tick a tree with scripted leaves."),
+        "campaign": ("uav_bt.cli.campaign:campaign", "Fly missions many times."),
+        "report": ("uav_bt.cli.campaign:report", "Write the report of campaigns."),
+        "view": ("uav_bt.cli.record:view", "Show the record of a flight."),
+        "replay": ("uav_bt.cli.record:replay", "Feed a recorded flight through the tree again."),
+        "doctor": ("uav_bt.cli.doctor:doctor", "Report what is installed and what works."),
+        "serve-anafi": ("uav_bt.cli.serve_anafi:serve_anafi", "Serve a simulated ANAFI."),
+    },
+    groups=(_TREE, _RECORD, _NET, _LAB),
+)
+@click.version_option(package.__version__, prog_name="uav-bt")
 @click.option("--debug", is_flag=True, help="Show where an error came from.")
 def uav_bt(*, debug: bool) -> None:
     """Compose, check, fly and measure vision-only drone missions."""
-    del debug  # read from the context, where errors are told
-    check_rooms()
+    del debug  # read from the context where errors are printed
+    check_packages()

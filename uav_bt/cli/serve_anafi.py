@@ -1,16 +1,21 @@
-"""`uav-bt serve-anafi`: a drone made of software for clients of the ANAFI."""
+"""`uav-bt serve-anafi`: a simulated ANAFI for clients of the real one."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from typing import TYPE_CHECKING
+import signal
 
 import click
 
+from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
+from sim_bridge.loopback.firmware.battery import BatteryOptions
+from sim_bridge.loopback.handshake import Identity
+from sim_bridge.loopback.ports import Ports
+from sim_bridge.loopback.server import ServerOptions
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene_file import load_scene
 from uav_bt.cli.options import image_size_option, profile_option, seed_option
-
-if TYPE_CHECKING:
-    from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 
 __all__ = ["serve_anafi"]
 
@@ -38,8 +43,8 @@ def _port(name: str, default: int, what: str) -> click.Option:
     "--address",
     default="127.0.0.1",
     show_default=True,
-    help="Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... Whoever can reach "
-    "another address than 127.x.x.x can fly the drone.",
+    help="Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address other "
+    "than 127.x.x.x, everybody who can reach it can fly the drone.",
 )
 @image_size_option()
 @click.option(
@@ -60,7 +65,7 @@ def _port(name: str, default: int, what: str) -> click.Option:
     help="The battery's charge at first, per cent.",
 )
 @click.option("--name", default="ANAFI-loopback", show_default=True, help="Its product name.")
-@click.option("--verbose", is_flag=True, help="Tell what clients do that is not simulated, too.")
+@click.option("--verbose", is_flag=True, help="Log requests for what is not simulated, too.")
 def serve_anafi(
     *,
     scene: str | None,
@@ -82,16 +87,6 @@ def serve_anafi(
     drone nor Olympe. The drone's own web and video ports, 80 and 554, need root; without it choose
     others, such as --http-port 8080 --rtsp-port 8554, and tell the script.
     """
-    import asyncio  # noqa: PLC0415 - `--help` need not wait for it
-
-    from sim_bridge.loopback.drone import DroneSetup  # noqa: PLC0415
-    from sim_bridge.loopback.firmware.battery import BatteryOptions  # noqa: PLC0415
-    from sim_bridge.loopback.handshake import Identity  # noqa: PLC0415
-    from sim_bridge.loopback.ports import Ports  # noqa: PLC0415
-    from sim_bridge.loopback.server import ServerOptions  # noqa: PLC0415
-    from sim_bridge.twin.profile import Profile  # noqa: PLC0415
-    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
-
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(message)s"
     )
@@ -127,11 +122,6 @@ async def _serve(setup: DroneSetup) -> None:
     Raises:
         DroneError: the simulation failed.
     """
-    import asyncio  # noqa: PLC0415 - `--help` need not wait for it
-    import signal  # noqa: PLC0415
-
-    from sim_bridge.loopback.drone import LoopbackDrone  # noqa: PLC0415
-
     loop = asyncio.get_running_loop()
     drone = LoopbackDrone(setup)
     await drone.start()
@@ -172,4 +162,4 @@ def _farewell(drone: LoopbackDrone) -> str:
         )
     if drone.lost_s > 0.0:
         lines.append(f"the machine was too slow: {drone.lost_s:.1f} s of flight were left out")
-    return "\n".join([*lines, "landed and gone"])
+    return "\n".join([*lines, "stopped"])

@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any
 
 import click
 
-from uav_bt.cli.options import palette_option, registry_with
-
-if TYPE_CHECKING:
-    from uav_bt.tree.dry_run import SimulatedTick
+from uav_bt.cli.options import INPUT, format_option
+from uav_bt.cli.tree import palette_option
+from uav_bt.errors import MissionError
+from uav_bt.tree import NodeRegistry
+from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
+from uav_bt.tree.shipped import resolve_tree
 
 __all__ = ["simulate"]
-
-_FAILED: Final = 1  # the exit code when the root did not succeed
 
 
 @click.command()
@@ -24,7 +24,7 @@ _FAILED: Final = 1  # the exit code when the root did not succeed
 @click.option(
     "--script",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=INPUT,
     required=True,
     help="What the leaves answer (YAML).",
 )
@@ -33,7 +33,7 @@ _FAILED: Final = 1  # the exit code when the root did not succeed
     type=click.IntRange(min=1),
     default=1000,
     show_default=True,
-    help="Stop after so many.",
+    help="Stop after this many ticks.",
 )
 @click.option(
     "--tick-s",
@@ -42,15 +42,8 @@ _FAILED: Final = 1  # the exit code when the root did not succeed
     show_default=True,
     help="Seconds between two ticks, for timers.",
 )
-@click.option(
-    "--format",
-    "format_",
-    type=click.Choice(["table", "json"]),
-    default="table",
-    show_default=True,
-    help="json: one object with all ticks.",
-)
-@palette_option()
+@format_option("table", "json", help_="json: one object with all ticks.")
+@palette_option
 @click.pass_context
 def simulate(
     ctx: click.Context,
@@ -60,9 +53,9 @@ def simulate(
     ticks: int,
     tick_s: float,
     format_: str,
-    palette: Path | None,
+    registry: NodeRegistry,
 ) -> None:
-    r"""Tick a tree file with leaves that answer what a script says.
+    """Tick a tree file with leaves that answer what a script says.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Nothing flies: this shows which
     leaves run when, what is halted, and what the variables hold. Exits with 0 when the root
@@ -79,13 +72,8 @@ def simulate(
         Measure: {depth_m: 1.5}
       variables: {laps: 3}    # before the first tick
       board: {phase: explore}
-    """
-    from uav_bt.tree.dry_run import Simulation, read_script  # noqa: PLC0415 - for --help
-    from uav_bt.tree.shipped import resolve_tree  # noqa: PLC0415
-
-    simulation = Simulation(
-        resolve_tree(tree), read_script(script), registry_with(palette), tick_s=tick_s
-    )
+    """  # noqa: D301  (click needs the backspace)
+    simulation = Simulation(resolve_tree(tree), read_script(script), registry, tick_s=tick_s)
     steps = simulation.run(ticks)
     if format_ == "json":
         done = list(steps)
@@ -100,7 +88,7 @@ def simulate(
         ticked = "1 tick" if last.tick == 1 else f"{last.tick} ticks"
         click.echo(f"{ended} after {ticked}, {last.time_s:.2f} s")
     if root != "SUCCESS":
-        ctx.exit(_FAILED)
+        ctx.exit(MissionError.exit_code)
 
 
 def _print_table(steps: Iterator[SimulatedTick]) -> SimulatedTick:
@@ -128,7 +116,6 @@ def _events(step: SimulatedTick) -> tuple[Any, ...]:
 
 
 def _line(step: SimulatedTick) -> str:
-
     parts = [", ".join(f"{one.leaf} {one.status.letter}" for one in step.answers)]
     if step.halted:
         parts.append(f"halted {', '.join(step.halted)}")
@@ -148,7 +135,6 @@ def _plain(value: Any) -> Any:
 
 
 def _as_json(step: SimulatedTick) -> dict[str, Any]:
-
     return {
         "tick": step.tick,
         "time_s": round(step.time_s, 6),

@@ -26,7 +26,7 @@ class Leaf(Node):
     nothing: a tree starts its new branch before it stops the old one. In flight, a leaf that takes
     longer than `budget_s` is reported by name.
 
-    The first line of the class's docstring is its description in `uav-bt nodes`.
+    The first line of the class's docstring is its description in `uav-bt tree nodes`.
     """
 
     reads: ClassVar[tuple[Key[Any], ...]] = ()  # board keys this leaf reads

@@ -25,11 +25,11 @@ _COMMENT: Final = """\
   <!--
     Begun from the shipped mission '{name}'. Change whatever you like, then:
 
-      uav-bt check FILE      tells all that is wrong with it, with line and column
-      uav-bt render FILE     draws it
-      uav-bt simulate FILE   ticks it with scripted leaves, to see what runs when
-      uav-bt fly FILE        flies it in the simulated lab
-      uav-bt nodes           lists all nodes with their attributes; what is left out has its default
+      uav-bt check FILE         reports all that is wrong with it, with line and column
+      uav-bt tree render FILE   draws it
+      uav-bt simulate FILE      ticks it with scripted leaves, to see what runs when
+      uav-bt fly FILE           flies it in the simulated lab
+      uav-bt tree nodes         lists all nodes with their attributes and defaults
 
     How to read it:
 

@@ -173,12 +173,12 @@ def test_another_network_is_no_student(tmp_path: Path) -> None:
     path = tmp_path / "unet.safetensors"
     save_unet(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
     export_onnx(path, path.with_suffix(".onnx"))
-    with pytest.raises(WeightsError, match="is no control student; `uav-bt train student`"):
+    with pytest.raises(WeightsError, match="is no control student; `uav-bt net train student`"):
         OnnxControlStudent(path.with_suffix(".onnx"))
 
 
 def test_a_missing_file_names_the_cure(tmp_path: Path) -> None:
-    with pytest.raises(WeightsError, match="no such network; `uav-bt train student`"):
+    with pytest.raises(WeightsError, match="no such network; `uav-bt net train student`"):
         OnnxControlStudent(tmp_path / "none.onnx")
 
 

@@ -131,7 +131,7 @@ def test_a_network_of_another_input_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_absent_network_says_what_makes_one(tmp_path: Path) -> None:
-    with pytest.raises(WeightsError, match="uav-bt train depth"):
+    with pytest.raises(WeightsError, match="uav-bt net train depth"):
         runtime.load_depth_estimator(tmp_path / "none.onnx")
 
 

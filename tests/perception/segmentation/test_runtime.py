@@ -137,7 +137,7 @@ def test_a_mapping_for_another_network_is_refused(tmp_path: Path) -> None:
 
 
 def test_absent_and_damaged_networks_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(WeightsError, match="no such network; `uav-bt train segmentation`"):
+    with pytest.raises(WeightsError, match="no such network; `uav-bt net train segmentation`"):
         runtime.OnnxSegmenter(tmp_path / "none.onnx")
     path = _brightest_channel(tmp_path / "n.onnx")
     path.write_bytes(path.read_bytes()[:60])

@@ -103,7 +103,7 @@ def test_absent_damaged_and_foreign_weights_are_refused(
     teacher: teachers.Teacher, tmp_path: Path
 ) -> None:
     path = tmp_path / "teacher.safetensors"
-    with pytest.raises(WeightsError, match="no weights here; `uav-bt train teacher`"):
+    with pytest.raises(WeightsError, match="no weights here; `uav-bt net train teacher`"):
         teachers.load_teacher(path)
     teachers.save_teacher(path, teacher)
     whole = path.read_bytes()

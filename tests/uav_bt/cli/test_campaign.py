@@ -14,7 +14,7 @@ from rich.console import Console
 
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 from uav_bt import campaign as campaigns
-from uav_bt.cli.campaign_progress import campaign_progress
+from uav_bt.cli.progress import campaign_progress
 
 SMALL = ("--profile", "ideal", "--exact-masks", "--image-size", "160x90", "--workers", 1)
 

@@ -279,7 +279,7 @@ def test_groot2_is_served_only_when_asked(
         asked.append(options)
         raise InputError("enough")
 
-    monkeypatch.setattr("uav_bt.groot.watch.watched_live", refuse)
+    monkeypatch.setattr("uav_bt.cli.fly.watched_live", refuse)
     assert_refused(run("fly", *arguments), "enough")
     (options,) = asked
     assert options["btlog"] is None

@@ -1,4 +1,4 @@
-"""`uav-bt perceive`: what it prints, its exit codes, and what it refuses."""
+"""`uav-bt net perceive`: what it prints, its exit codes, and what it refuses."""
 
 from __future__ import annotations
 
@@ -9,27 +9,31 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from click.testing import Result
 
 from tests.uav_bt.cli.cli_world import assert_refused, run
 from uav_bt.app.perceive.pipeline import Pipeline
 
-FOOTING = ("--model", "footing")
+
+def perceive(*arguments: object) -> Result:
+    """Perceive without a depth network."""
+    return run("net", "perceive", *arguments, "--model", "footing")
 
 
 @pytest.fixture
 def views(tmp_path: Path) -> Path:
-    """Return a folder with a grey image, a black one and one that is none."""
+    """Return a folder with a grey picture, a black one and one that is none."""
     folder = tmp_path / "views"
     folder.mkdir()
     for name, value in (("1.png", 120), ("2.png", 0)):
         assert cv2.imwrite(str(folder / name), np.full((90, 160, 3), value, np.uint8))
-    (folder / "3.png").write_text("no image")
+    (folder / "3.png").write_text("no picture")
     return folder
 
 
 def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> None:
     out, lines = tmp_path / "seen.mp4", tmp_path / "seen.jsonl"
-    result = run("perceive", views, *FOOTING, "--out", out, "--json", lines)
+    result = perceive(views, "--out", out, "--json", lines)
     assert result.exit_code == 0, result.output
     for words in (
         "frames          2",
@@ -40,14 +44,14 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
         "helipad         seen in 0 frames",
         "segmentation    ",
         "all             ",
-        "skipped 3.png: is not a readable image",
+        "skipped 3.png: is not a readable picture",
         f"video: {out}",
         f"frames: {lines}",
     ):
         assert words in result.stdout
     assert out.stat().st_size > 0
     told = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
-    assert [line["image"] for line in told] == ["1.png", "2.png"]
+    assert [line["picture"] for line in told] == ["1.png", "2.png"]
     assert told[1]["refusal"] == "the frame is black"
     assert {"depth", "corridor", "helipad", "ms"} <= told[0].keys()
 
@@ -63,7 +67,7 @@ def test_a_break_exits_with_1_and_sums_up(
         return look(pipeline, frame, states)
 
     monkeypatch.setattr(Pipeline, "perceive", interrupted)
-    result = run("perceive", views, *FOOTING, "--out", tmp_path / "seen.mp4")
+    result = perceive(views, "--out", tmp_path / "seen.mp4")
     assert result.exit_code == 1
     assert "frames          1, then interrupted" in result.stdout
     assert (tmp_path / "seen.mp4").stat().st_size > 0
@@ -71,15 +75,15 @@ def test_a_break_exits_with_1_and_sums_up(
 
 
 def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
-    assert_refused(run("perceive", tmp_path / "no.mp4", *FOOTING), "there is no such video file")
-    assert_refused(run("perceive", tmp_path, *FOOTING), "holds no images")
+    assert_refused(perceive(tmp_path / "no.mp4"), "there is no such video file")
+    assert_refused(perceive(tmp_path), "holds no images")
     (tmp_path / "broken.mp4").write_bytes(b"no video" * 100)
-    assert_refused(run("perceive", tmp_path / "broken.mp4", *FOOTING), "is no video that can be")
+    assert_refused(perceive(tmp_path / "broken.mp4"), "is no video that can be")
     (tmp_path / "broken.mcap").write_bytes(b"no record")
-    assert_refused(run("perceive", tmp_path / "broken.mcap", *FOOTING), "broken.mcap")
-    assert_refused(run("perceive", "flight.npz", *FOOTING), "uav-bt fly ... --record FILE.mcap")
-    assert_refused(run("perceive", "camera:x", *FOOTING), "expected a camera such as camera:0")
-    assert_refused(run("perceive", "camera:99", *FOOTING), "camera 99 does not open")
+    assert_refused(perceive(tmp_path / "broken.mcap"), "broken.mcap")
+    assert_refused(perceive("flight.npz"), "uav-bt fly ... --record FILE.mcap")
+    assert_refused(perceive("camera:x"), "expected a camera such as camera:0")
+    assert_refused(perceive("camera:99"), "camera 99 does not open")
 
 
 @pytest.mark.parametrize(
@@ -105,11 +109,11 @@ def test_options_that_cannot_be_are_refused(
     views: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
 ) -> None:
     monkeypatch.chdir(views.parent)
-    assert_refused(run("perceive", views, *FOOTING, *arguments), words)
+    assert_refused(perceive(views, *arguments), words)
     assert [path.name for path in views.parent.iterdir()] == ["views"]
 
 
 def test_a_wrong_aspect_is_refused_with_the_cure(tmp_path: Path) -> None:
     assert cv2.imwrite(str(tmp_path / "square.png"), np.full((90, 90, 3), 99, np.uint8))
-    result = run("perceive", tmp_path / "square.png", *FOOTING)
-    assert_refused(result, "90x90 (aspect 1.000)", "uav-bt calibrate", "--camera")
+    result = perceive(tmp_path / "square.png")
+    assert_refused(result, "90x90 (aspect 1.000)", "uav-bt lab calibrate", "--camera")

@@ -11,8 +11,7 @@ import pytest
 
 from tests.uav_bt.cli.cli_world import assert_refused, run
 from uav_bt import __version__
-from uav_bt.cli.rooms import check_rooms
-from uav_bt.cli.root import uav_bt
+from uav_bt.cli.root import check_packages, uav_bt
 from uav_bt.errors import DroneError, InputError
 from uav_bt.tree import shipped
 
@@ -30,10 +29,9 @@ def python(code: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
     ("arguments", "heavy"),
     [
         (["--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
-        (["fly", "--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
-        (["train", "segmentation", "--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
+        (["net", "train", "--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
         (["check", "trees/land_only.xml"], HEAVY),
-        (["nodes"], HEAVY),
+        (["tree", "nodes"], HEAVY),
     ],
 )
 def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], heavy: str) -> None:
@@ -49,25 +47,35 @@ def test_what_must_answer_at_once_imports_nothing_heavy(arguments: list[str], he
     assert done.stdout.splitlines()[-1] == ">"
 
 
-def test_help_names_every_command() -> None:
+def test_help_has_a_line_for_each_command_and_then_for_each_group() -> None:
     result = run("--help")
     assert result.exit_code == 0
-    tools = ("new", "check", "nodes", "render", "simulate", "schema")
-    for name in ("fly", *tools, "train", "evaluate", "scenes", "pick"):
-        assert f"\n  {name} " in result.stdout
+    commands, groups = result.stdout.partition("Commands:")[2].split("Groups of commands:")
+    assert [line.split()[0] for line in commands.splitlines() if line] == [
+        *("fly", "check", "new", "simulate", "campaign", "report", "view", "replay"),
+        *("doctor", "serve-anafi"),
+    ]
+    assert [line.split()[0] for line in groups.splitlines() if line] == [
+        *("tree", "record", "net", "lab"),
+    ]
 
 
 def test_every_command_has_help_for_itself_and_its_options() -> None:
     def walk(command: click.Command, context: click.Context) -> None:
+        text = command.get_help(click.Context(command, info_name=command.name, parent=context))
+        assert max(map(len, text.splitlines())) <= 80, text
         assert command.get_short_help_str(200), command.name
         for option in command.params:
             if isinstance(option, click.Option):
                 assert option.help, (command.name, option.name)
         if isinstance(command, click.Group):
             for name in command.list_commands(context):
-                walk(command.get_command(context, name), context)
+                inner = command.get_command(context, name)
+                assert inner is not None
+                assert inner.name == name
+                walk(inner, context)
 
-    walk(uav_bt, click.Context(uav_bt))
+    walk(uav_bt, click.Context(uav_bt, info_name="uav-bt"))
 
 
 def test_version() -> None:
@@ -76,6 +84,41 @@ def test_version() -> None:
 
 def test_an_unknown_command_gets_a_suggestion() -> None:
     assert_refused(run("fyl"), "there is no command 'fyl'; did you mean 'fly'?")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["render"], "'render' is 'uav-bt tree render'"),
+        (["train", "student"], "'train' is 'uav-bt net train'"),
+        (["net", "scenes"], "'scenes' is 'uav-bt lab scenes'"),
+        (["teacher"], "'teacher' is 'uav-bt net train teacher'"),
+        (["net", "export", "dpeth"], "did you mean 'depth'?"),
+    ],
+)
+def test_a_command_of_another_group_is_named(arguments: list[str], hint: str) -> None:
+    assert_refused(run(*arguments), "there is no command", hint)
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments", "extra"),
+    [
+        ("torch", ["net", "train", "segmentation"], "train"),
+        ("onnx", ["net", "export", "depth"], "train"),
+        ("joblib", ["campaign", "land_only"], "campaign"),
+    ],
+)
+def test_a_missing_package_is_named_with_its_extra(
+    module: str, arguments: list[str], extra: str
+) -> None:
+    done = python(
+        f"import sys\nsys.modules[{module!r}] = None\nfrom uav_bt.cli import main\n"
+        f"sys.argv[1:] = {arguments!r}\nmain()"
+    )
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"Error: this needs {module}; install with `pip install 'uav-bt[{extra}]'`\n"
+    )
 
 
 def test_an_error_of_ours_is_one_message_with_its_own_exit_code(
@@ -117,15 +160,15 @@ def test_a_break_before_flying_exits_with_1_quietly(monkeypatch: pytest.MonkeyPa
     assert result.stderr.strip() == "Aborted!"
 
 
-# --- rooms ----------------------------------------------------------------------------------------
+# --- packages -------------------------------------------------------------------------------------
 
 
-def test_our_own_rooms_are_found() -> None:
-    check_rooms()
+def test_our_own_packages_are_found() -> None:
+    check_packages()
 
 
 @pytest.mark.parametrize("as_package", [True, False], ids=["package", "plain folder"])
-def test_a_folder_that_shadows_a_room_is_told(
+def test_a_folder_that_shadows_a_package_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, as_package: bool
 ) -> None:
     theirs, ours = tmp_path / "theirs", tmp_path / "ours"
@@ -134,32 +177,32 @@ def test_a_folder_that_shadows_a_room_is_told(
     if as_package:
         (theirs / "hangar" / "__init__.py").touch()
     monkeypatch.syspath_prepend(theirs)
-    check_rooms(theirs, ["hangar"])
+    check_packages(theirs, ["hangar"])
     with pytest.raises(InputError, match="start uav-bt from another folder") as caught:
-        check_rooms(ours, ["hangar"])
+        check_packages(ours, ["hangar"])
     assert str(theirs / "hangar") in str(caught.value)
     assert str(ours / "hangar") in str(caught.value)
 
 
-def test_a_module_that_shadows_a_room_is_told(
+def test_a_module_that_shadows_a_package_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "hangar.py").touch()
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(InputError, match=r"hangar\.py' where uav-bt needs its own"):
-        check_rooms(tmp_path / "ours", ["hangar"])
+        check_packages(tmp_path / "ours", ["hangar"])
 
 
-def test_a_missing_room_is_told() -> None:
-    with pytest.raises(InputError, match=r"'no_such_room' .* not installed; reinstall"):
-        check_rooms(rooms=["no_such_room"])
+def test_a_missing_package_of_ours_is_reported() -> None:
+    with pytest.raises(InputError, match=r"'no_such_package' .* not installed; reinstall"):
+        check_packages(names=["no_such_package"])
 
 
 def test_the_command_refuses_to_start_among_someone_elses_folders(tmp_path: Path) -> None:
     (tmp_path / "behaviours").mkdir()
     (tmp_path / "behaviours" / "__init__.py").touch()
     done = subprocess.run(
-        [sys.executable, "-m", "uav_bt.cli", "nodes"],
+        [sys.executable, "-m", "uav_bt.cli", "tree", "nodes"],
         capture_output=True,
         text=True,
         cwd=tmp_path,

@@ -117,7 +117,7 @@ def test_an_unknown_precision_gets_a_suggestion(tmp_path: Path) -> None:
 
 def test_the_command_writes_a_network(tmp_path: Path) -> None:
     out = tmp_path / "net.onnx"
-    arguments = ["export", "depth", "--out", str(out), "--scene", "train-a", "--views", "1"]
+    arguments = ["net", "export", "depth", "--out", str(out), "--scene", "train-a", "--views", "1"]
     result = CliRunner().invoke(uav_bt, arguments)
     assert result.exit_code == 0, result.output
     assert f"network in int8: {out}, 1.0 MB" in result.output
@@ -137,7 +137,7 @@ def test_what_cannot_be_exported_is_refused(
     arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(uav_bt, ["export", *arguments])
+    result = CliRunner().invoke(uav_bt, ["net", "export", *arguments])
     assert result.exit_code == 2
     assert message in result.output
     assert not list(tmp_path.rglob("*.onnx"))

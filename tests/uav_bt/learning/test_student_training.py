@@ -184,7 +184,7 @@ def test_what_flies_scores_as_it_did_in_training(record: Path, tmp_path: Path) -
     assert astuple(flies) == pytest.approx(astuple(trained), abs=1e-3, nan_ok=True)
     result = CliRunner().invoke(
         uav_bt,
-        ["evaluate", "student", str(record), "--model", str(weights.with_suffix(".onnx"))],
+        ["net", "evaluate", "student", str(record), "--model", str(weights.with_suffix(".onnx"))],
     )
     assert result.exit_code == 0, result.output
     assert f"flights: 1, views scored: {flies.windows}" in result.output
@@ -193,7 +193,7 @@ def test_what_flies_scores_as_it_did_in_training(record: Path, tmp_path: Path) -
 def test_a_network_of_another_kind_is_not_evaluated(record: Path) -> None:
     result = CliRunner().invoke(
         uav_bt,
-        ["evaluate", "student", str(record), "--model", str(SHIPPED_WEIGHTS / "unet.onnx")],
+        ["net", "evaluate", "student", str(record), "--model", str(SHIPPED_WEIGHTS / "unet.onnx")],
     )
     assert result.exit_code == 2
     assert "is no control student" in result.output
@@ -217,7 +217,7 @@ def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path)
 
 
 def test_other_weights_are_none_to_begin_with(tmp_path: Path) -> None:
-    with pytest.raises(WeightsError, match="there are no weights here; `uav-bt train student`"):
+    with pytest.raises(WeightsError, match="there are no weights here; `uav-bt net train student`"):
         first_weights(tmp_path / "none.safetensors")
 
 

@@ -100,7 +100,16 @@ def test_the_command_trains_on_a_record(film: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(
         uav_bt,
         [
-            *("train", "depth", str(film), "--out", str(out), "--run", str(tmp_path / "run")),
+            *(
+                "net",
+                "train",
+                "depth",
+                str(film),
+                "--out",
+                str(out),
+                "--run",
+                str(tmp_path / "run"),
+            ),
             *("--labels", "footing", "--no-photometric", "--no-validate", "--steps", "1"),
         ],
     )
@@ -120,7 +129,7 @@ def test_the_command_trains_on_a_record(film: Path, tmp_path: Path) -> None:
     ],
 )
 def test_the_command_refuses_what_it_cannot_use(arguments: list[str], words: str) -> None:
-    result = CliRunner().invoke(uav_bt, ["train", "depth", *arguments])
+    result = CliRunner().invoke(uav_bt, ["net", "train", "depth", *arguments])
     assert result.exit_code == 2
     assert words in result.stderr
     assert "Traceback" not in result.stderr

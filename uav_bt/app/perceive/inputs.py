@@ -153,7 +153,7 @@ class Look:
             raise ValueRangeError(
                 f"the images are {width_px}x{height_px} (aspect {width_px / height_px:.3f}); "
                 "without a camera file only 16:9 is known, as of the ANAFI's video: calibrate the "
-                "camera with `uav-bt calibrate` and name its file with --camera"
+                "camera with `uav-bt lab calibrate` and name its file with --camera"
             ) from error
         return camera, "the ANAFI's video, 69 deg wide (none given)"
 

@@ -2,7 +2,7 @@
 
 A YAML file:
 
-    leaves:                  # by path, name or node id, as `uav-bt render` shows them
+    leaves:                  # by path, name or node id, as `uav-bt tree render` shows them
       TakeOff: RRS           # running, running, success; the last letter is answered for ever
       Explore: (RRS)         # letters in brackets are answered over and over
     default: S               # for all leaves without a script of their own

@@ -1,4 +1,4 @@
-"""The pictures of `uav-bt perceive`."""
+"""The pictures of `uav-bt net perceive`."""
 
 from __future__ import annotations
 

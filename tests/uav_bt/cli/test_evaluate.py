@@ -1,4 +1,4 @@
-"""`uav-bt evaluate depth`: what it prints, what it writes, what it refuses."""
+"""`uav-bt net evaluate depth`: what it prints, what it writes, what it refuses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ONE_SCENE = ("--scene", "train-b", "--views", 3)
 
 def test_the_ways_without_a_network_are_measured_beside_the_paper(tmp_path: Path) -> None:
     out = tmp_path / "depth.json"
-    result = run("evaluate", "depth", "--model", "footing", *ONE_SCENE, "--out", out)
+    result = run("net", "evaluate", "depth", "--model", "footing", *ONE_SCENE, "--out", out)
     assert result.exit_code == 0, result.output
     assert "footing on 3 images of train-b, unet masks" in result.stdout
     lines = [line.split() for line in result.stdout.splitlines()]
@@ -31,7 +31,7 @@ def test_the_ways_without_a_network_are_measured_beside_the_paper(tmp_path: Path
 
 def test_only_the_tables_asked_for_are_made() -> None:
     result = run(
-        *("evaluate", "depth", "--model", "footing", "--masks", "exact", *ONE_SCENE),
+        *("net", "evaluate", "depth", "--model", "footing", "--masks", "exact", *ONE_SCENE),
         *("--tables", "distance"),
     )
     assert result.exit_code == 0, result.output
@@ -54,7 +54,7 @@ def test_only_the_tables_asked_for_are_made() -> None:
     ],
 )
 def test_a_mistake_is_told(arguments: list[str], words: list[str]) -> None:
-    assert_refused(run("evaluate", "depth", *arguments), *words)
+    assert_refused(run("net", "evaluate", "depth", *arguments), *words)
 
 
 def test_figures_that_nobody_knows_are_dashes() -> None:

@@ -1,9 +1,8 @@
-"""`uav-bt pick`, `train` and `evaluate`: what they take, where they write, what they refuse."""
+"""`uav-bt net pick`, `train` and `evaluate`: what they take, where they write, what they refuse."""
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator
 from http.server import HTTPServer
 from pathlib import Path
@@ -53,14 +52,14 @@ def masks(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
 
 def test_picks_drawn_from_the_twin_train_a_teacher(tmp_path: Path) -> None:
     teacher = tmp_path / "teacher.safetensors"
-    trained = run("train", "teacher", *ONE_SCENE, "--total", 200, "--out", teacher)
+    trained = run("net", "train", "teacher", *ONE_SCENE, "--total", 200, "--out", teacher)
     assert trained.exit_code == 0, trained.output
     known = load_teacher(teacher).known
     assert len(known) > 5
     assert f"teacher of {len(known)} classes: {teacher}" in trained.stdout
 
     score = run(
-        *("evaluate", "segmentation", "--model", teacher),
+        *("net", "evaluate", "segmentation", "--model", teacher),
         *("--scene", "train-a", "--views", 1, "--out", tmp_path / "score.json"),
     )
     assert score.exit_code == 0, score.output
@@ -81,7 +80,8 @@ def test_a_teacher_learns_from_photographs(tmp_path: Path) -> None:
     rows += [f"a.png,{x},{y},background,hand" for x in (400, 500, 600) for y in (80, 200)]
     picks.write_text("image,x,y,class,origin\n" + "\n".join(rows) + "\n", encoding="utf-8")
     out = tmp_path / "teacher.safetensors"
-    result = run("train", "teacher", "--picks", picks, "--photographs", tmp_path, "--out", out)
+    sources = ("--picks", picks, "--photographs", tmp_path)
+    result = run("net", "train", "teacher", *sources, "--out", out)
     assert result.exit_code == 0, result.output
     assert len(load_teacher(out).known) == 2
 
@@ -96,7 +96,7 @@ def test_picking_serves_a_page_until_it_is_stopped(
 
     monkeypatch.setattr(HTTPServer, "serve_forever", stopped)
     picks = tmp_path / "picks.csv"
-    result = run("pick", tmp_path, "--picks", picks)
+    result = run("net", "pick", tmp_path, "--picks", picks)
     assert result.exit_code == 0, result.output
     assert "open http://127.0.0.1:" in result.stdout
     assert f"0 picks: {picks}" in result.stdout
@@ -110,7 +110,7 @@ def test_training_writes_both_files_and_goes_on_where_it_stopped(
 ) -> None:
     out, folder = tmp_path / "net.safetensors", tmp_path / "run"
     command = (
-        *("train", "segmentation", *ONE_SCENE, "--seed", 5, "--steps", 2),
+        *("net", "train", "segmentation", *ONE_SCENE, "--seed", 5, "--steps", 2),
         *("--loss", "bce_dice", "--run", folder, "--out", out),
     )
     first = run(*command)
@@ -140,16 +140,11 @@ def test_masks_of_another_plan_are_not_taken_for_these(
 ) -> None:
     for number, views in enumerate((2, 3)):
         result = run(
-            *("train", "segmentation", "--scene", "train-a", "--views", views, "--steps", 1),
+            *("net", "train", "segmentation", "--scene", "train-a", "--views", views, "--steps", 1),
             *("--run", tmp_path / "run", "--out", tmp_path / f"net{number}.safetensors"),
         )
         assert result.exit_code == 0, result.output
     assert masks[0][2] != masks[1][2]
-
-
-def test_without_torch_training_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "torch", None)
-    assert_refused(run("train", "segmentation"), "needs torch", "uav-bt[train]")
 
 
 @pytest.mark.parametrize(
@@ -161,14 +156,23 @@ def test_without_torch_training_names_the_extra(monkeypatch: pytest.MonkeyPatch)
         ),
         (["train", "teacher", "--photographs", "."], ["--picks"]),
         (["train", "teacher", "--scene", "train-aa"], ["unknown scene 'train-aa'"]),
-        (["train", "teacher", "--out", "nowhere/t.safetensors"], ["nowhere", "create it first"]),
-        (["train", "segmentation", "--teacher", "absent.safetensors"], ["absent.safetensors"]),
+        (
+            ["net", "train", "teacher", "--out", "nowhere/t.safetensors"],
+            ["nowhere", "create it first"],
+        ),
+        (
+            ["net", "train", "segmentation", "--teacher", "absent.safetensors"],
+            ["absent.safetensors"],
+        ),
         (["train", "segmentation", "--out", "net.onnx"], [".safetensors"]),
         (["train", "segmentation", "--loss", "l2"], ["--loss"]),
         (["train", "segmentation", "--steps", "0"], ["--steps"]),
         (["train", "control"], ["control"]),
         (["evaluate", "segmentation", "--model", "absent.onnx"], ["absent.onnx"]),
-        (["evaluate", "segmentation", "--model", "absent.safetensors"], ["absent.safetensors"]),
+        (
+            ["net", "evaluate", "segmentation", "--model", "absent.safetensors"],
+            ["absent.safetensors"],
+        ),
         (["evaluate", "segmentation", "--classes", "x.yaml"], ["--classes"]),
         (["evaluate", "segmentation", "--views", "0"], ["--views"]),
         (["pick", "absent"], ["absent: is no folder"]),
@@ -179,7 +183,7 @@ def test_a_mistake_is_told_and_nothing_is_written(
     arguments: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    result = run(*arguments)
+    result = run("net", *arguments)
     assert result.exit_code == 2, result.output
     assert "Traceback" not in result.stderr
     for word in words:

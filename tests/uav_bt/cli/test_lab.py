@@ -1,4 +1,4 @@
-"""`uav-bt calibrate`: from pictures to a camera file, and what is told on the way."""
+"""`uav-bt lab`: scenes listed and drawn, a camera calibrated."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from perception.camera.camera_file import load_camera
-from tests.uav_bt.cli.cli_world import run
+from sim_bridge.twin.scene_file import scene_names
+from tests.uav_bt.cli.cli_world import assert_refused, run
 
 # A board seen by a camera of this focal length, drawn by warping: quick, and exact enough here.
 FOCAL_PX, SIZE = 600.0, (640, 360)
@@ -47,7 +48,7 @@ def pictures(tmp_path: Path) -> Path:
 
 def test_a_folder_of_pictures_becomes_a_camera_file(pictures: Path, tmp_path: Path) -> None:
     out = tmp_path / "camera.yaml"
-    result = run("calibrate", pictures, "--square-mm", 20, "--out", out)
+    result = run("lab", "calibrate", pictures, "--square-mm", 20, "--out", out)
 
     assert result.exit_code == 0, result.output
     camera = load_camera(out)
@@ -62,7 +63,7 @@ def test_a_folder_of_pictures_becomes_a_camera_file(pictures: Path, tmp_path: Pa
 def test_an_unreadable_picture_is_skipped_by_name(pictures: Path, tmp_path: Path) -> None:
     broken = pictures / "broken.jpg"
     broken.write_text("no picture", encoding="utf-8")
-    result = run("calibrate", pictures, "--out", tmp_path / "camera.yaml")
+    result = run("lab", "calibrate", pictures, "--out", tmp_path / "camera.yaml")
 
     assert result.exit_code == 0, result.output
     assert f"skipped {broken}" in result.stdout
@@ -71,8 +72,8 @@ def test_an_unreadable_picture_is_skipped_by_name(pictures: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["absent.png"], "absent.png: there is no such picture"),
-        (["."], "holds no pictures"),
+        (["absent.png"], "absent.png: there is no such image"),
+        (["."], "holds no images"),
         ([], "IMAGES"),
         (["grey.png", "--square-mm", "0"], "--square-mm"),
         (["grey.png", "--out", "nowhere/camera.yaml"], "create it first"),
@@ -88,9 +89,35 @@ def test_a_mistake_is_told_and_nothing_is_written(
         (tmp_path / "text.png").write_text("text", encoding="utf-8")
     before = sorted(tmp_path.iterdir())
     monkeypatch.chdir(tmp_path)
-    result = run("calibrate", *arguments)
+    result = run("lab", "calibrate", *arguments)
 
     assert result.exit_code == 2, result.output
     assert words in result.stderr
     assert "Traceback" not in result.stderr
     assert sorted(tmp_path.iterdir()) == before
+
+
+# --- scenes ---------------------------------------------------------------------------------------
+
+
+def test_scenes_has_a_line_for_each() -> None:
+    result = run("lab", "scenes")
+    assert result.exit_code == 0
+    assert [line.split()[0] for line in result.stdout.splitlines()] == list(scene_names())
+    assert "8 boxes, 0.60 to 2.15 m high (5 reach 1.5 m), helipad at (-1.6, 1.2)" in result.stdout
+
+
+def test_a_scene_is_drawn(tmp_path: Path) -> None:
+    out = tmp_path / "map.png"
+    result = run("lab", "scenes", "--show", "val-b", "--out", out)
+    assert result.exit_code == 0
+    assert f"map: {out}" in result.stdout
+    picture = cv2.imread(str(out))
+    assert picture.shape[:2] == (780, 960)
+    assert picture.std() > 10.0
+
+
+def test_scenes_refuses_what_it_cannot_draw(tmp_path: Path) -> None:
+    assert_refused(run("lab", "scenes", "--show", "val-bb"), "unknown scene 'val-bb'")
+    assert_refused(run("lab", "scenes", "--out", tmp_path / "map.png"), "--show")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,145 @@
+"""`uav-bt lab`: what belongs to a place: scenes of the simulated lab, and the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import click
+import cv2
+import numpy as np
+
+from perception.camera.calibration import Calibration, CalibrationConfig
+from perception.camera.calibration import calibrate as calibrate_camera
+from perception.camera.camera_file import write_camera
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene_file import load_scene, scene_names
+from uav_bt.app.film import map_of_scene
+from uav_bt.cli.options import output_option
+from uav_bt.cli.progress import progress_bars
+from uav_bt.display.lab_map import draw_path_map
+from uav_bt.errors import FileError
+from uav_bt.files import reading, writing
+
+__all__ = ["calibrate", "scenes"]
+
+_FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach it are in their way
+_IMAGES: Final = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"}
+
+
+@click.command()
+@click.option("--show", "shown", metavar="SCENE", help="A scene, by name or file, to draw.")
+@output_option("--out", "The PNG file for the map; SCENE.png if not given.")
+def scenes(*, shown: str | None, out: Path | None) -> None:
+    """List the scenes that ship with uav-bt, or draw the map of one."""
+    if shown is None:
+        if out is not None:
+            raise click.UsageError("--out needs --show SCENE")
+        for name in scene_names():
+            click.echo(f"{name:<10}{_line(load_scene(name))}")
+        return
+    scene = load_scene(shown)
+    path = Path(f"{scene.name}.png") if out is None else out
+    drawn = draw_path_map(map_of_scene(scene), [], title=scene.name)
+    _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
+    with writing(path):
+        path.write_bytes(png.tobytes())
+    click.echo(f"{scene.name}: {_line(scene)}\nmap: {path}")
+
+
+def _line(scene: Scene) -> str:
+    tall = sum(box.size_m[2] >= _FLIGHT_HEIGHT_M for box in scene.boxes)
+    heights = [box.size_m[2] for box in scene.boxes]
+    span = f", {min(heights):.2f} to {max(heights):.2f} m high" if heights else ""
+    x_m, y_m = scene.helipad.position_m
+    start = scene.take_off
+    if start.random:
+        place = "a random place"
+    elif start.position_m is not None:
+        place = f"({start.position_m[0]:g}, {start.position_m[1]:g})"
+    else:
+        place = "the helipad"
+    return (
+        f"{len(scene.boxes)} boxes{span} ({tall} reach {_FLIGHT_HEIGHT_M} m), "
+        f"helipad at ({x_m:g}, {y_m:g}), take-off from {place}"
+    )
+
+
+@click.command()
+@click.argument(
+    "images", metavar="IMAGES...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+@click.option(
+    "--square-mm",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Edge of one square of the board.",
+)
+@output_option("--out", "The camera file.", default=Path("camera.yaml"))
+def calibrate(*, images: tuple[Path, ...], square_mm: float, out: Path) -> None:
+    """Calibrate a camera from photographs of a checkerboard.
+
+    IMAGES are photographs or folders of them. The board's layout need not be known: every layout of
+    inner corners that the photographs allow is tried, and the camera with the lowest reprojection
+    error is kept. What cannot be used is named.
+    """
+    photographs = {str(path): _reader(path) for path in _files(images)}
+    config = CalibrationConfig(square_m=square_mm / 1000.0)
+    with progress_bars() as advance:
+        found = calibrate_camera(photographs, config, advance=advance)
+    _print_calibration(found)
+    write_camera(out, found.best)
+    click.echo(f"camera file: {out}")
+
+
+def _files(paths: tuple[Path, ...]) -> list[Path]:
+    """Return all images of files and folders, each once.
+
+    Raises:
+        FileError: a path is absent, or a folder holds no image.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        if path.is_dir():
+            inside = [file for file in sorted(path.iterdir()) if file.suffix.lower() in _IMAGES]
+            if not inside:
+                raise FileError(path, f"the folder holds no images ({', '.join(_IMAGES)})")
+            found.update(dict.fromkeys(inside))
+        elif path.is_file():
+            found[path] = None
+        else:
+            raise FileError(path, "there is no such image")
+    return list(found)
+
+
+def _reader(path: Path) -> Callable[[], Any]:
+    def read() -> Any:
+        with reading(path):
+            encoded = np.fromfile(path, dtype=np.uint8)
+        image = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if encoded.size else None
+        if image is None:
+            raise FileError(path, "is not a readable image")
+        return image
+
+    return read
+
+
+def _print_calibration(found: Calibration) -> None:
+    click.echo("layout    images  error, px  error of all corners, px")
+    for trial in found.trials:
+        kept = "  <- kept" if trial is found.best else ""
+        layout = f"{trial.columns}x{trial.rows}"
+        click.echo(
+            f"{layout:<8}  {len(trial.images):6d}  {trial.error_px:9.3f}  "
+            f"{trial.common_error_px:9.3f}{kept}"
+        )
+    camera = found.best.camera
+    click.echo(
+        f"{camera.width_px}x{camera.height_px}: focal lengths {camera.fx_px:.2f}, "
+        f"{camera.fy_px:.2f} px; centre {camera.cx_px:.2f}, {camera.cy_px:.2f} px; distortion "
+        + " ".join(f"{value:.4f}" for value in camera.distortion)
+    )
+    for name, reason in found.skipped.items():
+        click.echo(f"skipped {name}: {reason}")

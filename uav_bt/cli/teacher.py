@@ -1,0 +1,89 @@
+"""`uav-bt net pick` and `net train teacher`: the teacher of segmentation."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import click
+
+from perception.segmentation.teacher import TeacherConfig, save_teacher
+from perception.segmentation.training.pick_tool import PickSession, make_pick_server
+from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
+from uav_bt.cli.progress import progress_bars
+from uav_bt.learning import segmentation as training
+from uav_bt.learning.scenes import TRAINING_SCENES
+from uav_bt.learning.views import ViewPlan
+
+__all__ = ["pick", "teacher"]
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@output_option("--picks", "The CSV file.", default=Path("picks.csv"))
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    show_default=True,
+    help="Port of the page; 0 takes a free one.",
+)
+def pick(*, folder: Path, picks: Path, port: int) -> None:
+    """Click picks that the teacher learns from, on a page in the browser.
+
+    FOLDER holds the photographs. `uav-bt net train teacher` learns from them and the picks.
+    """
+    session = PickSession(folder, picks)
+    with make_pick_server(session, port=port) as server:
+        click.echo(f"open http://127.0.0.1:{server.server_port}/ and click; Ctrl-C when done")
+        with contextlib.suppress(KeyboardInterrupt):
+            server.serve_forever()
+    click.echo(f"{len(session.picks)} picks: {picks}")
+
+
+@click.command()
+@output_option("--out", "The weights.", default=RUNS / "teacher.safetensors", suffix=".safetensors")
+@click.option(
+    "--picks",
+    metavar="FILE",
+    type=INPUT,
+    help="Learn from the picks of this file instead of drawing them from the twin.",
+)
+@click.option(
+    "--photographs",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="The folder of the photographs that --picks is about.",
+)
+@views_option(60)
+@seed_option()
+@click.option(
+    "--total",
+    type=click.IntRange(min=1),
+    default=6500,
+    show_default=True,
+    help="Picks that are drawn in the twin in all.",
+)
+def teacher(
+    *,
+    out: Path,
+    picks: Path | None,
+    photographs: Path | None,
+    scenes: tuple[str, ...],
+    views: int,
+    seed: int,
+    total: int,
+) -> None:
+    """Train the teacher on picks: drawn from the twin, or clicked by a person."""
+    if (photographs is None) != (picks is None):
+        raise click.UsageError("--picks and --photographs belong together")
+    config = TeacherConfig()
+    if picks is not None and photographs is not None:
+        trained = training.train_teacher_on_photographs(picks, photographs, config)
+    else:
+        plan = ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
+        with progress_bars() as advance:
+            drawn = training.draw_twin_picks(plan, config, total=total, advance=advance)
+            trained = training.train_teacher(drawn, plan, config, advance=advance)
+    save_teacher(out, trained)
+    click.echo(f"teacher of {len(trained.known)} classes: {out}")
