@@ -157,11 +157,11 @@ def test_masks_of_another_plan_are_not_taken_for_these(
         (["train", "teacher", "--photographs", "."], ["--picks"]),
         (["train", "teacher", "--scene", "train-aa"], ["unknown scene 'train-aa'"]),
         (
-            ["net", "train", "teacher", "--out", "nowhere/t.safetensors"],
+            ["train", "teacher", "--out", "nowhere/t.safetensors"],
             ["nowhere", "create it first"],
         ),
         (
-            ["net", "train", "segmentation", "--teacher", "absent.safetensors"],
+            ["train", "segmentation", "--teacher", "absent.safetensors"],
             ["absent.safetensors"],
         ),
         (["train", "segmentation", "--out", "net.onnx"], [".safetensors"]),
@@ -170,7 +170,7 @@ def test_masks_of_another_plan_are_not_taken_for_these(
         (["train", "control"], ["control"]),
         (["evaluate", "segmentation", "--model", "absent.onnx"], ["absent.onnx"]),
         (
-            ["net", "evaluate", "segmentation", "--model", "absent.safetensors"],
+            ["evaluate", "segmentation", "--model", "absent.safetensors"],
             ["absent.safetensors"],
         ),
         (["evaluate", "segmentation", "--classes", "x.yaml"], ["--classes"]),
