@@ -229,8 +229,8 @@ _LAB: Final = LazyGroup(
     context_settings={"help_option_names": ["-h", "--help"]},
     lazy={
         "fly": ("uav_bt.cli.fly:fly", "Fly a mission."),
-        "check": ("uav_bt.cli.tree:check", "Check tree files and report all that is wrong."),
-        "new": ("uav_bt.cli.tree:new", "Write a commented mission file to begin with."),
+        "check": ("uav_bt.cli.check:check", "Check tree files and report all that is wrong."),
+        "new": ("uav_bt.cli.check:new", "Write a commented mission file to begin with."),
         "simulate": ("uav_bt.cli.simulate:simulate", "Tick a tree with scripted leaves."),
         "campaign": ("uav_bt.cli.campaign:campaign", "Fly missions many times."),
         "report": ("uav_bt.cli.campaign:report", "Write the report of campaigns."),

@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
+from uav_bt.cli.check import palette_option
 from uav_bt.cli.options import INPUT, format_option
-from uav_bt.cli.tree import palette_option
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script

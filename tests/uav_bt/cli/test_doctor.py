@@ -10,7 +10,20 @@ import pytest
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 from uav_bt.app.doctor import examine
 from uav_bt.errors import MissingDependencyError
+from uav_bt.record.reader import RecordReader
 
+EXPLORING = """
+<ReactiveSequence>
+  <Segment model="unet"/>
+  <Sequence>
+    <TakeOff/>
+    <ForceSuccess><Timeout msec="8000"><KeepRunningUntilFailure><Fallback>
+      <Explore/><Avoid/>
+    </Fallback></KeepRunningUntilFailure></Timeout></ForceSuccess>
+    <Land/>
+  </Sequence>
+</ReactiveSequence>
+"""
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
 
@@ -64,10 +77,19 @@ def test_a_bad_site_file_is_refused_before_anything_flies(tmp_path: Path) -> Non
 
 def test_a_site_changes_the_flight_height(tmp_path: Path) -> None:
     site = tmp_path / "site.yaml"
-    site.write_text("flight_height_m: 50", encoding="utf-8")
-    result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--site", site)
-    assert result.exit_code == 1
-    assert "aborted" in result.stdout
+    site.write_text("flight_height_m: 1.2", encoding="utf-8")
+    record = tmp_path / "flight.mcap"
+    tree = tree_file(tmp_path, EXPLORING)
+    result = run("fly", tree, *SMALL, "--site", site, "--record", record)
+    assert result.exit_code == 1, result.output  # it lands beside the helipad
+    heights_m = [
+        moment.state.height_above_carpet_m
+        for moment in RecordReader(record).moments()
+        if moment.board["phase"]["value"] == "explore"
+    ]
+    assert len(heights_m) > 50
+    assert min(heights_m) > 1.05
+    assert max(heights_m) < 1.35
 
 
 def test_a_rehearsal_succeeds_without_leaving_the_ground(tmp_path: Path) -> None:

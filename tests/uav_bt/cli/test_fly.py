@@ -16,7 +16,8 @@ import pytest
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 from uav_bt import app
 from uav_bt.errors import InputError
-from uav_bt.groot import BtlogReader, NodeStatus
+from uav_bt.groot import BtlogReader
+from uav_bt.tree import Status
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
@@ -258,7 +259,7 @@ def test_a_flight_leaves_a_log(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert f"btlog: {path}" in result.stdout
     with BtlogReader(path) as log:
-        ended = [uid for _, uid, status in log if status is NodeStatus.SUCCESS]
+        ended = [uid for _, uid, status in log if status is Status.SUCCESS]
     assert ended == [2, 3, 1]  # take-off, landing, their sequence
 
 

@@ -32,6 +32,10 @@ class Noted:
         self.asked.append(f"cut: {reason}")
 
 
+def readers() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == "keys"]
+
+
 def press(*keys: str) -> Noted:
     noted = Noted()
     for key in keys:
@@ -66,10 +70,10 @@ def test_without_a_terminal_there_are_no_keys(monkeypatch: pytest.MonkeyPatch) -
     with open(os.devnull, encoding="utf-8") as nothing:  # noqa: PTH123  (no path, a device)
         monkeypatch.setattr(sys, "stdin", nothing)
         with pilot_keys(Noted()):  # type: ignore[arg-type]
-            assert threading.active_count() >= 1
+            assert readers() == []
 
 
-def test_a_key_at_a_terminal_counts_and_the_terminal_is_as_before(
+def test_a_key_at_a_terminal_counts_and_reader_and_terminal_are_as_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ours, theirs = pty.openpty()
@@ -81,6 +85,8 @@ def test_a_key_at_a_terminal_counts_and_the_terminal_is_as_before(
             assert termios.tcgetattr(terminal.fileno()) != before
             os.write(ours, b"m")
             assert noted.pressed.wait(30.0)
+            (reader,) = readers()
+        assert not reader.is_alive()
         assert termios.tcgetattr(terminal.fileno()) == before
     os.close(ours)
     assert noted.manual

@@ -1,0 +1,145 @@
+"""`uav-bt check` and `new`: all findings of all files; a mission to begin with."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
+
+SHIPPED = Path(__file__).parents[3] / "trees"
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.xml")), ids=lambda path: path.stem)
+def test_shipped_missions_are_good_by_file_and_by_name(path: Path) -> None:
+    by_file, by_name = run("check", path), run("check", path.stem)
+    assert (by_file.exit_code, by_name.exit_code) == (0, 0), by_file.output + by_name.output
+    assert by_file.stdout == f"{path}: good\n"
+
+
+def test_all_findings_of_all_files_are_told_with_their_lines(tmp_path: Path) -> None:
+    good = tree_file(tmp_path, HOP, "good.xml")
+    bad = tree_file(tmp_path, '<Sequence>\n<TakOff/>\n<Land hight="1"/>\n</Sequence>', "bad.xml")
+    worse = tree_file(tmp_path, "<Sequence>", "worse.xml")
+    result = run("check", bad, good, worse)
+    assert result.exit_code == 2
+    assert result.stdout == f"{good}: good\n"
+    lines = result.stderr.splitlines()
+    assert len(lines) == 3
+    assert lines[0].startswith(f"{bad}:4:")
+    assert "did you mean 'TakeOff'" in lines[0]
+    assert lines[1].startswith(f"{bad}:5:")
+    assert "hight" in lines[1]
+    assert lines[2].startswith(f"{worse}:")
+
+
+def test_a_policy_that_nobody_registered_is_a_finding_with_its_line(tmp_path: Path) -> None:
+    body = (
+        "<Sequence>\n"
+        '<Explore policy="segmentation"/>\n'
+        '<Explore policy="segmentatio"/>\n'
+        '<Avoid policy="depht"/>\n'
+        "</Sequence>"
+    )
+    path = tree_file(tmp_path, body)
+    result = run("check", path)
+    assert_refused(result)
+    first, second = result.stderr.splitlines()
+    assert first.startswith(f"{path}:5:")
+    assert "'segmentatio'; did you mean 'segmentation'" in first
+    assert second.startswith(f"{path}:6:")
+    assert "unknown policy 'depht'" in second
+
+
+def test_a_policy_that_a_variable_names_is_left_to_the_flight(tmp_path: Path) -> None:
+    assert run("check", tree_file(tmp_path, '<Explore policy="{way}"/>')).exit_code == 0
+
+
+def test_an_absent_file_is_told_and_the_others_are_checked(tmp_path: Path) -> None:
+    good = tree_file(tmp_path, HOP)
+    result = run("check", tmp_path / "absent.xml", good)
+    assert result.exit_code == 2
+    assert "absent.xml: no such tree file" in result.stderr
+    assert result.stdout == f"{good}: good\n"
+
+
+def test_a_folder_is_no_tree_file(tmp_path: Path) -> None:
+    assert_refused(run("check", tmp_path), str(tmp_path))
+
+
+def test_nothing_to_check_is_wrong_usage() -> None:
+    assert_refused(run("check"), "TREE")
+
+
+# --- folders, palettes, JSON ----------------------------------------------------------------------
+
+
+def test_a_folder_stands_for_all_tree_files_in_it(tmp_path: Path) -> None:
+    (tmp_path / "more").mkdir()
+    (tmp_path / ".hidden").mkdir()
+    first = tree_file(tmp_path, HOP, "a.xml")
+    second = tree_file(tmp_path / "more", HOP, "b.xml")
+    tree_file(tmp_path / ".hidden", "<Unknown/>")
+    (tmp_path / "notes.txt").write_text("no tree", encoding="utf-8")
+    result = run("check", tmp_path)
+    assert (result.exit_code, result.stdout) == (0, f"{first}: good\n{second}: good\n")
+
+
+def test_a_foreign_tree_is_checked_with_its_palette(tmp_path: Path) -> None:
+    palette = tmp_path / "palette.txt"
+    palette.write_text(
+        '<root BTCPP_format="4"><TreeNodesModel><Action ID="DockRobot"><input_port name="dock" '
+        'type="int"/><input_port name="policy" type="std::string"/></Action></TreeNodesModel>'
+        "</root>",
+        encoding="utf-8",
+    )
+    good = tree_file(tmp_path, '<DockRobot dock="1" policy="of their own"/>', "good.xml")
+    bad = tree_file(tmp_path, '<DockRobot dock="one"/>', "bad.xml")
+    result = run("check", good, bad, "--palette", palette)
+    assert (result.exit_code, result.stdout) == (2, f"{good}: good\n")
+    assert "expected an integer, got 'one'" in result.stderr
+    assert "unknown node 'DockRobot'" in run("check", good).stderr
+    assert_refused(run("check", good, "--palette", bad), "expected a <TreeNodesModel>")
+    assert_refused(run("check", good, "--palette", tmp_path / "absent.xml"), "no such file")
+
+
+def test_json_has_one_object_a_line_and_file(tmp_path: Path) -> None:
+    good = tree_file(tmp_path, HOP, "good.xml")
+    bad = tree_file(tmp_path, '<Sequence>\n<Land\n  hight="1"/>\n</Sequence>', "bad.xml")
+    result = run("check", good, bad, tmp_path / "absent.xml", "--format", "json")
+    assert (result.exit_code, result.stderr) == (2, "")
+    first, second, third = (json.loads(line) for line in result.stdout.splitlines())
+    assert first == {"file": str(good), "ok": True, "findings": []}
+    assert (second["file"], second["ok"]) == (str(bad), False)
+    (finding,) = second["findings"]
+    assert finding.pop("message").startswith("unknown attribute 'hight'")
+    assert finding == {"path": str(bad), "line": 5, "column": 3, "node": "Land"}
+    (finding,) = third["findings"]
+    assert finding.pop("message").startswith("no such tree file")
+    assert finding == {
+        "path": str(tmp_path / "absent.xml"),
+        "line": None,
+        "column": None,
+        "node": "",
+    }
+
+
+def test_json_tells_where_the_xml_breaks(tmp_path: Path) -> None:
+    broken = tree_file(tmp_path, "<Sequence>")
+    (line,) = run("check", broken, "--format", "json").stdout.splitlines()
+    (finding,) = json.loads(line)["findings"]
+    assert (finding["line"], finding["message"][:19]) == (4, "not well-formed XML")
+
+
+# --- new ------------------------------------------------------------------------------------------
+
+
+def test_a_new_mission_is_written_once_and_is_good(tmp_path: Path) -> None:
+    path = tmp_path / "mine.xml"
+    result = run("new", path, "--from", "land")
+    assert (result.exit_code, result.stdout[: len(f"written: {path}")]) == (0, f"written: {path}")
+    assert run("check", path).stdout == f"{path}: good\n"
+    assert_refused(run("new", path), "not overwritten")
+    assert_refused(run("new", tmp_path / "other.xml", "--from", "lan"), "--from")
