@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 from behaviours.perceive.class_map import StageTimer
+from perception.camera.ground_plane import view_of
+from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
@@ -112,8 +114,6 @@ class BuildCorridor(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the corridor; raises ValueRangeError where its distances are not positive."""
-        from perception.obstacles.corridor import CorridorBuilder, CorridorConfig  # noqa: PLC0415 - late
-
         side_m, up_down_m = self.port_value("side_m"), self.port_value("up_down_m")
         self._builder = CorridorBuilder(
             CorridorConfig(
@@ -130,8 +130,6 @@ class BuildCorridor(Leaf):
 
     def update(self) -> Status:
         """Build the corridor of a new metric depth."""
-        from perception.camera.ground_plane import view_of  # noqa: PLC0415 - late
-
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map, state = self.read(CLASS_MAP).value, self.read(STATE).value
         depth = self.read(METRIC_DEPTH).value

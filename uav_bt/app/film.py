@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from behaviours.perceive.depth import BuildCorridor
+from perception.camera.ground_plane import view_of
+from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from uav_bt.board import METRIC_DEPTH
 from uav_bt.board.context import MissionContext
@@ -156,10 +158,6 @@ def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
     Returns:
         None where the tree does not build one corridor, with a leaf of ours.
     """
-    # Imported here: OpenCV is not light, and not every video needs it.
-    from perception.camera.ground_plane import view_of  # noqa: PLC0415
-    from perception.obstacles.corridor import CorridorBuilder, CorridorConfig  # noqa: PLC0415
-
     leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
     if len(leaves) != 1:
         return None

@@ -20,6 +20,7 @@ from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.background import BackgroundFollower, Statuses
+from uav_bt.display.rerun.setting import CorridorSize, ViewSetting, tree_nodes
 from uav_bt.errors import MissionError
 from uav_bt.mission.runner import TickListener
 from uav_bt.protocols import Drone
@@ -29,7 +30,6 @@ from uav_bt.types import CameraModel
 if TYPE_CHECKING:
     import rerun as rr
 
-    from uav_bt.display.rerun.setting import CorridorSize, ViewSetting
 
 __all__ = ["ViewListeners", "corridor_size", "live_view", "saved_view", "setting_of"]
 
@@ -109,8 +109,6 @@ def setting_of(
         lab_map: what stands in the lab; None where nobody knows.
         title: the recording's name.
     """
-    from uav_bt.display.rerun.setting import ViewSetting, tree_nodes  # noqa: PLC0415 - needs Rerun
-
     return ViewSetting(
         camera=camera,
         class_names=CLASS_NAMES,
@@ -126,8 +124,6 @@ def setting_of(
 
 def corridor_size(tree: MissionTree) -> CorridorSize | None:
     """Return the corridor that a tree asks for; None where it does not build one, ours."""
-    from uav_bt.display.rerun.setting import CorridorSize  # noqa: PLC0415
-
     leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
     if len(leaves) != 1:
         return None

@@ -23,6 +23,7 @@ from uav_bt.board import METRIC_DEPTH
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.rerun import sinks
+from uav_bt.display.rerun.setting import TreeNode, ViewSetting
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.errors import FileError, TreeError
 from uav_bt.mission.judge import Outcome
@@ -35,7 +36,6 @@ from uav_bt.tree import MissionTree, load_tree
 if TYPE_CHECKING:
     import rerun as rr
 
-    from uav_bt.display.rerun.setting import ViewSetting
 
 __all__ = ["WITHOUT_DISPLAY", "RecordedFlight", "Span", "attached_tree"]
 
@@ -111,8 +111,6 @@ class RecordedFlight:
 
     def setting(self) -> ViewSetting:
         """Return what a view shows that does not change while the flight lasts."""
-        from uav_bt.display.rerun.setting import TreeNode, ViewSetting  # noqa: PLC0415 - needs Rerun
-
         reader, tree = self.reader, self.tree
         nodes = reader.tree.nodes
         return ViewSetting(
