@@ -22,12 +22,12 @@ def perceive(*arguments: object) -> Result:
 
 @pytest.fixture
 def views(tmp_path: Path) -> Path:
-    """Return a folder with a grey picture, a black one and one that is none."""
+    """Return a folder with a grey image, a black one and one that is none."""
     folder = tmp_path / "views"
     folder.mkdir()
     for name, value in (("1.png", 120), ("2.png", 0)):
         assert cv2.imwrite(str(folder / name), np.full((90, 160, 3), value, np.uint8))
-    (folder / "3.png").write_text("no picture")
+    (folder / "3.png").write_text("no image")
     return folder
 
 
@@ -44,14 +44,14 @@ def test_a_folder_is_perceived_and_summed_up(views: Path, tmp_path: Path) -> Non
         "helipad         seen in 0 frames",
         "segmentation    ",
         "all             ",
-        "skipped 3.png: is not a readable picture",
+        "skipped 3.png: is not a readable image",
         f"video: {out}",
         f"frames: {lines}",
     ):
         assert words in result.stdout
     assert out.stat().st_size > 0
     told = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines()]
-    assert [line["picture"] for line in told] == ["1.png", "2.png"]
+    assert [line["image"] for line in told] == ["1.png", "2.png"]
     assert told[1]["refusal"] == "the frame is black"
     assert {"depth", "corridor", "helipad", "ms"} <= told[0].keys()
 
