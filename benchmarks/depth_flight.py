@@ -4,8 +4,8 @@
     python benchmarks/depth_flight.py TREE --masks exact      # quicker, without a segmentation net
 
 TREE is any mission file with EstimateDepth. "Cut off" are boxes whose lower end is below the image;
-"distances" asks what `uav-bt net evaluate depth` asks of single images: points at 0.3 to 5 m, evenly
-of obstacles and carpet, each frame's as many.
+"distances" asks what `uav-bt net evaluate depth` asks of single images: points at 0.3 to 5 m,
+evenly of obstacles and carpet, each frame's as many.
 """
 
 from __future__ import annotations

@@ -77,11 +77,7 @@ def _attribute(port: PortInfo) -> str:
 
 @click.command()
 @click.argument("tree")
-@format_option(
-    "ascii",
-    "svg",
-    help_="The form of the drawing.",
-)
+@format_option("ascii", "svg", help_="The form of the drawing.")
 @output_option("--out", "Write the drawing there; it is printed if not given.")
 @palette_option
 def render(*, tree: str, format_: str, out: Path | None, registry: NodeRegistry) -> None:
