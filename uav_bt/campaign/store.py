@@ -81,11 +81,9 @@ class CampaignStore:
             FileError: the folder cannot be written to, or another campaign is at work in it.
             InputError: the folder belongs to another plan; the message says what differs.
         """
-        try:
+        with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             lock = (folder / _LOCK_FILE).open("w")
-        except OSError as error:
-            raise FileError(folder, f"cannot be written to: {error.strerror}") from error
         with lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

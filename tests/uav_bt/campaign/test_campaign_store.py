@@ -93,7 +93,7 @@ def test_flights_without_a_plan_are_left_alone(tmp_path: Path) -> None:
 
 def test_a_file_in_the_folders_place_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
-    with pytest.raises(FileError, match="cannot be written to: File exists"):
+    with pytest.raises(FileError, match="cannot be written: File exists"):
         keep(tmp_path / "out")
 
 

@@ -138,7 +138,7 @@ def test_a_profile_that_nobody_knows_ends_the_campaign(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     out = tmp_path / "file" / "out"
-    assert_refused(run("campaign", "land_only", "--out", out), "cannot be written to")
+    assert_refused(run("campaign", "land_only", "--out", out), "cannot be written")
 
 
 @pytest.mark.parametrize(("percent", "code"), [(100, 0), (50, 0)])

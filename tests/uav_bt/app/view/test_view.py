@@ -21,7 +21,7 @@ from uav_bt.record.record_file import Attachment
 
 ENTITIES = (
     *("/world/lab/things", "/world/path", "/world/camera/image", "/world/camera/mask_edges"),
-    *("/mask/ids", "/tree", "/words", "/plots/height/told", "/plots/tick_time/compute"),
+    *("/mask/ids", "/tree", "/words", "/plots/height/telemetry", "/plots/tick_time/compute"),
 )
 
 
