@@ -85,7 +85,8 @@ class Playback:
             index=note.index,
             time_s=note.time_s,
             observation=Observation(frame=self._frame, state=moment.state),
-            tree_status=Status[note.tree_status],
+            # Records made before the tree had a status of its own for it say INVALID.
+            tree_status=Status.__members__.get(note.tree_status, Status.IDLE),
             phase=note.phase,
             active=note.active,
             command=commands.sent,

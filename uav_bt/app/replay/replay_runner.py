@@ -17,7 +17,7 @@ __all__ = ["ComparingListener", "ReplayJudge", "ReplayRunner"]
 
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
 _AS_RECORDED: Final = "stopped, as in the recording"
-_NOT_TICKED: Final = Status.IDLE.name
+_NOT_TICKED: Final = (Status.IDLE.name, "INVALID")  # as older records have it
 
 
 class ReplayJudge(Judge):
@@ -55,7 +55,7 @@ class ReplayRunner(MissionRunner):
         moment = self.recorded.moment
         stopped = _stopped_by_operator(self.recorded.before, moment)
         # A stop between two ticks keeps the tree from being ticked; one within comes after.
-        if stopped and moment.tick.tree_status == _NOT_TICKED:
+        if stopped and moment.tick.tree_status in _NOT_TICKED:
             self.request_abort(_AS_RECORDED)
         status = super()._tick_tree()
         if stopped:
