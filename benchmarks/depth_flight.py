@@ -45,9 +45,9 @@ class Comparison:
         self.points: list[MeasuredPoints] = []
         self.ranges_m: list[NDArray[np.float64]] = []  # as the flight has them, of these points
 
-    def follow(self, drone: Drone, mission: MissionContext) -> Sequence[Comparison]:
+    def follow(self, flight: app.Flight[Drone]) -> Sequence[Comparison]:
         """Become a listener of a flight."""
-        self._drone, self._mission, self._last = drone, mission, -1
+        self._drone, self._mission, self._last = flight.drone, flight.context, -1
         return (self,)
 
     def on_tick(self, record: TickRecord) -> None:
@@ -136,7 +136,7 @@ def main() -> None:
     comparison = Comparison(arguments.every)
     for scene, seed in product(arguments.scene, arguments.seed):
         options = app.FlightOptions(scene=scene, seed=seed, exact_masks=arguments.masks == "exact")
-        report = app.fly(arguments.tree, options, listeners=comparison.follow)
+        report = app.fly(arguments.tree, options, listeners=[comparison.follow])
         times = {name: p and p.p50 for name, p in report.perception_ms.items()}
         print(f"{scene}, {arguments.masks} masks, seed {seed}: {report.outcome}; ms: {times}")
     print(f"all flights, each {arguments.every}th frame:")

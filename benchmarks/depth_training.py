@@ -38,7 +38,6 @@ from perception.odometry.camera_track import camera_track, measured_motion
 from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage
 from perception.segmentation.runtime import shipped_unet
 from uav_bt import app
-from uav_bt.board.context import MissionContext
 from uav_bt.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
 from uav_bt.learning.dataset import footage_of
 from uav_bt.learning.depth import DepthViewPlan, depth_views, score_depth_on
@@ -63,9 +62,8 @@ class _TruthKeeper:
     def __init__(self) -> None:
         self.kept: dict[int, tuple[NDArray[np.float16], NDArray[np.uint8]]] = {}  # by frame number
 
-    def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
-        del context
-        self._referee = cast("Referee", drone.referee)  # the twin has one
+    def __call__(self, flight: app.Flight[Drone]) -> Sequence[TickListener]:
+        self._referee = cast("Referee", flight.drone.referee)  # the twin has one
         return [self]
 
     def on_tick(self, record: TickRecord) -> None:
@@ -80,7 +78,7 @@ def fly(path: Path, scene: str, seed: int) -> None:
     keeper = _TruthKeeper()
     path.parent.mkdir(parents=True, exist_ok=True)
     options = app.FlightOptions(scene=scene, seed=seed, record=path)
-    flown = app.fly("explore_and_land_segmentation", options, listeners=keeper)
+    flown = app.fly("explore_and_land_segmentation", options, listeners=[keeper])
     depth, ids = zip(*(keeper.kept[int(at)] for at in footage_of(path).index), strict=True)
     np.savez_compressed(truth_path(path), depth_m=np.stack(depth), ids=np.stack(ids))
     print(f"{flown.outcome}: {path} and {truth_path(path)}")

@@ -23,8 +23,8 @@ from benchmarks.heading_design import (
     step_response,
 )
 from benchmarks.heading_trial import fly_step, hover, record_yaw
-from sim_bridge.twin import create_drone
-from uav_bt.protocols import Drone, DroneOptions
+from sim_bridge.twin import TwinConfig
+from uav_bt.protocols import Drone
 
 PROFILES = ("ideal", "lab", "harsh")
 STEPS_DEG = (20.0, 90.0, 170.0)
@@ -55,8 +55,7 @@ def main() -> None:
 def _try_profile(profile: str, seed: int, gains: HeadingGains) -> tuple[YawResponse, StepResponse]:
     """Print a profile's figures; return its response and the step for the picture."""
     # Nothing looks at the video here, so it is small.
-    options = DroneOptions(profile=profile, seed=seed, image_size_px=(64, 36))
-    drone = create_drone(options)
+    drone = TwinConfig(profile=profile, seed=seed, image_size_px=(64, 36)).create()
     drone.connect()
     hover(drone)
     recording = record_yaw(drone)

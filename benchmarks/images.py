@@ -29,7 +29,6 @@ from sim_bridge.twin.views import render_views
 from uav_bt import app
 from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
-from uav_bt.board.context import MissionContext
 from uav_bt.classes import colourise
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import LabMap, draw_path_map
@@ -55,9 +54,9 @@ class Album:
         self.frame: NDArray[np.uint8] | None = None
         self.mask: NDArray[np.uint8] | None = None
 
-    def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+    def __call__(self, flight: app.Flight[Drone]) -> Sequence[TickListener]:
         """Begin with a flight."""
-        self.lab, self._board = film.lab_map_of(drone), context.board
+        self.lab, self._board = film.lab_map_of(flight.drone), flight.context.board
         return [self]
 
     def on_tick(self, record: TickRecord) -> None:
@@ -85,7 +84,7 @@ def flight(scene: str, seed: int, at_s: float, folder: Path) -> None:
     save(folder / "lab.png", lab.image)
     album = Album(at_s)
     options = app.FlightOptions(scene=scene, seed=seed)
-    report = app.fly("explore_and_land_segmentation", options, listeners=album)
+    report = app.fly("explore_and_land_segmentation", options, listeners=[album])
     if album.frame is not None and album.mask is not None:
         save(folder / "frame.png", album.frame)
         size = album.frame.shape[1::-1]

@@ -27,7 +27,6 @@ from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.video import DecodedFrame, NewestFrame
 from uav_bt import app
 from uav_bt.app.site import Site
-from uav_bt.board.context import MissionContext
 from uav_bt.mission.runner import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.types import Command
@@ -62,9 +61,9 @@ class Latencies:
         finally:
             NewestFrame.take, OlympeDrone.send = take, send  # type: ignore[method-assign]
 
-    def watch(self, drone: Drone, context: MissionContext) -> Sequence[Latencies]:
+    def watch(self, flight: app.Flight[Drone]) -> Sequence[Latencies]:
         """Follow a flight."""
-        del context
+        drone = flight.drone
         observe = drone.observe
 
         def noted_observe() -> object:
@@ -137,7 +136,7 @@ def main() -> None:
                     args.tree,
                     options,
                     report=args.reports / f"{number}.json" if args.reports else None,
-                    listeners=latencies.watch,
+                    listeners=[latencies.watch],
                 )
             share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
             all_s, gone_s = machine_s()

@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 
 from uav_bt import app
-from uav_bt.board.context import MissionContext
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.record.info import record_info
@@ -49,7 +48,7 @@ class Kill:
 app.fly(
     sys.argv[1],
     app.FlightOptions(scene="train-a", record=Path(sys.argv[2]), realtime=True),
-    listeners=lambda drone, context: [Kill()],
+    listeners=[lambda flight: [Kill()]],
 )
 """
 
@@ -60,9 +59,8 @@ class Ticks:
     def __init__(self) -> None:
         self.compute_s: list[float] = []
 
-    def listeners(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+    def listeners(self, _: app.Flight[Drone]) -> Sequence[TickListener]:
         """Begin with a flight."""
-        del drone, context
         return [self]
 
     def on_tick(self, record: TickRecord) -> None:
@@ -103,7 +101,7 @@ def overhead(rounds: int, hover_s: float, folder: Path) -> None:
                 record_quality="high" if name == "high" else "lossless",
             )
             handed.clear()
-            app.fly(tree, options, listeners=kept.listeners)
+            app.fly(tree, options, listeners=[kept.listeners])
             hands[name] += handed
             if record is not None:
                 sizes[name].append(_told(record))

@@ -156,7 +156,7 @@ def test_imports_only_go_down(path: Path) -> None:
         ("perception.landing.detector", "import torch"),
         ("sim_bridge.twin.drone", "from perception import classes"),
         ("sim_bridge.twin.drone", "from uav_bt.mission import runner"),
-        ("behaviours.fly.explore", "from sim_bridge.twin import create_drone"),
+        ("behaviours.fly.explore", "from sim_bridge.twin import TwinConfig"),
         ("behaviours.fly.explore", "def late():\n    import torch.nn"),
         ("behaviours.fly.explore", "from uav_bt import app"),
     ],
@@ -175,7 +175,7 @@ def test_an_upward_import_would_be_found(importer: str, source: str) -> None:
             "import torch\nfrom uav_bt.classes import CARPET",
         ),
         ("behaviours.fly.explore", "from perception import helipad\nfrom uav_bt.tree import Leaf"),
-        ("uav_bt.app", "from sim_bridge.twin import create_drone\nimport behaviours"),
+        ("uav_bt.app", "from sim_bridge.twin import TwinConfig\nimport behaviours"),
         ("uav_bt.cli.fly", "from uav_bt import __version__, app"),
     ],
 )

@@ -8,12 +8,13 @@ import sys
 from typing import Any, Final
 
 from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
+from uav_bt.protocols import LeafPolicy
 
-__all__ = ["BEHAVIOURS", "DRONES", "POLICIES", "load", "names", "need"]
+__all__ = ["BEHAVIOURS", "DRONES", "POLICIES", "load", "make_policy", "names", "need"]
 
 BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
 POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
-DRONES: Final = "uav_bt.drones"  # each names a DroneFactory
+DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
 
 _KINDS: Final = {BEHAVIOURS: "behaviours package", POLICIES: "policy", DRONES: "drone"}
 
@@ -83,3 +84,23 @@ def _is_installed(module: str) -> bool:
     if module in sys.modules:
         return sys.modules[module] is not None
     return importlib.util.find_spec(module) is not None
+
+
+def make_policy(name: str) -> LeafPolicy:
+    """Return a leaf policy by its registered name.
+
+    Args:
+        name: NAME, or NAME:ARGUMENT for one that has a `from_text`: `student:FILE.onnx`.
+
+    Raises:
+        UnknownNameError: nobody registered it.
+        InputError: it takes no argument, or refuses this one.
+    """
+    registered, colon, argument = name.partition(":")
+    factory = load(POLICIES, registered)
+    if colon and not hasattr(factory, "from_text"):
+        raise InputError(f"policy '{registered}' takes no argument, got '{name}'")
+    policy = factory.from_text(argument) if colon else factory()
+    if not isinstance(policy, LeafPolicy):
+        raise InputError(f"policy '{name}' has no `decide`: {policy!r}")
+    return policy

@@ -1,4 +1,4 @@
-"""The joints of the system: what a drone, a referee, a clock, a network and a policy must offer."""
+"""The interfaces of the system: drone, referee, clock, network and policy."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ __all__ = [
     "Decision",
     "DepthEstimator",
     "Drone",
-    "DroneFactory",
-    "DroneOptions",
+    "DroneConfig",
     "LeafPolicy",
     "PolicyView",
     "Referee",
+    "Scene",
     "Segmenter",
 ]
 
@@ -50,12 +50,18 @@ class Clock(Protocol):
 
 
 @runtime_checkable
-class Drone(Protocol):
-    """Anything that flies. Nothing external happens before `connect`.
+class Scene(Protocol):
+    """The place that a simulated drone flies in."""
 
-    A drone may have two attributes more: `live`, true for one that is checked before it takes off,
-    and `tick_s`, the length of a tick where its own pace should count, in seconds.
-    """
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        ...
+
+
+@runtime_checkable
+class Drone(Protocol):
+    """Anything that flies. Nothing external happens before `connect`."""
 
     @property
     def clock(self) -> Clock:
@@ -70,6 +76,21 @@ class Drone(Protocol):
     @property
     def referee(self) -> Referee | None:
         """The truth, where there is one; None on a real drone."""
+        ...
+
+    @property
+    def scene(self) -> Scene | None:
+        """Where a simulated drone flies; None on a real drone."""
+        ...
+
+    @property
+    def live(self) -> bool:
+        """Whether it is checked (battery, link, telemetry, video) before it takes off."""
+        ...
+
+    @property
+    def tick_s(self) -> float | None:
+        """The length of a tick, seconds, where the drone's own pace counts; else None."""
         ...
 
     def connect(self) -> None:
@@ -93,32 +114,20 @@ class Drone(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class DroneOptions:
-    """What a person may say about the drone; each drone takes what concerns it."""
+class DroneConfig(Protocol):
+    """What the entry-point group `uav_bt.drones` registers: a dataclass of one kind of drone.
 
-    address: str | None = None  # NAME:ADDRESS on the command line
-    scene: str | None = None  # a scene's name or file; simulated drones only
-    seed: int = 0  # of everything random; simulated drones only
-    profile: str = "lab"  # how imperfect a simulated drone is
-    image_size_px: tuple[int, int] = (640, 360)  # width, height
-    realtime: bool = False  # a simulated drone paces itself by the wall clock
-    http_port: int | None = None  # of a real drone's web interface; its own when None
-    rtsp_port: int | None = None  # of a real drone's video; its own when None
-    # What a real drone is told to keep by itself, beneath what the mission's limits let through.
-    speed_limit_mps: float = 1.0  # horizontal
-    climb_limit_mps: float = 0.6
-    yaw_rate_limit_radps: float = 1.6
-    altitude_limit_m: float = 3.0  # above the take-off point
-    take_off_surface_m: float = 0.0  # what a real drone takes off from is so high above the carpet
-    video_latency_s: float = 0.15  # least time from a real camera's exposure to the frame's arrival
+    Its fields are what can be set about that drone, keyword-only and with defaults. Those that bear
+    a name of `uav_bt.app.assembly.drone_settings` (`scene`, `seed`, `address`, ...) are filled in
+    from the options of a flight.
+    """
 
+    def create(self) -> Drone:
+        """Return an unconnected drone.
 
-class DroneFactory(Protocol):
-    """What the entry-point group `uav_bt.drones` registers: makes a drone, connects nothing."""
-
-    def __call__(self, options: DroneOptions) -> Drone:
-        """Return an unconnected drone."""
+        Raises:
+            InputError: the drone cannot be made with these settings.
+        """
         ...
 
 

@@ -112,19 +112,25 @@ class BuildCorridor(Leaf):
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, METRIC_DEPTH)
     writes = (CORRIDOR,)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Make the corridor; raises ValueRangeError where its distances are not positive."""
+    def config(self) -> CorridorConfig:
+        """Return the corridor that the ports ask for.
+
+        Raises:
+            ValueRangeError: a distance is not positive.
+        """
         side_m, up_down_m = self.port_value("side_m"), self.port_value("up_down_m")
-        self._builder = CorridorBuilder(
-            CorridorConfig(
-                left_m=side_m,
-                right_m=side_m,
-                front_m=self.port_value("front_m"),
-                up_m=up_down_m,
-                down_m=up_down_m,
-                focal_factor=self.port_value("focal_factor"),
-            )
+        return CorridorConfig(
+            left_m=side_m,
+            right_m=side_m,
+            front_m=self.port_value("front_m"),
+            up_m=up_down_m,
+            down_m=up_down_m,
+            focal_factor=self.port_value("focal_factor"),
         )
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Place the planes; raises ValueRangeError where they cannot stand."""
+        self._builder = CorridorBuilder(self.config())
         self._timer = StageTimer(mission, "corridor")
         self._last_s = -math.inf
 

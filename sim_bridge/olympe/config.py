@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.protocols import DroneOptions
 
-__all__ = ["DISCOVERY_PORT", "SKYCONTROLLER_HOST", "OlympeConfig", "olympe_config"]
+if TYPE_CHECKING:
+    from sim_bridge.olympe.drone import OlympeDrone
 
-# The addresses that Parrot's documentation gives: the drone's own Wi-Fi, its remote control on USB
-# and Sphinx's first drone.
-_HOSTS: Final = {"anafi": "192.168.42.1", "sphinx": "10.202.0.1"}
+__all__ = ["DISCOVERY_PORT", "SKYCONTROLLER_HOST", "AnafiConfig", "OlympeConfig", "SphinxConfig"]
+
 SKYCONTROLLER_HOST: Final = "192.168.53.1"
 
 DISCOVERY_PORT: Final = 44445
-_HTTP_PORT: Final = 80
-_RTSP_PORT: Final = 554
 _PORT: Final = re.compile(r"[0-9]{1,5}")
 _HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 
@@ -29,14 +26,16 @@ class OlympeConfig:
     """How an ANAFI is reached and flown.
 
     Raises:
+        InputError: the address is malformed.
         ValueRangeError: a number is out of its range.
     """
 
-    kind: str  # anafi or sphinx
-    host: str
-    discovery_port: int = DISCOVERY_PORT
-    http_port: int = _HTTP_PORT
-    rtsp_port: int = _RTSP_PORT
+    kind: ClassVar[str]  # the name that the drone is registered under
+    default_host: ClassVar[str]  # the address that Parrot's documentation gives
+
+    address: str | None = None  # HOST or HOST:DISCOVERY_PORT; the kind's own when None
+    http_port: int = 80  # of the drone's web interface
+    rtsp_port: int = 554  # of its video
     image_size_px: tuple[int, int] = (640, 360)  # what frames are resized to; the drone sends 720p
     probe_limit_s: float = 2.0  # a drone in reach answers its discovery port within milliseconds
     connect_limit_s: float = 10.0  # an ANAFI takes two or three; the SDK alone would wait for 45
@@ -79,6 +78,28 @@ class OlympeConfig:
                 raise ValueRangeError(f"a port lies within 1 and 65535, got {port}")
 
     @property
+    def host(self) -> str:
+        """The drone's address on the network."""
+        return self._host_and_port()[0]
+
+    @property
+    def discovery_port(self) -> int:
+        """The port that the drone is asked on whether it is there."""
+        return self._host_and_port()[1]
+
+    def _host_and_port(self) -> tuple[str, int]:
+        if self.address is None:
+            return self.default_host, DISCOVERY_PORT
+        host, colon, port = self.address.partition(":")
+        if not _HOST.fullmatch(host) or (colon and not _PORT.fullmatch(port)):
+            raise InputError(
+                f"'{self.address}' is not the address of a drone: expected HOST or "
+                f"HOST:DISCOVERY_PORT, for instance {self.kind}:{self.default_host} or "
+                f"{self.kind}:127.0.0.1:{DISCOVERY_PORT}"
+            )
+        return host, int(port) if colon else DISCOVERY_PORT
+
+    @property
     def through_skycontroller(self) -> bool:
         """Whether the remote control stands between this machine and the drone."""
         return self.host == SKYCONTROLLER_HOST
@@ -88,42 +109,24 @@ class OlympeConfig:
         """Kind and address, for messages."""
         return f"{self.kind} at {self.host}:{self.discovery_port}"
 
+    def create(self) -> OlympeDrone:
+        """Make a bridge to the drone; nothing is sent before its `connect`."""
+        from sim_bridge.olympe.drone import OlympeDrone  # noqa: PLC0415  (it needs this module)
 
-def olympe_config(kind: str, options: DroneOptions) -> OlympeConfig:
-    """Return the configuration that options give an ANAFI.
-
-    Args:
-        kind: anafi or sphinx.
-        options: the address is HOST or HOST:DISCOVERY_PORT; the kind's own host when None.
-
-    Raises:
-        InputError: the address is malformed.
-        ValueRangeError: a number is out of its range.
-    """
-    host, discovery_port = _address(kind, options.address)
-    return OlympeConfig(
-        kind=kind,
-        host=host,
-        discovery_port=discovery_port,
-        http_port=_HTTP_PORT if options.http_port is None else options.http_port,
-        rtsp_port=_RTSP_PORT if options.rtsp_port is None else options.rtsp_port,
-        image_size_px=options.image_size_px,
-        speed_limit_mps=options.speed_limit_mps,
-        climb_limit_mps=options.climb_limit_mps,
-        yaw_rate_limit_radps=options.yaw_rate_limit_radps,
-        altitude_limit_m=options.altitude_limit_m,
-        take_off_surface_m=options.take_off_surface_m,
-        video_latency_s=options.video_latency_s,
-    )
+        return OlympeDrone(self)
 
 
-def _address(kind: str, address: str | None) -> tuple[str, int]:
-    if address is None:
-        return _HOSTS[kind], DISCOVERY_PORT
-    host, colon, port = address.partition(":")
-    if not _HOST.fullmatch(host) or (colon and not _PORT.fullmatch(port)):
-        raise InputError(
-            f"'{address}' is not the address of a drone: expected HOST or HOST:DISCOVERY_PORT, for "
-            f"instance {kind}:{_HOSTS[kind]} or {kind}:127.0.0.1:{DISCOVERY_PORT}"
-        )
-    return host, int(port) if colon else DISCOVERY_PORT
+@dataclass(frozen=True, kw_only=True)
+class AnafiConfig(OlympeConfig):
+    """A real ANAFI, on its own Wi-Fi or behind its remote control."""
+
+    kind: ClassVar[str] = "anafi"
+    default_host: ClassVar[str] = "192.168.42.1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphinxConfig(OlympeConfig):
+    """An ANAFI simulated by Sphinx; where Sphinx puts its first drone by default."""
+
+    kind: ClassVar[str] = "sphinx"
+    default_host: ClassVar[str] = "10.202.0.1"

@@ -126,6 +126,11 @@ class OlympeDrone:
         return self._clock
 
     @property
+    def scene(self) -> None:
+        """Only simulated places are known."""
+        return
+
+    @property
     def live(self) -> bool:
         """True: a real drone is checked before it takes off."""
         return True

@@ -1,43 +1,47 @@
 """The MuJoCo twin of the lab: a simulated ANAFI among patterned boxes.
 
-Nothing heavy is imported before a drone is made; `create_drone` is the entry point, `views` makes
-pictures without flying.
+Nothing heavy is imported before a drone is made; `views` makes images without flying.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-from uav_bt.protocols import DroneOptions
 
 if TYPE_CHECKING:
     from sim_bridge.twin.drone import TwinDrone
 
-__all__ = ["DEFAULT_SCENE", "create_drone"]
+__all__ = ["DEFAULT_SCENE", "TwinConfig"]
 
 DEFAULT_SCENE = "train-a"
 
 
-def create_drone(options: DroneOptions) -> TwinDrone:
-    """Make a twin; nothing is built before its `connect`.
+@dataclass(frozen=True, kw_only=True)
+class TwinConfig:
+    """A flight of the twin; what the entry point `twin` registers."""
 
-    Args:
-        options: scene (name or file), seed, profile, image size and pace.
+    scene: str = DEFAULT_SCENE  # a shipped scene's name, or a scene file
+    seed: int = 0  # of everything random, from 0
+    profile: str = "lab"  # limits and imperfections: ideal, lab or harsh
+    image_size_px: tuple[int, int] = (640, 360)  # width and height of the video, 16:9
+    realtime: bool = False  # keep pace with the wall clock instead of running as fast as it can
 
-    Raises:
-        InputError: the scene, the profile, the size or the machine's OpenGL cannot be used.
-    """
-    from sim_bridge.twin.profile import Profile  # noqa: PLC0415  (heavy imports wait)
-    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415  (heavy imports wait)
+    def create(self) -> TwinDrone:
+        """Make a twin; nothing is built before its `connect`.
 
-    scene = load_scene(options.scene if options.scene is not None else DEFAULT_SCENE)
-    profile = Profile.named(options.profile)
-    from sim_bridge.twin.drone import TwinDrone  # noqa: PLC0415  (imports MuJoCo)
+        Raises:
+            InputError: the scene, the profile, the size or the machine's OpenGL cannot be used.
+        """
+        from sim_bridge.twin.profile import Profile  # noqa: PLC0415  (heavy imports wait)
+        from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415  (heavy imports wait)
 
-    return TwinDrone(
-        scene,
-        profile=profile,
-        seed=options.seed,
-        image_size_px=options.image_size_px,
-        realtime=options.realtime,
-    )
+        scene, profile = load_scene(self.scene), Profile.named(self.profile)
+        from sim_bridge.twin.drone import TwinDrone  # noqa: PLC0415  (imports MuJoCo)
+
+        return TwinDrone(
+            scene,
+            profile=profile,
+            seed=self.seed,
+            image_size_px=self.image_size_px,
+            realtime=self.realtime,
+        )

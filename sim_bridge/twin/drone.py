@@ -77,6 +77,16 @@ class TwinDrone:
         return self._scene
 
     @property
+    def live(self) -> bool:
+        """A simulated drone needs no check before it takes off."""
+        return False
+
+    @property
+    def tick_s(self) -> None:
+        """The mission sets the pace."""
+        return
+
+    @property
     def profile(self) -> Profile:
         """Its limits and imperfections."""
         return self._profile

@@ -7,7 +7,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+import yaml
+from pydantic import Field, TypeAdapter
 
 from sim_bridge.twin.scene import (
     BoxSpec,
@@ -21,7 +22,7 @@ from sim_bridge.twin.scene import (
 from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
 from uav_bt.yaml_file import read_yaml
 
-__all__ = ["load_scene", "scene_names"]
+__all__ = ["load_scene", "scene_names", "scene_text"]
 
 
 def _shipped() -> dict[str, Path]:
@@ -69,6 +70,16 @@ def load_scene(name_or_path: str | Path) -> Scene:
         )
     except ValueRangeError as error:
         raise file.error(str(error), "take_off") from error
+
+
+def scene_text(scene: Scene) -> str:
+    """Return a scene as the text of a scene file."""
+    values, start = TypeAdapter(Scene).dump_python(scene, mode="json"), scene.take_off
+    spot = "helipad" if start.position_m is None else list(start.position_m)
+    values["take_off"] = (
+        {"from": "random"} if start.random else {"from": spot, "yaw_deg": start.yaw_deg}
+    )
+    return yaml.safe_dump(values, sort_keys=False)
 
 
 @dataclass(frozen=True, kw_only=True)

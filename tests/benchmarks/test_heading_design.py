@@ -19,10 +19,9 @@ from benchmarks.heading_design import (
     step_response,
 )
 from benchmarks.heading_trial import fly_step, hover, record_yaw
-from sim_bridge.twin import create_drone
+from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from uav_bt.errors import MissingDependencyError, ShapeError, ValueRangeError
-from uav_bt.protocols import DroneOptions
 from uav_bt.testing import ScriptedDrone
 
 TICK_S = 0.1
@@ -231,7 +230,7 @@ def test_trial_on_a_scripted_drone() -> None:
 def flying_twin(request: pytest.FixtureRequest) -> Iterator[TwinDrone]:
     """A twin in a calm hover; its video is tiny, nobody looks at it."""
     profile: str = request.param
-    drone = create_drone(DroneOptions(profile=profile, seed=9, image_size_px=(64, 36)))
+    drone = TwinConfig(profile=profile, seed=9, image_size_px=(64, 36)).create()
     drone.connect()
     hover(drone)
     yield drone

@@ -7,13 +7,17 @@ Example:
     'success'
 """
 
-from uav_bt.app.assembly import ExactSegmenter, FlightOptions, make_drone, make_policy
-from uav_bt.app.flight import check, fly
+from uav_bt.app.assembly import ExactSegmenter, Flight, FlightOptions, assemble, make_drone
+from uav_bt.app.flight import Listeners, check, fly
+from uav_bt.plugins import make_policy
 from uav_bt.tree.shipped import resolve_tree
 
 __all__ = [
     "ExactSegmenter",
+    "Flight",
     "FlightOptions",
+    "Listeners",
+    "assemble",
     "check",
     "fly",
     "make_drone",

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from perception.camera.camera_file import load_camera
 from perception.camera.undistortion import Undistorter
 from uav_bt.errors import DroneError
-from uav_bt.protocols import Clock, Drone, Referee
+from uav_bt.protocols import Clock, Drone, Referee, Scene
 from uav_bt.types import CameraModel, Command, Frame, Observation
 
 __all__ = ["CalibratedDrone"]
@@ -50,20 +49,19 @@ class CalibratedDrone:
         return self._drone.referee
 
     @property
-    def scene(self) -> Any:
+    def scene(self) -> Scene | None:
         """The inner drone's scene, where it is a simulated one."""
-        return getattr(self._drone, "scene", None)
+        return self._drone.scene
 
     @property
     def live(self) -> bool:
         """Whether the inner drone is a real one."""
-        return bool(getattr(self._drone, "live", False))
+        return self._drone.live
 
     @property
     def tick_s(self) -> float | None:
         """The inner drone's shortest tick, where it has one."""
-        tick_s: float | None = getattr(self._drone, "tick_s", None)
-        return tick_s
+        return self._drone.tick_s
 
     def connect(self) -> None:
         """Connect the drone and read the camera file.

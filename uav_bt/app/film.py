@@ -1,16 +1,14 @@
-"""Ways to watch a flight, composed: what the framework's displays need to know about our lab.
+"""Films and the status line of a flight, composed: what the displays need to know about the lab.
 
-with watching.flight_video(Path("flight.mp4"), speed=2.0) as video:
-    report = app.fly(
-        "explore_and_land_segmentation", listeners=video, tree_listeners=video.show_tree
-    )
+with film.flight_video(Path("flight.mp4"), speed=2.0) as video:
+    report = app.fly("explore_and_land_segmentation", listeners=[video])
     video.conclude(report)
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -22,8 +20,9 @@ from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from uav_bt.app.assembly import Flight
+from uav_bt.app.flight import Listeners
 from uav_bt.board import METRIC_DEPTH
-from uav_bt.board.context import MissionContext
 from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, HELIPAD_BOX
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem
@@ -37,38 +36,15 @@ from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 __all__ = [
-    "Listeners",
-    "TreeListeners",
     "VideoListeners",
-    "all_of",
-    "all_of_trees",
     "corridor_marker",
+    "corridor_of",
     "flight_video",
     "lab_map_of",
     "live_status",
+    "makes_depth",
     "map_of_scene",
 ]
-
-Listeners = Callable[[Drone, MissionContext], Sequence[TickListener]]
-TreeListeners = Callable[[MissionTree, MissionContext], Sequence[TickListener]]
-
-
-def all_of(*factories: Listeners) -> Listeners:
-    """Return what `app.fly` takes as `listeners`, for several ways to watch at once."""
-
-    def make(drone: Drone, context: MissionContext) -> Sequence[TickListener]:
-        return [listener for factory in factories for listener in factory(drone, context)]
-
-    return make
-
-
-def all_of_trees(*factories: TreeListeners) -> TreeListeners:
-    """Return what `app.fly` takes as `tree_listeners`, likewise."""
-
-    def make(tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
-        return [listener for factory in factories for listener in factory(tree, context)]
-
-    return make
 
 
 def map_of_scene(scene: Scene) -> LabMap:
@@ -100,42 +76,35 @@ def _item(
 
 def lab_map_of(drone: Drone) -> LabMap | None:
     """Return the map of a drone's lab; None where nobody knows what stands there."""
-    scene = getattr(drone, "scene", None)  # simulated drones have one
-    return map_of_scene(scene) if isinstance(scene, Scene) else None
+    return map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None
 
 
 class VideoListeners:
-    """What `app.fly` takes as `listeners`, with a video behind it."""
+    """Films a flight; one of the `listeners` of `app.fly`.
+
+    Args:
+        video: where frames are drawn.
+        title: a line on the map.
+    """
 
     def __init__(self, video: FlightVideo, title: str) -> None:
         self._video = video
         self._title = title
-        self._show_depth: Callable[[MissionTree], None] | None = None
 
-    def __call__(self, drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+    def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
+        camera, mission = flight.drone.camera, flight.mission
         panes = Panes(
-            context.board,
-            drone.camera,
+            flight.context.board,
+            camera,
             class_colours=CLASS_COLOURS,
-            lab_map=lab_map_of(drone),
+            lab_map=lab_map_of(flight.drone),
             title=self._title,
         )
+        if makes_depth(mission):
+            panes.show_depth(corridor_marker(mission, camera))
         self._video.begin(panes)
-
-        def show_depth(tree: MissionTree) -> None:
-            if any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves()):
-                panes.show_depth(corridor_marker(tree, drone.camera))
-
-        self._show_depth = show_depth
         return [self._video]
-
-    def show_tree(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
-        """What `app.fly` takes as `tree_listeners`: makes room for what the tree perceives."""
-        del context
-        if self._show_depth is not None:
-            self._show_depth(tree)
-        return []
 
     def conclude(self, report: FlightReport) -> None:
         """Show how the flight ended for a moment."""
@@ -148,6 +117,22 @@ class VideoListeners:
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
 
 
+def makes_depth(tree: MissionTree) -> bool:
+    """Return whether a leaf of a tree writes metric depth."""
+    return any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves())
+
+
+def _corridor_leaf(tree: MissionTree) -> BuildCorridor | None:
+    leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
+    return leaves[0] if len(leaves) == 1 else None
+
+
+def corridor_of(tree: MissionTree) -> CorridorConfig | None:
+    """Return the corridor that a tree asks for; None where it does not build exactly one."""
+    leaf = _corridor_leaf(tree)
+    return None if leaf is None else leaf.config()
+
+
 def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
     """Return what tells a film which pixels are inside the corridor that a tree asks for.
 
@@ -158,19 +143,10 @@ def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
     Returns:
         None where the tree does not build one corridor, with a leaf of ours.
     """
-    leaves = [leaf for leaf in tree.leaves() if isinstance(leaf, BuildCorridor)]
-    if len(leaves) != 1:
+    leaf = _corridor_leaf(tree)
+    if leaf is None:
         return None
-    told = leaves[0].port_value
-    config = CorridorConfig(
-        left_m=told("side_m"),
-        right_m=told("side_m"),
-        front_m=told("front_m"),
-        up_m=told("up_down_m"),
-        down_m=told("up_down_m"),
-        focal_factor=told("focal_factor"),
-    )
-    builder, background = CorridorBuilder(config), bool(told("background"))
+    builder, background = CorridorBuilder(leaf.config()), bool(leaf.port_value("background"))
 
     def intruding(frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
         height_px, width_px = depth.depth.shape
@@ -209,7 +185,7 @@ def live_status(console: Console | None = None) -> Iterator[Listeners]:
     """
     with ExitStack() as open_lines:
 
-        def make(_: Drone, context: MissionContext) -> Sequence[TickListener]:
-            return [open_lines.enter_context(LiveStatus(context.board, console=console))]
+        def make(flight: Flight[Drone]) -> Sequence[TickListener]:
+            return [open_lines.enter_context(LiveStatus(flight.context.board, console=console))]
 
         yield make

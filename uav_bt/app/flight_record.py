@@ -1,98 +1,143 @@
-"""A flight's record, composed: what the recorder needs to know about this lab and this machine.
+"""A flight's record, composed: what stands in it beside the ticks, written and read again.
 
-`app.fly(tree, FlightOptions(record=Path("flight.mcap")))` does all of it.
+`app.fly(tree, FlightOptions(record=Path("flight.mcap")))` does all of the writing.
 """
 
 from __future__ import annotations
 
-import hashlib
-import importlib.metadata
 import json
 import platform
-import shutil
-import subprocess
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
-from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-import yaml
+from pydantic import TypeAdapter, ValidationError
 
 import uav_bt
 from sim_bridge.twin.scene import Scene
-from uav_bt.board.context import MissionContext
+from sim_bridge.twin.scene_file import scene_text
+from uav_bt.app import provenance
+from uav_bt.app.assembly import Flight, FlightOptions
 from uav_bt.errors import FileError
 from uav_bt.files import writing
 from uav_bt.mission.flight_report import FlightReport
+from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.config import Quality, RecordConfig
+from uav_bt.record.config import RecordConfig
+from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment, RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
 from uav_bt.tree import MissionTree
-from uav_bt.tree.loading.source import Element, parse_source, read_source
 
-__all__ = [
-    "SCENE_FILE",
-    "TREE_FOLDER",
-    "FlightRecord",
-    "conclusion",
-    "flight_facts",
-    "scene_text",
-]
+__all__ = ["FlightRecord", "attached_files", "flight_facts", "recorded_options"]
 
-TREE_FOLDER: Final = "tree/"  # attachments below are the tree's files, as they lie beside it
-SCENE_FILE: Final = "scene.yaml"
-
-# What a flight's result may depend on.
-_PACKAGES: Final = ("numpy", "opencv-python-headless", "openvino", "mujoco", "py_trees", "filterpy")
-_GIT_PATIENCE_S: Final = 5.0
+_TREE_FOLDER: Final = "tree/"  # attachments below are the tree's files, as they lie beside it
+_SCENE_FILE: Final = "scene.yaml"
 
 
-def flight_facts(
-    tree: MissionTree, path: Path, drone: Drone, values: Mapping[str, object]
-) -> FlightFacts:
+def flight_facts(flight: Flight[Drone]) -> FlightFacts:
     """Return what is known of a flight before it begins.
 
     Args:
-        tree: the mission, set up.
-        path: its file.
-        drone: connected.
-        values: the flight's options; what is no text becomes JSON.
+        flight: its drone is connected.
     """
-    scene = getattr(drone, "scene", None)  # simulated drones have one
-    attachments = list(_tree_files(path))
-    if isinstance(scene, Scene):
-        attachments.append(_scene_file(scene))
-    told = {
+    mission, scene, options = flight.mission, flight.drone.scene, asdict(flight.options)
+    del options["record"]
+    values = {
+        **options,
         "uav_bt": uav_bt.__version__,
         "started": datetime.now(tz=UTC).isoformat(timespec="seconds"),
-        "tree": path.name,
-        "tree_name": tree.name,
-        "scene": getattr(scene, "name", None),
-        "simulated": drone.referee is not None,
-        "versions": {name: _version(name) for name in _PACKAGES},
+        "tree": mission.path.name,
+        "tree_name": mission.name,
+        "scene": None if scene is None else scene.name,
+        "simulated": flight.drone.referee is not None,
+        "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
-        "git": dict(_git_state()),
-        "weights": _weights(tree),
-        **values,
+        "git": provenance.commit(),
+        "weights": provenance.weights_of(mission),
     }
-    return FlightFacts(
-        values={name: _text(value) for name, value in told.items()}, attachments=attachments
-    )
+    attachments = [*_tree_files(mission), *_scene_files(scene)]
+    texts = {
+        name: value if isinstance(value, str) else json.dumps(value, default=str)
+        for name, value in values.items()
+    }
+    return FlightFacts(values=texts, attachments=attachments)
 
 
-def conclusion(report: FlightReport) -> dict[str, str]:
-    """Return how a flight ended, as a record's last metadata."""
-    return {
-        "outcome": report.outcome,
-        "reason": report.reason,
-        "report": json.dumps(report.to_json()),
-    }
+def _tree_files(mission: MissionTree) -> Iterator[Attachment]:
+    """Yield a tree file and all that it includes, named by where they lie from its folder."""
+    for path, data in mission.sources.items():
+        name = f"{_TREE_FOLDER}{path.relative_to(mission.path.parent).as_posix()}"
+        yield Attachment(name=name, media_type="application/xml", data=data)
+
+
+def _scene_files(scene: object) -> Iterator[Attachment]:
+    if isinstance(scene, Scene):
+        data = scene_text(scene).encode()
+        yield Attachment(name=_SCENE_FILE, media_type="application/yaml", data=data)
+
+
+def recorded_options(reader: RecordReader) -> FlightOptions:
+    """Return the options that a recorded flight was flown with.
+
+    Args:
+        reader: of the record.
+
+    Raises:
+        FileError: the record's metadata is damaged.
+    """
+    values: dict[str, Any] = {}
+    for each in fields(FlightOptions):
+        text = reader.metadata.get(each.name)
+        if text is not None:
+            # Texts stand there as they are, everything else as JSON.
+            plain = each.type in {"str", "str | None", "Quality"} and text != "null"
+            values[each.name] = text if plain else _parsed(reader, text)
+    try:
+        return TypeAdapter(FlightOptions).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise FileError(
+            reader.path, f"the record's metadata is damaged: {where}: {first['msg']}"
+        ) from error
+
+
+def _parsed(reader: RecordReader, text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise FileError(
+            reader.path, f"the record's metadata is damaged: expected JSON, got '{text:.80}'"
+        ) from error
+
+
+def attached_files(reader: RecordReader, folder: Path) -> tuple[Path | None, Path | None]:
+    """Write a record's attachments into a folder.
+
+    Args:
+        reader: of the record.
+        folder: exists and is empty.
+
+    Returns:
+        The tree file and the scene file, None where the record has none.
+
+    Raises:
+        FileError: an attachment's name leads out of the folder.
+    """
+    root = folder.resolve()
+    for name, attachment in reader.attachments.items():
+        file = (root / name).resolve()
+        if not file.is_relative_to(root):
+            raise FileError(reader.path, f"its attachment '{name}' lies outside its folder")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(attachment.data)
+    tree, scene = root / _TREE_FOLDER / reader.metadata.get("tree", ""), root / _SCENE_FILE
+    return (tree if tree.is_file() else None), (scene if scene.is_file() else None)
 
 
 class FlightRecord:
@@ -100,72 +145,53 @@ class FlightRecord:
 
     Args:
         path: the MCAP file.
-        options: the flight's, as metadata; what is no text becomes JSON.
-        quality: of camera pictures.
-        realtime: the flight must keep pace with the clock on the wall. One whose clock stands still
-            meanwhile waits for the disk, and nothing is left out.
-        wall_clock_ns: tells when the flight begins, nanoseconds since 1970.
+        wall_clock_ns: gives the time at which the flight begins, nanoseconds since 1970.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        options: Mapping[str, object],
-        *,
-        quality: Quality = "lossless",
-        realtime: bool = False,
-        wall_clock_ns: Callable[[], int] = time.time_ns,
-    ) -> None:
+    def __init__(self, path: Path, wall_clock_ns: Callable[[], int] = time.time_ns) -> None:
         self._path = path
-        self._options = options
-        self._quality = quality
-        self._realtime = realtime
         self._wall_clock_ns = wall_clock_ns
         self._recorder: FlightRecorder | None = None
 
-    def begin(
-        self, tree: MissionTree, path: Path, drone: Drone, context: MissionContext
-    ) -> FlightRecorder:
+    def begin(self, flight: Flight[Drone]) -> tuple[FlightRecorder]:
         """Open the file; return what listens to the ticks.
 
         Args:
-            tree: set up, not ticked yet.
-            path: its file.
-            drone: connected.
-            context: of the mission.
+            flight: its drone is connected, its tree set up and not ticked yet.
 
         Raises:
             FileError: the file cannot be written.
             MissingDependencyError: the extra `record` is not installed.
         """
-        before_s = drone.clock.now()
-        facts = flight_facts(tree, path, drone, self._options)
-        stands_still = drone.clock.now() == before_s  # nobody has slept, and yet time has passed
-        config = RecordConfig(quality=self._quality, wait=stands_still and not self._realtime)
+        options = flight.options
+        # A simulation's clock stands still meanwhile: it waits for the disk, and nothing is lost.
+        stands_still = not (flight.drone.live or options.realtime)
         file = RecordFile(self._path)
         try:
             with writing(self._path):
                 self._recorder = FlightRecorder(
                     file,
-                    tree,
-                    context,
-                    drone.camera,
-                    facts,
+                    flight.mission,
+                    flight.context,
+                    flight.drone.camera,
+                    flight_facts(flight),
                     start_ns=self._wall_clock_ns(),
-                    config=config,
+                    config=RecordConfig(quality=options.record_quality, wait=stands_still),
                 )
         except FileError:
             file.abandon()
             raise
-        return self._recorder
+        return (self._recorder,)
 
     def conclude(self, report: FlightReport) -> None:
         """Close the file with how the flight ended."""
         if self._recorder is not None:
-            self._recorder.finish(conclusion(report))
+            end = {"outcome": report.outcome, "reason": report.reason}
+            self._recorder.finish({**end, "report": json.dumps(report.to_json())})
 
     def __enter__(self) -> Self:
-        """Return itself."""
+        """Return itself; raises MissingDependencyError without the extra `record`."""
+        need("record", "mcap", "foxglove", what="a flight record")
         return self
 
     def __exit__(
@@ -177,110 +203,3 @@ class FlightRecord:
         """Close the file, with the fault if there was one."""
         if self._recorder is not None:
             self._recorder.__exit__(kind, error, trace)
-
-
-def _tree_files(path: Path) -> Iterator[Attachment]:
-    """Yield a tree file and all that it includes, named by where they lie from its folder."""
-    home = path.resolve().parent
-    waiting, seen = [path.resolve()], set[Path]()
-    while waiting:
-        file = waiting.pop()
-        if file in seen:
-            continue
-        seen.add(file)
-        data = read_source(file)
-        yield Attachment(
-            name=f"{TREE_FOLDER}{file.relative_to(home).as_posix()}",
-            media_type="application/xml",
-            data=data,
-        )
-        waiting += [
-            (file.parent / element.attributes["path"]).resolve()
-            for element in _elements(parse_source(data, file))
-            if element.tag == "include" and "path" in element.attributes
-        ]
-
-
-def _elements(root: Element) -> Iterator[Element]:
-    yield root
-    for child in root.children:
-        yield from _elements(child)
-
-
-def scene_text(scene: Scene) -> str:
-    """Return a scene as the text of a scene file."""
-    values, start = _plain(asdict(scene)), scene.take_off
-    spot = "helipad" if start.position_m is None else list(start.position_m)
-    values["take_off"] = (
-        {"from": "random"} if start.random else {"from": spot, "yaw_deg": start.yaw_deg}
-    )
-    return yaml.safe_dump(values, sort_keys=False)
-
-
-def _scene_file(scene: Scene) -> Attachment:
-    return Attachment(
-        name=SCENE_FILE, media_type="application/yaml", data=scene_text(scene).encode()
-    )
-
-
-def _weights(tree: MissionTree) -> dict[str, str]:
-    """Return the checksums of all networks that the flight may use, by file."""
-    shipped = Path(str(resources.files("perception"))) / "weights"
-    named = [
-        Path(str(leaf.port_value(port.name)))
-        for leaf in tree.leaves()
-        for port in leaf.ports
-        if port.name in {"model", "classes"} and leaf.reference(port) is None
-    ]
-    files = sorted(file for file in shipped.iterdir() if file.is_file())
-    return {
-        file.name if file.parent == shipped else str(file): _sha256(file, file.stat().st_mtime_ns)
-        for file in [*files, *(file for file in named if file.is_file())]
-    }
-
-
-@lru_cache(maxsize=64)
-def _sha256(file: Path, _changed_ns: int) -> str:
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-@lru_cache(maxsize=1)
-def _git_state() -> tuple[tuple[str, object], ...]:
-    """Return commit and cleanness of the checkout that this runs from; nothing without one."""
-    home = Path(uav_bt.__file__).resolve().parents[1]
-    git = shutil.which("git")
-    if git is None or not (home / ".git").exists():
-        return ()
-    commit = _git([git, "-C", str(home), "rev-parse", "HEAD"])
-    changed = _git([git, "-C", str(home), "status", "--porcelain", "--untracked-files=no"])
-    if commit is None or changed is None:
-        return ()
-    return ("commit", commit.strip()), ("changed", bool(changed.strip()))
-
-
-def _git(command: Sequence[str]) -> str | None:
-    try:
-        done = subprocess.run(  # noqa: S603 - git itself, found on the path, with our own words
-            command, capture_output=True, text=True, check=True, timeout=_GIT_PATIENCE_S
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None  # a record without a commit is better than no flight
-    return done.stdout
-
-
-def _version(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
-
-
-def _text(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value, default=str)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _plain(item) for name, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
-from uav_bt.protocols import Clock, Drone
+from uav_bt.protocols import Clock, Drone, Scene
 from uav_bt.types import (
     CameraModel,
     Command,
@@ -74,15 +74,19 @@ class RehearsedDrone:
         return
 
     @property
-    def scene(self) -> Any:
+    def scene(self) -> Scene | None:
         """The inner drone's scene, where it is a simulated one."""
-        return getattr(self._drone, "scene", None)
+        return self._drone.scene
+
+    @property
+    def live(self) -> bool:
+        """Nothing takes off, so nothing is checked before."""
+        return False
 
     @property
     def tick_s(self) -> float | None:
         """The inner drone's shortest tick, where it has one."""
-        tick_s: float | None = getattr(self._drone, "tick_s", None)
-        return tick_s
+        return self._drone.tick_s
 
     def connect(self) -> None:
         """Connect the inner drone; nothing was pretended yet.

@@ -1,4 +1,4 @@
-"""What a leaf is given when its mission sets up: the board, the clock, ways to ask for things."""
+"""What a leaf is handed when its mission is set up: board, clock, proposals, policies."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.proposals import Proposals
+from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter
 
 __all__ = ["MissionContext"]
@@ -20,8 +21,9 @@ class MissionContext:
 
     board: Blackboard
     clock: Clock
-    proposals: Proposals
-    policy: Callable[[str], LeafPolicy]  # by registered name; raises UnknownNameError
+    proposals: Proposals = field(default_factory=Proposals)
+    # By registered name; raises UnknownNameError.
+    policy: Callable[[str], LeafPolicy] = make_policy
     seed: int = 0
     inference_threads: int = 1  # one in a campaign, so that results do not depend on the load
     # Replaces the network of every Segment leaf; evaluations fly on exact masks with it.
@@ -30,8 +32,6 @@ class MissionContext:
     ground: tuple[str, ...] = ()
     # Time each perception stage takes, seconds by stage name, of this mission.
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
-    # `--policy NODE=NAME`: replaces the policy that the tree file names for a node.
-    policy_overrides: dict[str, str] = field(default_factory=dict)
 
     def rng(self, owner: str) -> np.random.Generator:
         """Return a generator that depends on the mission's seed and the owner's name only."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from uav_bt import app
-from uav_bt.board.context import MissionContext
 from uav_bt.campaign.path_keeper import PathKeeper
 from uav_bt.campaign.plan import FlightTask
-from uav_bt.protocols import Drone
 
 __all__ = ["fly_task"]
 
@@ -40,15 +38,13 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
     )
     keeper = PathKeeper()
 
-    def listeners(drone: Drone, context: MissionContext) -> Sequence[PathKeeper]:
-        del drone, context
-        return [keeper]
-
     began_s = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="uav-bt-flight-") as folder:
         written = Path(folder) / "report.json"
         try:
-            flight = app.fly(task.tree_path, options, report=written, listeners=listeners).to_json()
+            flight = app.fly(
+                task.tree_path, options, report=written, listeners=[lambda _: [keeper]]
+            ).to_json()
         except Exception:
             if not written.exists():  # nothing flew
                 raise

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import uav_bt
-from uav_bt.campaign.code_state import code_state
+from uav_bt.app import provenance
 from uav_bt.campaign.flight_lines import key_of
 from uav_bt.campaign.plan import CampaignPlan, FlightTask
 from uav_bt.campaign.runner import Backend, LocalBackend, flown_line
@@ -72,7 +71,7 @@ def run(
         "began": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
         "machine": platform.node(),
         "backend": str(backend),
-        "code": code_state(Path(uav_bt.__file__).parent),
+        "code": provenance.commit(),
     }
     with CampaignStore.opened(folder, plan, run) as store:
         wanted = {task.key: task for task in plan.tasks()}

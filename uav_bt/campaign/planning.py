@@ -5,32 +5,22 @@ from __future__ import annotations
 import fnmatch
 import glob
 import hashlib
-import importlib.metadata
-import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin.scene_file import load_scene, scene_names
-from uav_bt import app
+from uav_bt.app import provenance
+from uav_bt.app.assembly import FlightOptions, load_mission
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import read_plan
-from uav_bt.errors import TreeError, UnknownNameError
-from uav_bt.tree import MissionTree, load_tree
-from uav_bt.tree.loading.source import parse_source, read_source
-from uav_bt.tree.policy_check import unknown_policies
+from uav_bt.errors import UnknownNameError
+from uav_bt.tree import MissionTree
 from uav_bt.tree.shipped import shipped_trees
 
 __all__ = ["make_plan", "plan_of"]
-
-# What decides over a flight's numbers, ours first.
-_PACKAGES: Final = (
-    *("uav-bt", "numpy", "py_trees", "opencv-python-headless", "openvino", "mujoco"),
-    *("scikit-learn", "filterpy"),
-)
 
 
 def make_plan(
@@ -53,14 +43,15 @@ def make_plan(
     Raises:
         InputError: a tree, a scene or a policy cannot be used, or a number is out of range.
     """
-    loaded = [_checked_tree(tree, policies or {}) for tree in trees]
+    options = FlightOptions(policies=policies or {})
+    missions = [load_mission(tree, options) for tree in trees]
     return CampaignPlan(
-        trees=tuple(_planned_tree(path) for path, _ in loaded),
+        trees=tuple(map(_planned_tree, missions)),
         scenes=tuple(_planned_scene(name) for name in _scenes(scenes)),
         flights=flights,
         policies=dict(policies or {}),
-        weights=_weights(mission for _, mission in loaded),
-        versions=_versions(),
+        weights=provenance.weights_of(*missions),
+        versions=provenance.package_versions(),
         **how,
     )
 
@@ -91,39 +82,19 @@ def plan_of(folder: Path) -> CampaignPlan:
     )
 
 
-def _checked_tree(tree: str | Path, policies: Mapping[str, str]) -> tuple[Path, MissionTree]:
-    path = app.resolve_tree(tree)
-    overrides = {node: {"policy": policy} for node, policy in policies.items()}
-    mission = load_tree(path, overrides=overrides)
-    unknown = unknown_policies(mission, path)
-    if unknown:
-        raise TreeError(path, [str(finding) for finding in unknown])
-    return path.resolve(), mission
-
-
-def _planned_tree(path: Path) -> PlannedFile:
+def _planned_tree(mission: MissionTree) -> PlannedFile:
     # A shipped mission by its name is found on other machines and in other installations, too.
+    path = mission.path
     shipped = path.parent == shipped_trees().resolve()
-    sha256 = hashlib.sha256(_tree_text(path)).hexdigest()
-    return PlannedFile(name=path.name, path=path.stem if shipped else str(path), sha256=sha256)
+    return PlannedFile(
+        name=path.name,
+        path=path.stem if shipped else str(path),
+        sha256=provenance.sha256_of(mission),
+    )
 
 
 def _planned(name: str, path: Path, content: bytes) -> PlannedFile:
     return PlannedFile(name=name, path=str(path), sha256=hashlib.sha256(content).hexdigest())
-
-
-def _tree_text(path: Path) -> bytes:
-    """Return the texts of a tree file and of all that it includes."""
-    files, texts = [path.resolve()], []
-    for file in files:  # grows while it is walked through
-        text = read_source(file)
-        texts.append(text)
-        for element in parse_source(text, file).children:
-            if element.tag == "include" and "path" in element.attributes:
-                included = (file.parent / element.attributes["path"]).resolve()
-                if included not in files:
-                    files.append(included)
-    return b"\0".join(texts)
 
 
 def _scenes(wanted: Sequence[str]) -> list[str]:
@@ -148,35 +119,3 @@ def _planned_scene(name: str) -> PlannedFile:
         )
     path = Path(name).resolve()
     return _planned(scene.name, path, path.read_bytes())
-
-
-def _weights(missions: Iterable[MissionTree]) -> dict[str, str]:
-    """Return the hashes of the files that leaves name in their ports, shipped weights included."""
-    files: dict[str, Path] = {}
-    for mission in missions:
-        for leaf in mission.leaves():
-            for port in leaf.ports:
-                value = leaf.port_value(port.name) if port.type is str else None
-                files |= {file.name: file for file in _files_meant(value)}
-    return {name: hashlib.sha256(file.read_bytes()).hexdigest() for name, file in files.items()}
-
-
-def _files_meant(value: object) -> list[Path]:
-    if not isinstance(value, str) or not value:
-        return []
-    for name in (value, value.partition(":")[2]):  # of a policy: NAME:FILE
-        if name and Path(name).is_file():
-            return [Path(name)]
-    # A network's name; what flies is the ONNX file, where there is one.
-    shipped = [SHIPPED_WEIGHTS / f"{value}{suffix}" for suffix in (".onnx", ".safetensors")]
-    return [file for file in shipped if file.is_file()][:1]
-
-
-def _versions() -> dict[str, str]:
-    versions = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            versions[package] = "none"
-    return versions

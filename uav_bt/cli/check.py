@@ -11,8 +11,8 @@ from uav_bt.cli.options import INPUT, format_option
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding
+from uav_bt.tree.loading.loader import check_file, findings_of
 from uav_bt.tree.loading.palette import read_palette, with_palette
-from uav_bt.tree.policy_check import check_file, findings_of
 from uav_bt.tree.shipped import tree_files
 from uav_bt.tree.starter import STARTERS, write_starter
 

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 import click
 
-from sim_bridge.twin import create_drone
+from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.app.doctor import examine
 from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check, check_drone
-from uav_bt.protocols import DroneOptions
 
 __all__ = ["doctor"]
 
@@ -47,7 +46,7 @@ def _draws() -> str:
     Raises:
         UavBtError: it cannot be drawn here.
     """
-    twin = create_drone(DroneOptions(image_size_px=(160, 90)))
+    twin = TwinConfig(image_size_px=(160, 90)).create()
     twin.connect()
     try:
         twin.clock.sleep_until(0.5)

@@ -176,7 +176,7 @@ def fly(
         record_quality=quality,
     )
     with ExitStack() as stack:
-        watchers: list[film.Listeners] = [stack.enter_context(film.live_status())]
+        watchers: list[app.Listeners] = [stack.enter_context(film.live_status())]
         filmed = None
         title = f"{Path(tree).stem}, {scene or drone}, seed {seed}"
         if video is not None:
@@ -185,24 +185,18 @@ def fly(
         viewed = None
         if view is not None:
             # Lives as long as the command: a browser still shows it when the summary is printed.
-            viewed = ctx.with_resource(live_view(web=view == "web", title=title, told=click.echo))
+            viewed = ctx.with_resource(live_view(web=view == "web", title=title, on_url=click.echo))
             watchers.append(viewed)
-        tree_watchers: list[film.TreeListeners] = [
-            stack.enter_context(
-                watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
-            )
-        ]
-        if filmed is not None:
-            tree_watchers.append(filmed.show_tree)
-        if viewed is not None:
-            tree_watchers.append(viewed.show_tree)
+        watch = stack.enter_context(
+            watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
+        )
+        watchers.append(lambda flight: watch(flight.mission, flight.context))
         flown = app.fly(
             tree,
             options,
             report=report,
-            listeners=film.all_of(*watchers),
-            tree_listeners=film.all_of_trees(*tree_watchers),
-            told=click.echo,
+            listeners=watchers,
+            on_check=click.echo,
             controls=pilot_keys,
         )
         if filmed is not None:

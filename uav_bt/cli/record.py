@@ -113,19 +113,19 @@ def view(
     window = not (web or save or video)
     if window:
         sinks.need_display(WITHOUT_DISPLAY)
-    with RecordedFlight(file, Span(from_s=from_s, to_s=to_s)) as flight:
-        with progress_bars() as advance:
-            if save is not None:
-                flight.save(save, advance=advance)
-            if video is not None:
-                flight.film(video, speed=speed, advance=advance)
-        for what, path in (("view", save), ("video", video)):
-            if path is not None:
-                click.echo(f"{what}: {path}")
-        if web or window:
-            _show(flight, web=web)
-        for damage in flight.damages:
-            click.echo(f"{file}: {damage}", err=True)
+    flight = RecordedFlight(file, Span(from_s=from_s, to_s=to_s))
+    with progress_bars() as advance:
+        if save is not None:
+            flight.save(save, advance=advance)
+        if video is not None:
+            flight.film(video, speed=speed, advance=advance)
+    for what, path in (("view", save), ("video", video)):
+        if path is not None:
+            click.echo(f"{what}: {path}")
+    if web or window:
+        _show(flight, web=web)
+    for damage in flight.damages:
+        click.echo(f"{file}: {damage}", err=True)
 
 
 def _show(flight: RecordedFlight, *, web: bool) -> None:

@@ -1,7 +1,7 @@
 """A flight's tree watched: its transitions go to a log, to Groot2, or both.
 
-with watched_live(btlog=Path("flight.btlog"), groot=GrootConfig()) as tree_listeners:
-    app.fly("explore_and_land_segmentation", tree_listeners=tree_listeners)
+with watched_live(btlog=Path("flight.btlog"), groot=GrootConfig()) as watch:
+    app.fly("land_only", listeners=[lambda flight: watch(flight.mission, flight.context)])
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class TreeWatch:
 
 
 class LiveListeners:
-    """What `app.fly` takes as `tree_listeners`."""
+    """Makes what follows a tree that is about to fly."""
 
     def __init__(self, log: BtlogWriter | None, publisher: GrootPublisher | None) -> None:
         self._log = log

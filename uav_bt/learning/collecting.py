@@ -14,11 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import varied_scene
 from uav_bt import app
 from uav_bt import campaign as campaigns
-from uav_bt.app.flight_record import scene_text
 from uav_bt.campaign.fly import Progress
 from uav_bt.campaign.runner import Backend
 from uav_bt.errors import InputError, ValueRangeError

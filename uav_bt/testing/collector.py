@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from uav_bt.tree.policy_check import tree_findings
+from uav_bt.tree.loading.loader import check_file
 
 __all__ = ["TreeFile", "is_tree_file"]
 
@@ -46,9 +46,9 @@ class TreeCheck(pytest.Item):
         """
         here = Path.cwd()
         path = self.path
-        findings = tree_findings(path.relative_to(here) if path.is_relative_to(here) else path)
+        findings = check_file(path.relative_to(here) if path.is_relative_to(here) else path)
         if findings:
-            raise _RefusedError("\n".join(findings))
+            raise _RefusedError("\n".join(map(str, findings)))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Show the findings alone, without a traceback."""

@@ -76,6 +76,10 @@ class ScriptedDroneConfig:
         if min(self.movement_ticks, self.take_off_ticks, self.landing_ticks) < 1:
             raise ValueRangeError(f"ticks must be 1 or more: {self}")
 
+    def create(self) -> ScriptedDrone:
+        """Return an unconnected drone that answers so."""
+        return ScriptedDrone(config=self)
+
 
 class ScriptedDrone:
     """A `Drone` for tests.
@@ -100,6 +104,9 @@ class ScriptedDrone:
         self.clock = clock or ManualClock()
         self.camera = pinhole()
         self.referee = None
+        self.scene = None
+        self.live = False
+        self.tick_s = None
         self.connected = False
         self.commands: list[Command] = []  # everything it was told, in order
         self.x_m = 0.0  # world, from where it took off

@@ -157,7 +157,7 @@ def load_tree(
     Raises:
         TreeError: the file was refused, or a mock or an override does not fit.
     """
-    tree = load_mission(path, registry, mocks=mocks, overrides=overrides)
+    tree = load_mission(path, _nodes(registry), mocks=mocks, overrides=overrides)
     return TreeBench(tree, tick_s=tick_s)
 
 
@@ -170,5 +170,10 @@ def parse_tree(
     tick_s: float = 0.1,
 ) -> TreeBench:
     """Put the text of a tree file on a bench; otherwise as `load_tree`."""
-    tree = parse_mission(source, registry, mocks=mocks, overrides=overrides)
+    tree = parse_mission(source, _nodes(registry), mocks=mocks, overrides=overrides)
     return TreeBench(tree, tick_s=tick_s)
+
+
+def _nodes(registry: NodeRegistry | None) -> NodeRegistry:
+    # A test may give policies of its own: `bench.policies`.
+    return (NodeRegistry.installed() if registry is None else registry).with_any_policy()

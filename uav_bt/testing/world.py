@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from uav_bt import plugins
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import MissionError
+from uav_bt.plugins import make_policy
 from uav_bt.protocols import LeafPolicy, Segmenter
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
 from uav_bt.testing.drone import blank_frame, pinhole
@@ -139,5 +139,4 @@ class BenchWorld:
     def _policy(self, name: str) -> LeafPolicy:
         if name in self.policies:
             return self.policies[name]
-        policy: LeafPolicy = plugins.load(plugins.POLICIES, name)()
-        return policy
+        return make_policy(name)

@@ -54,7 +54,8 @@ class MissionTree:
     Args:
         root: the root node; it and all below belong to this tree from now on.
         name: the tree's name, first part of all paths.
-        text: the tree file's text, for records; empty for a tree composed in Python.
+        sources: the texts of the tree file and of those it includes, by path, its own first; empty
+            for a tree composed in Python.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
     """
 
@@ -67,12 +68,12 @@ class MissionTree:
         root: Node,
         *,
         name: str = "Tree",
-        text: str = "",
+        sources: Mapping[Path, bytes] | None = None,
         places: Mapping[str, Place] | None = None,
     ) -> None:
         self.root = root
         self.name = name
-        self.text = text
+        self.sources = dict(sources or {})
         self.places = dict(places or {})
         self.variables = Variables()
         self._ready = False
@@ -86,6 +87,16 @@ class MissionTree:
         paths = child_paths(path, [child.name for child in node.children])
         for child, child_path in zip(node.children, paths, strict=True):
             self._place(child, child_path, inner)
+
+    @property
+    def path(self) -> Path:
+        """The tree file; for a tree composed in Python what its name would be."""
+        return next(iter(self.sources), Path(f"{self.name}.xml"))
+
+    @property
+    def text(self) -> str:
+        """The tree file's own text; empty for a tree composed in Python."""
+        return next(iter(self.sources.values()), b"").decode(errors="replace")
 
     def nodes(self) -> Iterator[Node]:
         """Iterate over all nodes in the order of the file, parents first."""

@@ -23,16 +23,20 @@ class NodeRegistry:
 
     Args:
         nodes: further classes to register.
+        policies: names of the leaf policies that a tree file may name; None: any.
     """
 
-    def __init__(self, nodes: Iterable[type[Node | Behaviour]] = ()) -> None:
+    def __init__(
+        self, nodes: Iterable[type[Node | Behaviour]] = (), *, policies: Iterable[str] | None = None
+    ) -> None:
+        self.policies = None if policies is None else frozenset(policies)
         self._nodes: dict[str, type[Node]] = {}
         for node in (*BUILTIN_NODES, *nodes):
             self.register(node)
 
     @classmethod
     def installed(cls) -> NodeRegistry:
-        """Return a registry with the nodes of all installed packages.
+        """Return a registry with the nodes and policies of all installed packages.
 
         An entry point of the group `uav_bt.behaviours` names an iterable of node classes, or of
         py_trees behaviours.
@@ -40,7 +44,7 @@ class NodeRegistry:
         Raises:
             InputError: a package's entry point is broken, or two packages use one name.
         """
-        registry = cls()
+        registry = cls(policies=plugins.names(plugins.POLICIES))
         for name in plugins.names(plugins.BEHAVIOURS):
             loaded = plugins.load(plugins.BEHAVIOURS, name)
             if not isinstance(loaded, Iterable):
@@ -51,6 +55,10 @@ class NodeRegistry:
             for node in loaded:
                 registry.register(node)
         return registry
+
+    def with_any_policy(self) -> NodeRegistry:
+        """Return a registry of the same nodes that accepts any policy's name, for benches."""
+        return NodeRegistry(self._nodes.values())
 
     def register(self, node: type[Node | Behaviour]) -> type[Node]:
         """Add a node class, or a leaf class made of a plain py_trees behaviour.

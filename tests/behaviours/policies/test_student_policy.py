@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from behaviours.fly.explore import Explore
 from behaviours.policies import student
 from behaviours.policies.student import StudentPolicy, StudentPolicyConfig
 from perception.control.config import ControlNetConfig
@@ -21,6 +22,8 @@ from tests.behaviours.policies import cast_world
 from uav_bt.app import make_policy
 from uav_bt.errors import InputError, MissionError, ValueRangeError, WeightsError
 from uav_bt.protocols import Decision, PolicyView
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
 from uav_bt.types import Frame, PastView, RecentViews
 from uav_bt.types.dead_reckoning import OdometryPose
 
@@ -161,6 +164,13 @@ def test_a_tree_names_its_network_behind_a_colon(policy_saying: Any, tmp_path: P
         make_policy(f"student:{tmp_path / 'none.onnx'}")
     with pytest.raises(InputError, match="'segmentation' takes no argument, got 'segmentation:x'"):
         make_policy("segmentation:x")
+
+
+def test_a_bench_finds_the_network_behind_the_colon_too(policy_saying: Any, tmp_path: Path) -> None:
+    policy_saying(*GO)
+    bench = LeafBench(Explore, policy=f"student:{tmp_path / 'student.onnx'}")
+    bench.hover()
+    assert bench.tick() is Status.RUNNING
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from sim_bridge.olympe.config import OlympeConfig, olympe_config
+from sim_bridge.olympe.config import AnafiConfig, OlympeConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.video import FrameClock
-from uav_bt.protocols import DroneOptions
 
 LEVEL = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
 
@@ -209,7 +208,7 @@ class InTurn:
 
 
 def config(**changes: Any) -> OlympeConfig:
-    return olympe_config("anafi", DroneOptions(address="127.0.0.1", **changes))
+    return AnafiConfig(address="127.0.0.1", **changes)
 
 
 def bridge(world: FakeWorld, time: Time | None = None, **changes: Any) -> OlympeDrone:

@@ -6,11 +6,12 @@ import math
 
 import pytest
 
-import sim_bridge.olympe
-from sim_bridge.olympe.config import OlympeConfig, olympe_config
+from sim_bridge.olympe.config import AnafiConfig, SphinxConfig
 from tests.sim_bridge.olympe.fake_olympe import config
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.protocols import Drone, DroneOptions
+from uav_bt.protocols import Drone
+
+KINDS = {kind.kind: kind for kind in (AnafiConfig, SphinxConfig)}
 
 
 @pytest.mark.parametrize(
@@ -25,24 +26,24 @@ from uav_bt.protocols import Drone, DroneOptions
 def test_an_address_is_a_host_and_perhaps_a_port(
     kind: str, address: str | None, host: str, port: int
 ) -> None:
-    made = olympe_config(kind, DroneOptions(address=address))
+    made = KINDS[kind](address=address)
     assert (made.host, made.discovery_port) == (host, port)
 
 
 @pytest.mark.parametrize("address", ["", ":1", "a:b", "::1", "a b", "127.0.0.1:", "x:1234567"])
 def test_a_malformed_address_is_refused_with_an_example(address: str) -> None:
     with pytest.raises(InputError, match="expected HOST or HOST:DISCOVERY_PORT, for instance"):
-        olympe_config("anafi", DroneOptions(address=address))
+        AnafiConfig(address=address)
 
 
 def test_a_port_beyond_the_last_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="within 1 and 65535, got 70000"):
-        olympe_config("anafi", DroneOptions(address="127.0.0.1:70000"))
+        AnafiConfig(address="127.0.0.1:70000")
 
 
 def test_only_the_remote_control_stands_between() -> None:
-    assert OlympeConfig(kind="anafi", host="192.168.53.1").through_skycontroller
-    assert not OlympeConfig(kind="anafi", host="192.168.42.1").through_skycontroller
+    assert AnafiConfig(address="192.168.53.1").through_skycontroller
+    assert not AnafiConfig(address="192.168.42.1").through_skycontroller
 
 
 @pytest.mark.parametrize("limit", ["speed_limit_mps", "altitude_limit_m", "climb_limit_mps"])
@@ -53,5 +54,5 @@ def test_limits_are_positive(limit: str, value: float) -> None:
 
 
 def test_both_kinds_are_drones() -> None:
-    for create in (sim_bridge.olympe.create_anafi, sim_bridge.olympe.create_sphinx):
-        assert isinstance(create(DroneOptions()), Drone)
+    for kind in KINDS.values():
+        assert isinstance(kind().create(), Drone)

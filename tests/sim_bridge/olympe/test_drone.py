@@ -96,7 +96,7 @@ def test_the_older_sdk_is_told_in_its_own_words() -> None:
 def test_the_older_sdk_cannot_use_another_discovery_port() -> None:
     world = FakeWorld((7, 7, 5))
     drone = OlympeDrone(
-        replace(config(), discovery_port=45000),
+        replace(config(), address="127.0.0.1:45000"),
         sdk=lambda: world.sdk,
         probe_first=lambda _: None,
     )
@@ -156,7 +156,7 @@ def test_a_setting_that_is_not_confirmed_is_a_warning(caplog: pytest.LogCaptureF
 def test_through_the_skycontroller_its_sticks_are_taken_over() -> None:
     world = FakeWorld()
     drone = OlympeDrone(
-        replace(config(), host="192.168.53.1"),
+        replace(config(), address="192.168.53.1"),
         sdk=lambda: world.sdk,
         probe_first=lambda _: None,
     )

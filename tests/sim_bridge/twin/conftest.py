@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from sim_bridge.twin import create_drone
+from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from tests.sim_bridge.twin.lab_world import fly
-from uav_bt.protocols import DroneOptions
 from uav_bt.types import TakeOff
 
 SMALL = (160, 90)
@@ -22,7 +21,7 @@ def make_twin() -> Iterator[Callable[..., TwinDrone]]:
 
     def make(*, airborne: bool = False, **options: object) -> TwinDrone:
         settings = {"profile": "ideal", "image_size_px": SMALL} | options
-        drone = create_drone(DroneOptions(**settings))
+        drone = TwinConfig(**settings).create()
         made.append(drone)
         drone.connect()
         if airborne:

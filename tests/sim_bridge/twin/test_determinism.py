@@ -11,14 +11,13 @@ from collections.abc import Callable
 
 import pytest
 
-from sim_bridge.twin import create_drone
-from uav_bt.protocols import DroneOptions
+from sim_bridge.twin import TwinConfig
 from uav_bt.types import Command, GimbalTo, MoveBy, TakeOff
 
 
 def flight_digest(seed: int, *, looks: int = 1, pause: Callable[[], None] = lambda: None) -> str:
     """Fly six seconds; return a digest of all frames, states, ids, depths and truths."""
-    drone = create_drone(DroneOptions(seed=seed, image_size_px=(160, 90), scene="train-c"))
+    drone = TwinConfig(seed=seed, image_size_px=(160, 90), scene="train-c").create()
     drone.connect()
     digest = hashlib.sha256()
     for tick in range(60):
@@ -68,7 +67,7 @@ def test_a_flight_repeats_in_another_process(first: str) -> None:
 
 def test_two_twins_in_one_process_do_not_meet(first: str) -> None:
     """A flight is the same while another twin flies and draws in between."""
-    other = create_drone(DroneOptions(seed=9, image_size_px=(320, 180), scene="val-a"))
+    other = TwinConfig(seed=9, image_size_px=(320, 180), scene="val-a").create()
     other.connect()
 
     def disturb() -> None:

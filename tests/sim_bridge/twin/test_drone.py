@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sim_bridge.twin import create_drone
+from sim_bridge.twin import TwinConfig
 from sim_bridge.twin.drone import TwinDrone
 from tests.sim_bridge.twin.lab_world import fly
 from uav_bt.errors import DroneError, UnknownNameError, ValueRangeError
-from uav_bt.protocols import Clock, Drone, DroneOptions, Referee
+from uav_bt.protocols import Clock, Drone, Referee
 from uav_bt.types import (
     Command,
     CutMotors,
@@ -46,7 +46,7 @@ def test_it_keeps_the_protocols(make_twin: MakeTwin) -> None:
 
 def test_nothing_works_before_connecting_and_disconnecting_twice_is_fine() -> None:
     """An unconnected twin has no referee and says what to do; it may be let go at any time."""
-    drone = create_drone(DroneOptions())
+    drone = TwinConfig().create()
     assert drone.referee is None
     for use in (drone.observe, drone.clock.now, lambda: drone.send(Command(movement=Hover()))):
         with pytest.raises(DroneError, match="connect"):
@@ -316,13 +316,13 @@ def test_real_time_keeps_pace_with_the_wall(
 def test_bad_options_are_refused_before_anything_is_built() -> None:
     """Unknown scene and profile names come with a suggestion; a negative seed with its value."""
     with pytest.raises(UnknownNameError, match="did you mean 'train-a'"):
-        create_drone(DroneOptions(scene="trian-a"))
+        TwinConfig(scene="trian-a").create()
     with pytest.raises(UnknownNameError, match="did you mean 'harsh'"):
-        create_drone(DroneOptions(profile="harsch"))
+        TwinConfig(profile="harsch").create()
     with pytest.raises(ValueRangeError, match="-1"):
-        create_drone(DroneOptions(seed=-1))
+        TwinConfig(seed=-1).create()
     with pytest.raises(ValueRangeError, match="16:9"):
-        create_drone(DroneOptions(image_size_px=(640, 480)))
+        TwinConfig(image_size_px=(640, 480)).create()
 
 
 @pytest.mark.parametrize(("profile", "reach_m"), [("lab", 0.35), ("harsh", 0.9)])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from sim_bridge.twin import create_drone
+from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.errors import DroneError, FileError, ValueRangeError
-from uav_bt.protocols import Drone, DroneOptions
+from uav_bt.protocols import Drone
 
 
 def camera_file(folder: Path, *, height_px: int = 720, bend: float = -0.1) -> Path:
@@ -28,7 +28,7 @@ def camera_file(folder: Path, *, height_px: int = 720, bend: float = -0.1) -> Pa
 
 
 def twin() -> Drone:
-    return create_drone(DroneOptions(profile="ideal", image_size_px=(160, 90)))
+    return TwinConfig(profile="ideal", image_size_px=(160, 90)).create()
 
 
 def test_the_files_camera_is_told_at_the_frames_size(tmp_path: Path) -> None:

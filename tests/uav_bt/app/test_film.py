@@ -11,11 +11,9 @@ import pytest
 from rich.console import Console
 
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from uav_bt import app
 from uav_bt.app import film
-from uav_bt.board import CLASS_MAP, MISSION_KEYS
-from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board import CLASS_MAP
 from uav_bt.classes import CLASS_COLOURS, class_id
 from uav_bt.errors import FileError
 from uav_bt.mission.runner import TickListener, TickRecord
@@ -33,16 +31,13 @@ SCENE = Scene(
 class SceneDrone(ScriptedDrone):
     """Stands for the twin: it knows its scene."""
 
-    scene = SCENE
+    def __init__(self) -> None:
+        super().__init__()
+        self.scene = SCENE
 
 
-def context_of(drone: ScriptedDrone) -> MissionContext:
-    return MissionContext(
-        board=Blackboard(drone.clock, MISSION_KEYS),
-        clock=drone.clock,
-        proposals=Proposals(),
-        policy=lambda name: pytest.fail(f"asked for policy {name}"),
-    )
+def flight_of(drone: ScriptedDrone, tree: Path | str = "land_only") -> app.Flight[ScriptedDrone]:
+    return app.Flight(app.check(tree), drone, app.FlightOptions())
 
 
 def ticks(drone: ScriptedDrone, listeners: Sequence[TickListener], count: int) -> None:
@@ -84,7 +79,7 @@ def test_a_drone_that_knows_no_scene_has_no_map() -> None:
 def test_a_flight_inside_is_filmed(tmp_path: Path, drone: ScriptedDrone) -> None:
     path = tmp_path / "flight.mp4"
     with film.flight_video(path, speed=2.0, title="small") as video:
-        ticks(drone, video(drone, context_of(drone)), 3)
+        ticks(drone, video(flight_of(drone)), 3)
         assert not path.exists()
     with av.open(str(path)) as container:
         assert sum(1 for _ in container.decode(video=0)) == 3
@@ -111,7 +106,8 @@ def test_a_flight_is_filmed_and_told_at_once(tmp_path: Path) -> None:
         film.flight_video(tmp_path / "flight.mp4") as video,
         film.live_status(console) as status,
     ):
-        ticks(drone, film.all_of(video, status)(drone, context_of(drone)), 2)
+        flight = flight_of(drone)
+        ticks(drone, [*video(flight), *status(flight)], 2)
     assert (tmp_path / "flight.mp4").stat().st_size > 0
     assert out.getvalue().startswith("explore")
 
@@ -126,13 +122,11 @@ def class_maps_size(tmp_path: Path, body: str) -> bool:
     tree = tmp_path / "mission.xml"
     tree.write_text(body, encoding="utf-8")
     drone = SceneDrone()
-    context = context_of(drone)
+    flight = flight_of(drone, tree)
     ids = np.full((112, 224), 1, np.uint8)
-    context.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=0.0), captured_s=0.0)
+    flight.context.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=0.0), captured_s=0.0)
     with film.flight_video(tmp_path / "flight.mp4") as video:
-        listeners = video(drone, context)
-        assert film.all_of_trees(video.show_tree)(load_tree(tree), context) == []
-        ticks(drone, listeners, 1)
+        ticks(drone, video(flight), 1)
     with av.open(str(tmp_path / "flight.mp4")) as container:
         image = next(container.decode(video=0)).to_ndarray(format="rgb24")
     difference = np.abs(image[700, 100].astype(int) - CLASS_COLOURS[1].astype(int))

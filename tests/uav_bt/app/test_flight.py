@@ -6,7 +6,7 @@ import json
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from behaviours.policies.segmentation_rule import SegmentationRule
 from uav_bt import app, plugins
-from uav_bt.board.context import MissionContext
 from uav_bt.errors import (
     DroneError,
     FileError,
@@ -25,18 +24,17 @@ from uav_bt.errors import (
     TreeError,
     UnknownNameError,
 )
+from uav_bt.mission.arbiter import Limits
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.runner import TickListener, TickRecord
-from uav_bt.protocols import Drone, DroneOptions
+from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame
 from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Truth
 
 TREES = Path(app.__file__).parents[2] / "trees"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
 STAY = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
-
-Listeners = Callable[[Drone, MissionContext], Sequence[TickListener]]
 
 
 def tree_file(folder: Path, body: str) -> Path:
@@ -49,16 +47,11 @@ def tree_file(folder: Path, body: str) -> Path:
 
 
 class Hangar:
-    """Hands out scripted drones under the name `scripted` and keeps them."""
+    """Hands out a drone under the name `scripted` and keeps its configurations."""
 
     def __init__(self) -> None:
         self.drone = ScriptedDrone()
-        self.asked: list[DroneOptions] = []
-
-    def make(self, options: DroneOptions) -> ScriptedDrone:
-        """Return the drone, as an installed package would."""
-        self.asked.append(options)
-        return self.drone
+        self.asked: list[ScriptedConfig] = []
 
 
 @pytest.fixture
@@ -66,24 +59,39 @@ def hangar(monkeypatch: pytest.MonkeyPatch) -> Hangar:
     hangar = Hangar()
     load = plugins.load
 
+    class Config(ScriptedConfig):
+        def create(self) -> ScriptedDrone:
+            hangar.asked.append(self)
+            return hangar.drone
+
     def load_scripted(group: str, name: str) -> Any:
-        return hangar.make if (group, name) == (plugins.DRONES, "scripted") else load(group, name)
+        return Config if (group, name) == (plugins.DRONES, "scripted") else load(group, name)
 
     monkeypatch.setattr(plugins, "load", load_scripted)
     return hangar
 
 
+@dataclass(frozen=True, kw_only=True)
+class ScriptedConfig:
+    """What an installed package would register: it declares what it understands."""
+
+    address: str | None = None
+    scene: str = "none"
+    seed: int = 0
+    speed_limit_mps: float = 0.0
+
+
 SCRIPTED = app.FlightOptions(drone="scripted")
 
 
-def doing(action: Callable[[int], object]) -> Listeners:
+def doing(action: Callable[[int], object]) -> app.Listeners:
     """Return what makes a listener that does something with each tick's number."""
 
     class Doing:
         def on_tick(self, record: TickRecord) -> None:
             action(record.index)
 
-    return lambda _drone, _context: [Doing()]
+    return lambda _flight: [Doing()]
 
 
 # --- trees ----------------------------------------------------------------------------------------
@@ -157,22 +165,24 @@ def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
         drone="scripted:10.0.0.1:44444",
         scene="val-a",
         seed=5,
-        profile="harsh",
-        image_size_px=(320, 180),
-        realtime=True,
+        limits=Limits(speed_mps=0.4),
     )
     assert app.make_drone(options) is hangar.drone
     app.make_drone(SCRIPTED)
-    assert hangar.asked[0] == DroneOptions(
-        address="10.0.0.1:44444",
-        scene="val-a",
-        seed=5,
-        profile="harsh",
-        image_size_px=(320, 180),
-        realtime=True,
-    )
-    assert hangar.asked[1].address is None
+    first, second = (asdict(config) for config in hangar.asked)
+    assert first == {
+        "address": "10.0.0.1:44444",
+        "scene": "val-a",
+        "seed": 5,
+        "speed_limit_mps": 0.4,
+    }
+    assert (second["address"], second["scene"]) == (None, "none")
     assert not hangar.drone.connected
+
+
+def test_a_scene_for_a_drone_that_knows_none_is_refused() -> None:
+    with pytest.raises(InputError, match="drone 'anafi' takes no scene, got 'val-a'"):
+        app.make_drone(app.FlightOptions(drone="anafi", scene="val-a"))
 
 
 def test_exact_masks_come_from_the_referee_at_the_networks_size() -> None:
@@ -241,19 +251,19 @@ def test_a_flight_is_told_in_its_report(hangar: Hangar, tmp_path: Path) -> None:
 
 def test_listeners_get_the_connected_drone_and_the_mission(hangar: Hangar, tmp_path: Path) -> None:
     ticks: list[int] = []
-    given: list[tuple[Drone, MissionContext]] = []
+    given: list[app.Flight[Drone]] = []
 
-    def listeners(drone: Drone, context: MissionContext) -> Sequence[TickListener]:
+    def follow(flight: app.Flight[Drone]) -> Sequence[TickListener]:
         assert hangar.drone.connected
-        assert context.clock.now() == drone.clock.now()
-        given.append((drone, context))
-        return doing(ticks.append)(drone, context)
+        assert flight.context.clock.now() == flight.drone.clock.now()
+        given.append(flight)
+        return doing(ticks.append)(flight)
 
     options = app.FlightOptions(drone="scripted", seed=11)
-    report = app.fly(tree_file(tmp_path, HOP), options, listeners=listeners)
-    ((drone, context),) = given
-    assert drone is hangar.drone
-    assert context.seed == 11
+    report = app.fly(tree_file(tmp_path, HOP), options, listeners=[follow])
+    (flight,) = given
+    assert flight.drone is hangar.drone
+    assert flight.context.seed == 11
     assert ticks == list(range(report.ticks))
 
 
@@ -302,7 +312,7 @@ def test_a_lost_drone_or_a_broken_listener_leaves_a_report_too(
 
     path = tmp_path / "report.json"
     with pytest.raises(type(fault), match=str(fault)):
-        app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=doing(fail))
+        app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=[doing(fail)])
     told = json.loads(path.read_text(encoding="utf-8"))
     assert (told["outcome"], told["reason"], told["ticks"]) == ("error", reason, 11)
     assert hangar.drone.state.flying is FlyingState.LANDED
@@ -312,7 +322,7 @@ def test_a_lost_drone_or_a_broken_listener_leaves_a_report_too(
 # --- interrupts -----------------------------------------------------------------------------------
 
 
-def interrupt_at(*indices: int) -> Listeners:
+def interrupt_at(*indices: int) -> app.Listeners:
     """Return what makes a listener that is a person pressing Ctrl-C at these ticks."""
 
     def press(index: int) -> None:
@@ -342,7 +352,7 @@ def test_an_interrupt_lands_the_drone_reports_and_gives_the_handlers_back(
 ) -> None:
     before = handlers()
     path = tmp_path / "report.json"
-    report = app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=interrupt_at(20))
+    report = app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=[interrupt_at(20)])
     assert (report.outcome, report.reason) == ("aborted", "stopped by SIGINT")
     assert json.loads(path.read_text(encoding="utf-8"))["outcome"] == "aborted"
     assert 20 < report.ticks < 40
@@ -356,7 +366,7 @@ def test_a_second_interrupt_gets_through_and_the_drone_still_lands(
 ) -> None:
     before = handlers()
     with pytest.raises(KeyboardInterrupt):
-        app.fly(tree_file(tmp_path, STAY), SCRIPTED, listeners=interrupt_at(20, 21))
+        app.fly(tree_file(tmp_path, STAY), SCRIPTED, listeners=[interrupt_at(20, 21)])
     assert hangar.drone.state.flying is FlyingState.LANDED
     assert not hangar.drone.connected
     assert handlers() == before
@@ -367,7 +377,7 @@ def test_a_flight_leaves_the_handlers_as_they_were(hangar: Hangar, tmp_path: Pat
     app.fly(
         tree_file(tmp_path, HOP),
         SCRIPTED,
-        listeners=doing(lambda _index: within.append(handlers())),
+        listeners=[doing(lambda _index: within.append(handlers()))],
     )
     assert all(now[0] is not before[0] and now[1] is not before[1] for now in within)
     assert handlers() == before
@@ -376,10 +386,10 @@ def test_a_flight_leaves_the_handlers_as_they_were(hangar: Hangar, tmp_path: Pat
 def test_a_flight_in_another_thread_takes_no_handlers(hangar: Hangar, tmp_path: Path) -> None:
     """Python lets only the main thread set them."""
     before, within, reports = handlers(), [], []
-    listeners = doing(lambda _index: within.append(handlers()))
+    follow = doing(lambda _index: within.append(handlers()))
     tree = tree_file(tmp_path, HOP)
     thread = threading.Thread(
-        target=lambda: reports.append(app.fly(tree, SCRIPTED, listeners=listeners))
+        target=lambda: reports.append(app.fly(tree, SCRIPTED, listeners=[follow]))
     )
     thread.start()
     thread.join(timeout=60.0)

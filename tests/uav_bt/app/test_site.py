@@ -6,10 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.uav_bt.record.record_world import tree_file
+from uav_bt import app
 from uav_bt.app.site import Site, load_site
 from uav_bt.errors import FileError
 from uav_bt.mission.preflight import PreflightConfig
+from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Limits
+from uav_bt.types import MissionPhase
 
 FULL = """
 flight_height_m: 1.2
@@ -96,3 +100,39 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="there is no such site file"):
         load_site(tmp_path / "site.yaml")
+
+
+EXPLORE = """
+<ReactiveSequence>
+  <Segment/>
+  <Sequence>
+    <TakeOff height_m="1.5"/>
+    <ForceSuccess><Timeout msec="9000"><Repeat num_cycles="-1">
+      <Fallback><Explore/><Avoid/></Fallback>
+    </Repeat></Timeout></ForceSuccess>
+    <AlwaysFailure/>
+  </Sequence>
+</ReactiveSequence>
+"""
+
+
+def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) -> None:
+    """No step corrects it back to what the tree says."""
+    heights: list[float] = []
+
+    class Heights:
+        def on_tick(self, record: TickRecord) -> None:
+            if record.phase == MissionPhase.EXPLORE and record.override is None:
+                heights.append(record.observation.state.height_above_carpet_m)
+
+    options = app.FlightOptions(
+        scene="val-a",
+        profile="ideal",
+        exact_masks=True,
+        image_size_px=(160, 90),
+        site=Site(flight_height_m=1.2),
+    )
+    app.fly(tree_file(tmp_path, EXPLORE), options, listeners=[lambda _: [Heights()]])
+    assert len(heights) > 50
+    assert min(heights) > 1.1
+    assert max(heights) < 1.3

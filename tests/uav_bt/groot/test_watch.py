@@ -13,8 +13,9 @@ from uav_bt.clock import ManualClock
 from uav_bt.errors import FileError, InputError
 from uav_bt.groot import BtlogReader, BtlogWriter, GrootConfig, TreeWatch, watched_live
 from uav_bt.groot.transitions import Transition
+from uav_bt.groot.watch import LiveListeners
 from uav_bt.mission.runner import TickRecord
-from uav_bt.testing import ScriptedDrone
+from uav_bt.testing import ScriptedDroneConfig
 from uav_bt.tree import Status
 
 HOP = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="0.5"/><Land/></Sequence>'
@@ -27,7 +28,7 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     def load(group: str, name: str) -> object:
         if (group, name) == (plugins.DRONES, "scripted"):
-            return lambda _options: ScriptedDrone()
+            return ScriptedDroneConfig
         return found(group, name)
 
     monkeypatch.setattr(plugins, "load", load)
@@ -42,10 +43,14 @@ def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 SCRIPTED = app.FlightOptions(drone="scripted")
 
 
+def following(watch: LiveListeners) -> app.Listeners:
+    return lambda flight: watch(flight.mission, flight.context)
+
+
 def test_a_flight_is_logged_from_its_first_tick_to_its_end(mission: Path, tmp_path: Path) -> None:
     path = tmp_path / "flight.btlog"
     with watched_live(btlog=path) as listeners:
-        report = app.fly(mission, SCRIPTED, tree_listeners=listeners)
+        report = app.fly(mission, SCRIPTED, listeners=[following(listeners)])
     with BtlogReader(path) as log:
         root = ET.fromstring(log.xml)  # noqa: S314  # our own
         transitions = list(log)
@@ -78,7 +83,7 @@ def test_groot2_sees_the_flight_while_it_goes_on(mission: Path) -> None:
             report = app.fly(
                 mission,
                 SCRIPTED,
-                tree_listeners=lambda tree, context: [*listeners(tree, context), Asking()],
+                listeners=[following(listeners), lambda _: [Asking()]],
             )
     assert len(seen) == report.ticks
     assert seen[0] == {1: 1, 2: 1, 3: 0, 4: 0}
@@ -115,7 +120,7 @@ def test_nothing_is_watched_unless_asked(mission: Path) -> None:
     with watched_live() as listeners:
         tree = make_tree(leaf("a", "S"))
         assert listeners(tree, make_context()) == []
-        assert app.fly(mission, SCRIPTED, tree_listeners=listeners).outcome == "success"
+        assert app.fly(mission, SCRIPTED, listeners=[following(listeners)]).outcome == "success"
 
 
 def test_ports_and_names_are_refused_before_anything_flies(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def flown(folder: Path, *, adviser: str = ADVISER, drone: ScriptedDrone | None =
         encoding="utf-8",
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uav_bt.app.flight.make_drone", lambda _: drone or ScriptedDrone())
+        patch.setattr("uav_bt.app.assembly.make_drone", lambda _: drone or ScriptedDrone())
         patch.setattr(
             "behaviours.perceive.class_map.Segment._load", lambda *_: Grey()
         )  # no network: only its place in the tree matters here

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from uav_bt.errors import FileError
 from uav_bt.mission.flight_report import FlightLog, FlightReport, Percentiles, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.runner import TickRecord
@@ -327,13 +328,13 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one_whole(
 ) -> None:
     path = tmp_path / "report.json"
     path.write_text("old", encoding="utf-8")
-    whole = Path.write_text
+    whole = Path.write_bytes
 
-    def full_disk(self: Path, data: str, encoding: str | None = None) -> int:
-        whole(self, data[:20], encoding=encoding)
+    def full_disk(self: Path, data: bytes) -> int:
+        whole(self, data[:20])
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full_disk)
-    with pytest.raises(OSError, match="No space left"):
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
+    with pytest.raises(FileError, match="No space left"):
         write_report(whole_flight().report(), path)
     assert path.read_text(encoding="utf-8") == "old"

@@ -63,7 +63,7 @@ def fly_noisy(
 ) -> tuple[Path, FlightReport]:
     """Fly a mission with a scripted drone and return its record."""
     flown = drone or NoisyDrone()
-    monkeypatch.setattr("uav_bt.app.flight.make_drone", lambda _: flown)
+    monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: flown)
     record = folder / "flight.mcap"
     options = replace(options or app.FlightOptions(seed=5), record=record)
     return record, app.fly(tree_file(folder, body), options)

@@ -32,12 +32,13 @@ class Kill:
             os.kill(os.getpid(), signal.SIGKILL)
 
 folder = Path({folder!r})
-app.make_drone = lambda _: NoisyDrone()
+from uav_bt.app import assembly
+assembly.make_drone = lambda _: NoisyDrone()
 body = '<Sequence><TakeOff height_m="1.5"/><HoverFor seconds="60"/><Land/></Sequence>'
 app.fly(
     tree_file(folder, body),
     app.FlightOptions(record=folder / "flight.mcap", realtime={realtime}),
-    listeners=lambda drone, context: [Kill()],
+    listeners=[lambda flight: [Kill()]],
 )
 """
 

@@ -8,7 +8,7 @@ import pytest
 
 from uav_bt.errors import FileError, UnknownNameError
 from uav_bt.tree import load_tree, parse_tree
-from uav_bt.tree.policy_check import tree_findings
+from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.render import render
 from uav_bt.tree.shipped import resolve_tree
 from uav_bt.tree.starter import STARTERS, starter_mission, write_starter
@@ -20,7 +20,7 @@ def test_a_starter_is_good_and_is_the_shipped_mission_with_a_comment(
 ) -> None:
     path = tmp_path / "mine.xml"
     write_starter(path, start)
-    assert tree_findings(path) == ()
+    assert check_file(path) == ()
     text = path.read_text(encoding="utf-8")
     assert text.count("How to read it") == 1
     assert 'attribute="{@name}"' in text

@@ -97,6 +97,21 @@ class RecordedDrone:
         """Nobody: what is decided now has no consequences that could be judged."""
         return
 
+    @property
+    def scene(self) -> None:
+        """The recording's scene matters to nothing that is decided now."""
+        return
+
+    @property
+    def live(self) -> bool:
+        """What is over needs no check."""
+        return False
+
+    @property
+    def tick_s(self) -> None:
+        """The recorded ticks set the pace."""
+        return
+
     def connect(self) -> None:
         """Nothing needs to be done."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from uav_bt.app.replay.differences import Comparison
 from uav_bt.app.replay.recorded_drone import RecordedDrone
@@ -46,14 +46,19 @@ class ReplayJudge(Judge):
 class ReplayRunner(MissionRunner):
     """Flies a recorded drone; an operator's stop comes again in the tick in which it came.
 
-    Args and errors are `MissionRunner`'s.
+    Args:
+        drone: the recorded drone.
+        rest: as `MissionRunner` takes it.
+        named: likewise.
     """
 
-    recorded: RecordedDrone
+    def __init__(self, drone: RecordedDrone, *rest: Any, **named: Any) -> None:
+        super().__init__(drone, *rest, **named)
+        self._recorded = drone
 
     def _tick_tree(self) -> Status:
-        moment = self.recorded.moment
-        stopped = _stopped_by_operator(self.recorded.before, moment)
+        moment = self._recorded.moment
+        stopped = _stopped_by_operator(self._recorded.before, moment)
         # A stop between two ticks keeps the tree from being ticked; one within comes after.
         if stopped and moment.tick.tree_status in _NOT_TICKED:
             self.request_abort(_AS_RECORDED)

@@ -1,7 +1,6 @@
 """A recorded flight viewed: in a window, in a browser, as a Rerun file, as a video.
 
-with RecordedFlight(Path("flight.mcap")) as flight:
-    flight.save(Path("flight.rrd"))
+RecordedFlight(Path("flight.mcap")).save(Path("flight.rrd"))
 """
 
 from __future__ import annotations
@@ -12,16 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final
 
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.app.film import corridor_marker, map_of_scene
-from uav_bt.app.flight_record import SCENE_FILE, TREE_FOLDER
-from uav_bt.app.view.live import corridor_size
-from uav_bt.board import METRIC_DEPTH
-from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
-from uav_bt.display.lab_map import LabMap
+from uav_bt.app.film import corridor_marker, makes_depth, map_of_scene
+from uav_bt.app.flight_record import attached_files
+from uav_bt.app.view.live import setting_of
+from uav_bt.classes import CLASS_COLOURS
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import TreeNode, ViewSetting
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
@@ -36,8 +32,7 @@ from uav_bt.tree import MissionTree, load_tree
 if TYPE_CHECKING:
     import rerun as rr
 
-
-__all__ = ["WITHOUT_DISPLAY", "RecordedFlight", "Span", "attached_tree"]
+__all__ = ["WITHOUT_DISPLAY", "RecordedFlight", "Span", "known_tree"]
 
 Stopped = Callable[[], bool]
 
@@ -57,7 +52,7 @@ class Span:
 
 
 class RecordedFlight:
-    """A record with what its attachments tell of tree and lab. Use it as a context manager.
+    """A record with the tree and the lab of its attachments.
 
     Args:
         path: the record.
@@ -71,28 +66,10 @@ class RecordedFlight:
     def __init__(self, path: Path, span: Span | None = None) -> None:
         self.reader = RecordReader(path)
         self._span = span or Span()
-        self._folder = TemporaryDirectory(prefix="uav-bt-record-")
-        try:
-            root = Path(self._folder.name).resolve()
-            self._unpack(root)
-            self.tree = attached_tree(self.reader, root)
-            scene = root / SCENE_FILE
-            self.lab_map: LabMap | None = (
-                map_of_scene(load_scene(scene)) if scene.is_file() else None
-            )
-        except BaseException:
-            self._folder.cleanup()
-            raise
-
-    def _unpack(self, root: Path) -> None:
-        for name, attachment in self.reader.attachments.items():
-            file = (root / name).resolve()
-            if not file.is_relative_to(root):
-                raise FileError(
-                    self.reader.path, f"its attachment '{name}' points out of its folder"
-                )
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(attachment.data)
+        with TemporaryDirectory(prefix="uav-bt-record-") as folder:
+            tree, scene = attached_files(self.reader, Path(folder))
+            self.tree = None if tree is None else known_tree(tree)
+            self.lab_map = None if scene is None else map_of_scene(load_scene(scene))
 
     @property
     def title(self) -> str:
@@ -111,26 +88,20 @@ class RecordedFlight:
 
     def setting(self) -> ViewSetting:
         """Return what a view shows that does not change while the flight lasts."""
-        reader, tree = self.reader, self.tree
-        nodes = reader.tree.nodes
-        return ViewSetting(
-            camera=reader.camera,
-            class_names=CLASS_NAMES,
-            class_colours=CLASS_COLOURS,
-            title=self.title,
-            lab_map=self.lab_map,
-            tree=tuple(
+        nodes = self.reader.tree.nodes
+        return setting_of(
+            self.tree,
+            self.reader.camera,
+            nodes=[
                 TreeNode(
                     path=node.path,
                     label=node.name,
                     parent=None if node.parent is None else nodes[node.parent].path,
                 )
                 for node in nodes
-            ),
-            makes_depth=tree is not None
-            and any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves()),
-            corridor=None if tree is None else corridor_size(tree),
-            intruding=None if tree is None else corridor_marker(tree, reader.camera),
+            ],
+            lab_map=self.lab_map,
+            title=self.title,
         )
 
     def draw(
@@ -230,9 +201,7 @@ class RecordedFlight:
             lab_map=self.lab_map,
             title=self.title,
         )
-        if self.tree is not None and any(
-            METRIC_DEPTH in leaf.writes for leaf in self.tree.leaves()
-        ):
+        if self.tree is not None and makes_depth(self.tree):
             panes.show_depth(corridor_marker(self.tree, reader.camera))
         with FlightVideo(path, panes, FlightVideoConfig(speed=speed)) as video:
             self._play(playback, video, "video", advance)
@@ -242,29 +211,12 @@ class RecordedFlight:
                 good = outcome == Outcome.SUCCESS.value
                 video.conclude(outcome.replace("_", " "), [end.get("reason", "")], good=good)
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
-        self._folder.cleanup()
+def known_tree(file: Path) -> MissionTree | None:
+    """Return the tree of a file; None where it has nodes that are not installed here.
 
-
-def attached_tree(reader: RecordReader, folder: Path) -> MissionTree | None:
-    """Return the tree that a record was flown with.
-
-    Args:
-        reader: of the record.
-        folder: where its attachments have been written.
-
-    Returns:
-        None where it has none, or one of nodes that are not installed here: what the record says of
-        it is enough for the graph, not for the corridor.
+    What the record says of such a tree is enough for its graph, not for the corridor.
     """
-    file = folder / TREE_FOLDER / reader.metadata.get("tree", "")
-    if not file.is_file():
-        return None
     try:
         return load_tree(file)
     except TreeError:

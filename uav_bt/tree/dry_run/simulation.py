@@ -16,7 +16,6 @@ from typing import Any, Final
 from uav_bt.board import ELAPSED, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, FileError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import LeafPolicy
@@ -96,7 +95,6 @@ class Simulation:
             MissionContext(
                 board=self._board,
                 clock=self._clock,
-                proposals=Proposals(),
                 policy=_no_policy,
             )
         )

@@ -6,23 +6,26 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
-from uav_bt.errors import TreeError, ValueRangeError, did_you_mean
+from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import label, node_id_of
 from uav_bt.tree.loading.findings import Finding, Findings, Position
+from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.source import MAX_DEPTH, Element
 from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
+from uav_bt.tree.port import parse_reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 
-__all__ = ["MAX_NODES", "Builder"]
+__all__ = ["MAX_NODES", "POLICY_PORT", "Builder"]
 
+POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 MAX_NODES: Final = 20_000  # subtrees inside subtrees multiply
 
 
@@ -61,16 +64,22 @@ class Builder:
         self.places: dict[str, Place] = {}  # of the nodes, by path; filled by `build`
 
     def build(
-        self, overrides: Mapping[str, Mapping[str, str]], mocks: Mapping[str, str] | None = None
+        self,
+        overrides: Mapping[str, Mapping[str, str]],
+        *,
+        by_id: Mapping[str, Mapping[str, str]],
+        mocks: Mapping[str, str],
     ) -> Node:
         """Return the root node.
 
         Args:
             overrides: attribute values by node, which is named by its name or its path.
+            by_id: attribute values by node id, for those of its nodes that have such a port.
             mocks: scripts by leaf, which is named by its path, its name or its node's id.
 
         Raises:
-            TreeError: the tree grows too large, or an override or a mock does not fit.
+            TreeError: the tree grows too large, an override or a mock does not fit, or a leaf
+                names a policy that is not registered.
         """
         main = self._document.trees[self._document.main]
         root = main.children[0]
@@ -80,8 +89,11 @@ class Builder:
         except _TooLargeError as error:
             finding = Finding(str(main.path), main.position, str(error), label(main))
             raise TreeError(self._document.path, [finding]) from error
-        self._apply(overrides, plan)
-        self._mock(mocks or {}, list(plan.walk()))
+        plans = list(plan.walk())
+        self._apply_by_id(by_id, plans)
+        self._apply(overrides, plans)
+        self._mock(mocks, plans)
+        self._check_policies(plans)
         self._findings.raise_any(self._document.path)
         return self._make(plan)
 
@@ -103,8 +115,16 @@ class Builder:
         ]
         return _Plan(element, name, path, self._document.entries(element), children)
 
-    def _apply(self, overrides: Mapping[str, Mapping[str, str]], root: _Plan) -> None:
-        plans = list(root.walk())
+    def _apply_by_id(self, by_id: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
+        for plan in plans:
+            leaf, attributes = self._leaf_class(plan), by_id.get(_id_of(plan), {})
+            if leaf is not None and attributes:
+                ports = {port.name for port in leaf.ports}
+                known = {name: text for name, text in attributes.items() if name in ports}
+                plan.attributes.update(known)
+                self._check_override(_id_of(plan), known, plan)
+
+    def _apply(self, overrides: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
         for target, attributes in overrides.items():
             hits = [plan for plan in plans if target in (plan.name, plan.path)]
             if not hits:
@@ -157,6 +177,27 @@ class Builder:
                 self._findings.add(
                     self._document.path, Position(1, 1), _no_such_leaf(target, plans, leaves)
                 )
+
+    def _check_policies(self, plans: list[_Plan]) -> None:
+        """Refuse names of policies that nobody registered; one in a variable shows in flight."""
+        known = self._registry.policies
+        if known is None:
+            return
+        for plan in plans:
+            leaf = self._leaf_class(plan)
+            port = (
+                next((port for port in leaf.ports if port.name == POLICY_PORT), None)
+                if leaf
+                else None
+            )
+            if port is None or plan.mock is not None or isinstance(port, PalettePort):
+                continue
+            name = str(plan.attributes.get(POLICY_PORT, port.default))
+            registered = name.partition(":")[0]  # what follows is the policy's own business
+            if parse_reference(name, POLICY_PORT) is None and registered not in known:
+                message = str(UnknownNameError("policy", registered, known))
+                where = plan.element.at(POLICY_PORT)
+                self._findings.add(plan.element.path, where, message, plan.path)
 
     def _leaf_class(self, plan: _Plan) -> type[Leaf] | None:
         if plan.element.tag == NodeKind.SUBTREE.value:

@@ -35,6 +35,7 @@ class Document:
     path: Path
     main: str = ""
     trees: dict[str, Element] = field(default_factory=dict)
+    included: dict[Path, bytes] = field(default_factory=dict)  # texts of the included files
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
     # None where a SubTree has to give an entry.
     subtree_ports: dict[str, dict[str, str | None]] = field(default_factory=dict)
@@ -82,6 +83,7 @@ def outline(root: Element, registry: NodeRegistry, findings: Findings) -> Docume
                     waiting += included.read(child, findings)
                 else:
                     _read_part(child, document, registry, findings)
+    document.included = included.sources
     if root.tag == "root":
         document.main = _find_main(root, document, findings)
     return document

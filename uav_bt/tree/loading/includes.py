@@ -22,7 +22,8 @@ class Includes:
 
     def __init__(self, main: Path) -> None:
         self._folder = main.resolve().parent if main.is_file() else None
-        self._read = {main.resolve()}
+        self._main = main.resolve()
+        self.sources: dict[Path, bytes] = {}  # of the included files, by path
 
     def read(self, include: Element, findings: Findings) -> list[Element]:
         """Return the root of the included file; nothing when it was read before or is refused.
@@ -40,18 +41,18 @@ class Includes:
             message = "needs exactly the attribute 'path'"
         elif self._folder is None:
             message = "only a tree that is loaded from a file can include another"
-        elif len(self._read) > MAX_INCLUDES:
+        elif len(self.sources) >= MAX_INCLUDES:
             message = f"more than {MAX_INCLUDES} files are included"
         else:
             target = (include.path.parent / attributes["path"]).resolve()
-            if target in self._read:
+            if target == self._main or target in self.sources:
                 return []
             if not target.is_relative_to(self._folder):
                 message = f"'{attributes['path']}' lies outside the folder {self._folder}"
             elif not target.is_file():
                 message = f"'{attributes['path']}': no such file beside {include.path}"
             else:
-                self._read.add(target)
-                return [parse_source(read_source(target), target)]
+                self.sources[target] = read_source(target)
+                return [parse_source(self.sources[target], target)]
         findings.add(include.path, include.at("path"), message, "include")
         return []

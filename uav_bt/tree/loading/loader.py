@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.tree.loading.builder import Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import outline
-from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["load_tree", "parse_tree"]
+__all__ = ["check_file", "findings_of", "load_tree", "parse_tree"]
 
 
 def load_tree(
@@ -21,6 +22,7 @@ def load_tree(
     registry: NodeRegistry | None = None,
     *,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
+    by_id: Mapping[str, Mapping[str, str]] | None = None,
     mocks: Mapping[str, str] | None = None,
 ) -> MissionTree:
     """Load a tree file.
@@ -29,6 +31,8 @@ def load_tree(
         path: the file.
         registry: the nodes that may occur; default: all installed.
         overrides: attribute values that replace the file's, by a node's name or path.
+        by_id: attribute values that replace the file's in all nodes of an id, beneath the
+            overrides. An id that does not occur, or a port that a node does not have, is no error.
         mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
             path, name or node id; of several that fit a leaf, in this order the first counts. Name,
             path, kind, ports and conditions stay as the file has them.
@@ -37,7 +41,9 @@ def load_tree(
         TreeError: the file was refused; all that is wrong with it, each with its place.
     """
     path = Path(path)
-    return parse_tree(read_source(path), registry, path=path, overrides=overrides, mocks=mocks)
+    return parse_tree(
+        read_source(path), registry, path=path, overrides=overrides, by_id=by_id, mocks=mocks
+    )
 
 
 def parse_tree(
@@ -46,6 +52,7 @@ def parse_tree(
     *,
     path: Path | str = "<text>",
     overrides: Mapping[str, Mapping[str, str]] | None = None,
+    by_id: Mapping[str, Mapping[str, str]] | None = None,
     mocks: Mapping[str, str] | None = None,
 ) -> MissionTree:
     """Load a tree from a tree file's text.
@@ -55,9 +62,8 @@ def parse_tree(
         registry: the nodes that may occur; default: all installed.
         path: what messages call the file.
         overrides: attribute values that replace the file's, by a node's name or path.
-        mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
-            path, name or node id; of several that fit a leaf, in this order the first counts. Name,
-            path, kind, ports and conditions stay as the file has them.
+        by_id: attribute values for all nodes of an id; see `load_tree`.
+        mocks: scripts of leaves; see `load_tree`.
 
     Raises:
         TreeError: the text was refused; all that is wrong with it, each with its place.
@@ -70,7 +76,39 @@ def parse_tree(
     Checker(document, registry, findings).check()
     findings.raise_any(path)
     builder = Builder(document, registry, findings)
-    root = builder.build(overrides or {}, mocks or {})
-    return MissionTree(
-        root, name=document.main, text=data.decode(errors="replace"), places=builder.places
+    root = builder.build(overrides or {}, by_id=by_id or {}, mocks=mocks or {})
+    sources = {path.resolve(): data, **document.included}
+    return MissionTree(root, name=document.main, sources=sources, places=builder.places)
+
+
+def check_file(path: Path, registry: NodeRegistry | None = None) -> tuple[Finding, ...]:
+    """Return all that is wrong with a tree file; nothing for a good one.
+
+    Args:
+        path: the file.
+        registry: the nodes that may occur; default: all installed.
+    """
+    try:
+        load_tree(path, registry)
+    except InputError as error:
+        return findings_of(error, path)
+    return ()
+
+
+def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
+    """Return what an error says as findings.
+
+    Args:
+        error: what was raised when a tree file was to be loaded.
+        path: the file.
+    """
+    if isinstance(error, FileError) and not isinstance(error, TreeError):
+        position = WHOLE_FILE if error.line is None else Position(error.line, 1)
+        where = error.path if error.line is None else f"{error.path}:{error.line}"
+        message = str(error).removeprefix(f"{where}: ")
+        return (Finding(str(error.path), position, message),)
+    details = error.details if isinstance(error, TreeError) else (error,)
+    return tuple(
+        detail if isinstance(detail, Finding) else Finding(str(path), WHOLE_FILE, str(detail))
+        for detail in details
     )

@@ -12,14 +12,18 @@ from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
 from tests.uav_bt.record.record_world import FLIGHT, copy_part, fly_noisy, tree_file
 from uav_bt import app
+from uav_bt.app import flight_record
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.app.replay.movement_ids import MovementIds
+from uav_bt.app.replay.replayer import assemble_recorded
+from uav_bt.app.site import Site
 from uav_bt.errors import FileError, TreeError
 from uav_bt.mission.arbiter import Limits
 from uav_bt.mission.runner import MissionRunner, TickRecord
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.record import encoder
 from uav_bt.record.channels import Channel
+from uav_bt.record.reader import RecordReader
 from uav_bt.tree import Status
 from uav_bt.types import (
     DroneState,
@@ -225,19 +229,38 @@ def test_a_lost_picture_makes_a_replay_inexact(
 def test_a_record_without_its_tree_asks_for_one(
     noisy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uav_bt.app.replay.replayer.TREE_FOLDER", "elsewhere/")
+    monkeypatch.setattr(flight_record, "_TREE_FOLDER", "elsewhere/")
     with pytest.raises(FileError, match="lacks its tree file; give one with --tree"):
         replay(noisy)
 
 
-def test_a_tree_file_that_leads_out_of_its_folder_is_refused(
+def test_an_attachment_that_leads_out_of_its_folder_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uav_bt.app.flight_record.TREE_FOLDER", "tree/../../")
+    monkeypatch.setattr(flight_record, "_TREE_FOLDER", "tree/../../")
     record, _ = fly_noisy(tmp_path, monkeypatch)
     monkeypatch.undo()
     with pytest.raises(FileError, match="lies outside its folder"):
         replay(record)
+
+
+def test_a_flight_in_a_site_replays_as_it_was_flown(tmp_path: Path) -> None:
+    """Its height, its limits and what it counts as ground are the recorded ones."""
+    site = Site(
+        flight_height_m=1.2,
+        ground=("carpet", "background"),
+        limits=Limits(ceiling_m=2.0, speed_mps=0.4),
+    )
+    record = tmp_path / "flight.mcap"
+    options = replace(SMALL, site=site, record=record, record_quality="lossless")
+    app.fly(tree_file(tmp_path, PERCEIVING), options)
+
+    flight, _ = assemble_recorded(RecordReader(record), ReplayOptions())
+    assert flight.options.site == site
+    assert flight.context.ground == site.ground
+    assert flight.mission.find("TakeOff").port_value("height_m") == 1.2
+    report = replay(record)
+    assert report.same, report.differences[:3]
 
 
 def test_an_unknown_policy_is_refused(noisy: Path, tmp_path: Path) -> None:

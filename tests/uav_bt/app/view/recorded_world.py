@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from uav_bt import app
-from uav_bt.board.context import MissionContext
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.runner import TickListener, TickRecord
-from uav_bt.tree import MissionTree, Status
+from uav_bt.protocols import Drone
+from uav_bt.tree import Status
 
 MISSION = """
 <ReactiveSequence name="mission">
@@ -36,8 +36,8 @@ class Seen:
     boards: list[dict[str, tuple[Any, float]]] = field(default_factory=list)
     statuses: list[dict[str, Status]] = field(default_factory=list)
 
-    def follow(self, tree: MissionTree, context: MissionContext) -> Sequence[TickListener]:
-        seen = self
+    def follow(self, flight: app.Flight[Drone]) -> Sequence[TickListener]:
+        seen, tree, context = self, flight.mission, flight.context
 
         class Follower:
             def on_tick(self, record: TickRecord) -> None:
@@ -64,5 +64,5 @@ def fly(folder: Path, name: str = "flight.mcap", **changes: Any) -> tuple[Path, 
         "record": folder / name,
     }
     seen = Seen()
-    report = app.fly(tree, app.FlightOptions(**{**told, **changes}), tree_listeners=seen.follow)
+    report = app.fly(tree, app.FlightOptions(**{**told, **changes}), listeners=[seen.follow])
     return folder / name, seen, report

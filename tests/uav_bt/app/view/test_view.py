@@ -11,13 +11,11 @@ import pytest
 
 from tests.uav_bt.app.view.recorded_world import Seen, fly
 from uav_bt import app
-from uav_bt.app.view import recorded
-from uav_bt.app.view.live import ViewListeners, live_view, saved_view, setting_of
-from uav_bt.app.view.recorded import RecordedFlight, Span, attached_tree
+from uav_bt.app.view.live import live_view, saved_view, setting_of
+from uav_bt.app.view.recorded import RecordedFlight, Span, known_tree
 from uav_bt.display.rerun import sinks
-from uav_bt.errors import FileError, InputError, MissionError
-from uav_bt.record.reader import RecordReader
-from uav_bt.record.record_file import Attachment
+from uav_bt.display.rerun.setting import tree_nodes
+from uav_bt.errors import FileError, InputError
 
 ENTITIES = (
     *("/world/lab/things", "/world/path", "/world/camera/image", "/world/camera/mask_edges"),
@@ -37,10 +35,10 @@ def contents(path: Path) -> str:
 
 def test_a_record_becomes_a_file_that_rerun_reads(flown: tuple[Path, Seen], tmp_path: Path) -> None:
     steps: list[tuple[str, int, int]] = []
-    with RecordedFlight(flown[0], Span(from_s=2.0, to_s=4.0)) as flight:
-        flight.save(tmp_path / "flight.rrd", advance=lambda *told: steps.append(told))
-        assert flight.title == "mission, val-a, seed 4"
-        assert flight.damages == ()
+    flight = RecordedFlight(flown[0], Span(from_s=2.0, to_s=4.0))
+    flight.save(tmp_path / "flight.rrd", advance=lambda *told: steps.append(told))
+    assert flight.title == "mission, val-a, seed 4"
+    assert flight.damages == ()
     told = contents(tmp_path / "flight.rrd")
     for entity in ENTITIES:
         assert entity in told
@@ -49,20 +47,24 @@ def test_a_record_becomes_a_file_that_rerun_reads(flown: tuple[Path, Seen], tmp_
 
 
 def test_a_record_becomes_a_film_with_its_outcome(flown: tuple[Path, Seen], tmp_path: Path) -> None:
-    with RecordedFlight(flown[0], Span(to_s=1.0)) as flight:
-        flight.film(tmp_path / "flight.mp4")
+    flight = RecordedFlight(flown[0], Span(to_s=1.0))
+    flight.film(tmp_path / "flight.mp4")
     with av.open(str(tmp_path / "flight.mp4")) as container:
         pictures = sum(1 for _ in container.decode(video=0))
     assert pictures >= 10 + 20  # the ticks, and the outcome for two seconds
 
 
 def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
-    with RecordedFlight(flown[0]) as flight:
-        setting = flight.setting()
-        assert flight.tree is not None
-        live = setting_of(
-            flight.tree, flight.reader.camera, lab_map=flight.lab_map, title=flight.title
-        )
+    flight = RecordedFlight(flown[0])
+    setting = flight.setting()
+    assert flight.tree is not None
+    live = setting_of(
+        flight.tree,
+        flight.reader.camera,
+        nodes=tree_nodes(flight.tree),
+        lab_map=flight.lab_map,
+        title=flight.title,
+    )
     assert setting.tree == live.tree
     assert setting.camera == live.camera
     assert setting.lab_map is not None
@@ -70,38 +72,20 @@ def test_a_record_knows_tree_and_lab(flown: tuple[Path, Seen]) -> None:
     assert (setting.makes_depth, setting.corridor, setting.intruding) == (False, None, None)
 
 
-def test_an_attachment_that_points_out_of_its_folder_is_refused(
-    flown: tuple[Path, Seen], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    escaping = Attachment(name="../../escaped.xml", media_type="application/xml", data=b"")
-
-    class Malicious(RecordReader):
-        def __init__(self, path: Path) -> None:
-            super().__init__(path)
-            self.attachments = {escaping.name: escaping}
-
-    monkeypatch.setattr(recorded, "RecordReader", Malicious)
-    with pytest.raises(FileError, match="points out of its folder"):
-        RecordedFlight(flown[0])
-
-
 def test_a_tree_of_nodes_that_are_not_installed_is_still_a_graph(
     flown: tuple[Path, Seen], tmp_path: Path
 ) -> None:
-    (tmp_path / "tree").mkdir()
     strange = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Nobodys/></BehaviorTree></root>'
-    (tmp_path / "tree" / "mission.xml").write_text(strange, encoding="utf-8")
-    with RecordedFlight(flown[0]) as flight:
-        assert attached_tree(flight.reader, tmp_path) is None
-        flight.tree = None
-        assert len(flight.setting().tree) > 5
+    (tmp_path / "mission.xml").write_text(strange, encoding="utf-8")
+    flight = RecordedFlight(flown[0])
+    assert known_tree(tmp_path / "mission.xml") is None
+    flight.tree = None
+    assert len(flight.setting().tree) > 5
 
 
 def test_a_part_without_a_tick_is_refused(flown: tuple[Path, Seen], tmp_path: Path) -> None:
-    with (
-        RecordedFlight(flown[0], Span(from_s=500.0)) as flight,
-        pytest.raises(FileError, match="no tick"),
-    ):
+    flight = RecordedFlight(flown[0], Span(from_s=500.0))
+    with pytest.raises(FileError, match="no tick"):
         flight.save(tmp_path / "flight.rrd")
     assert list(tmp_path.iterdir()) == []
 
@@ -112,9 +96,9 @@ def test_a_record_that_was_cut_short_is_shown_as_far_as_it_goes(
     whole = flown[0].read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2])
-    with RecordedFlight(cut) as flight:
-        flight.save(tmp_path / "cut.rrd")
-        assert flight.damages[0] == "it was never finished"
+    flight = RecordedFlight(cut)
+    flight.save(tmp_path / "cut.rrd")
+    assert flight.damages[0] == "it was never finished"
     assert "/world/path" in contents(tmp_path / "cut.rrd")
 
 
@@ -123,10 +107,10 @@ def test_nobody_draws_for_a_viewer_that_was_closed(flown: tuple[Path, Seen]) -> 
 
     steps: list[int] = []
     stream = rr.RecordingStream("test")
-    with RecordedFlight(flown[0]) as flight:
-        flight.draw(
-            stream, advance=lambda _, done, __: steps.append(done), stopped=lambda: len(steps) == 3
-        )
+    flight = RecordedFlight(flown[0])
+    flight.draw(
+        stream, advance=lambda _, done, __: steps.append(done), stopped=lambda: len(steps) == 3
+    )
     assert steps == [1, 2, 3]
 
 
@@ -137,7 +121,7 @@ def test_a_flight_is_drawn_while_it_is_flown(
 
     def fly_with_view(*arguments: object, **named: object) -> object:
         with saved_view(tmp_path / "live.rrd", title="tour") as view:
-            named["listeners"], named["tree_listeners"] = view, view.show_tree
+            named["listeners"] = [view]
             return whole(*arguments, **named)  # type: ignore[arg-type]
 
     monkeypatch.setattr(app, "fly", fly_with_view)
@@ -145,12 +129,6 @@ def test_a_flight_is_drawn_while_it_is_flown(
     told = contents(tmp_path / "live.rrd")
     for entity in ENTITIES:
         assert entity in told
-
-
-def test_a_view_needs_the_drone_before_the_tree(flown: tuple[Path, Seen]) -> None:
-    view = ViewListeners(None, "tour")  # type: ignore[arg-type]  # it gets no further
-    with pytest.raises(MissionError, match="listeners"):
-        view.show_tree(None, None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -166,8 +144,8 @@ def test_without_a_display_the_way_out_is_told(
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr(sinks.sys, "platform", "linux")
+    flight = RecordedFlight(flown[0])
     with (
-        RecordedFlight(flown[0]) as flight,
         pytest.raises(InputError, match=r"no display.*web"),
         opened(flight),  # type: ignore[attr-defined]  # a context manager
     ):

@@ -1,0 +1,39 @@
+"""What is kept of where results come from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt import app
+from uav_bt.app import provenance
+
+
+def test_the_networks_that_a_mission_loads_are_named_with_their_checksums() -> None:
+    weights = provenance.weights_of(app.check("explore_and_land_segmentation"))
+    assert list(weights) == ["unet.onnx"]
+    assert len(weights["unet.onnx"]) == 64
+
+
+def test_a_mission_s_text_decides_over_its_checksum(tmp_path: Path) -> None:
+    """The included file counts like the mission's own."""
+    part, path = tmp_path / "down.xml", tmp_path / "mission.xml"
+    path.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="Down"><include path="down.xml"/></root>'
+    )
+    found = set()
+    for leaf in ("<AlwaysSuccess/>", "<AlwaysFailure/>"):
+        part.write_text(
+            f'<root BTCPP_format="4"><BehaviorTree ID="Down">{leaf}</BehaviorTree></root>'
+        )
+        found.add(provenance.sha256_of(app.check(path)))
+    assert len(found) == 2
+
+
+def test_git_is_not_needed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert provenance.commit(tmp_path) is None  # no checkout
+    monkeypatch.setattr(provenance.shutil, "which", lambda _: None)
+    provenance.commit.cache_clear()
+    assert provenance.commit() is None
+    provenance.commit.cache_clear()

@@ -1,0 +1,109 @@
+"""Where results come from: code, packages, networks; one answer for records and campaigns."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+import shutil
+import subprocess
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import uav_bt
+from perception.networks.weights_file import SHIPPED_WEIGHTS
+from uav_bt.tree import MissionTree
+
+__all__ = ["commit", "package_versions", "sha256_of", "weights_of"]
+
+# What decides over a flight's numbers, ours first.
+_PACKAGES: Final = (
+    *("uav-bt", "numpy", "py_trees", "opencv-python-headless", "openvino", "mujoco"),
+    *("scikit-learn", "filterpy"),
+)
+_GIT_LIMIT_S: Final = 5.0
+
+
+@lru_cache(maxsize=8)
+def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
+    """Return the commit of the checkout that a folder belongs to; None where there is none.
+
+    Args:
+        folder: anywhere in the checkout.
+
+    Returns:
+        The commit's hash, followed by ``+changes`` when files that git follows differ from it.
+    """
+    git = shutil.which("git")
+    head = None if git is None else _output(git, folder, "rev-parse", "HEAD")
+    if git is None or head is None:
+        return None
+    changed = _output(git, folder, "status", "--porcelain", "--untracked-files=no")
+    return f"{head}+changes" if changed else head
+
+
+def _output(git: str, folder: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(  # noqa: S603 - git itself, with arguments of our own
+            [git, "-C", str(folder), *arguments],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=_GIT_LIMIT_S,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None  # a record without a commit is better than no flight
+    return done.stdout.strip()
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that a flight depends on."""
+    versions = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            versions[package] = "none"
+    return versions
+
+
+def weights_of(*missions: MissionTree) -> dict[str, str]:
+    """Return the SHA-256 of the files that leaves name in their ports, shipped weights included.
+
+    Args:
+        missions: loaded trees.
+
+    Returns:
+        Checksums by the file's name.
+    """
+    files: dict[str, Path] = {}
+    for mission in missions:
+        for leaf in mission.leaves():
+            for port in leaf.ports:
+                literal = port.type is str and leaf.reference(port) is None
+                value = leaf.port_value(port.name) if literal else None
+                files |= {file.name: file for file in _files_meant(value)}
+    return {name: _file_sha256(file, file.stat().st_mtime_ns) for name, file in files.items()}
+
+
+def _files_meant(value: object) -> list[Path]:
+    if not isinstance(value, str) or not value:
+        return []
+    for name in (value, value.partition(":")[2]):  # of a policy: NAME:FILE
+        if name and Path(name).is_file():
+            return [Path(name)]
+    # A network's name; what flies is the ONNX file, where there is one.
+    shipped = [SHIPPED_WEIGHTS / f"{value}{suffix}" for suffix in (".onnx", ".safetensors")]
+    return [file for file in shipped if file.is_file()][:1]
+
+
+@lru_cache(maxsize=64)
+def _file_sha256(file: Path, _changed_ns: int) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def sha256_of(mission: MissionTree) -> str:
+    """Return the SHA-256 of a mission's texts: its own file and all that it includes."""
+    return hashlib.sha256(b"\0".join(mission.sources.values())).hexdigest()
