@@ -23,9 +23,9 @@ from benchmarks.depth_training import read_truth
 from perception.depth.evaluation.scores import DepthScore
 from perception.depth.runtime import OnnxDepthEstimator
 from perception.depth.training.clips import ClipConfig, Flight
-from perception.depth.training.config import DepthTrainingConfig
 from perception.depth.training.labelling import exact_labels
 from perception.depth.training.network import DepthNetConfig
+from perception.depth.training.run import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
 from uav_bt.learning.depth import (
     DepthViewPlan,

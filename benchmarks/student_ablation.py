@@ -26,15 +26,15 @@ from typing import Any, Final
 import torch
 
 from perception.control.config import ControlNetConfig
-from perception.control.export import load_control_tensors
-from perception.control.samples import SampleConfig
-from perception.control.training import ControlTrainingConfig
+from perception.control.training.network import STUDENT_FILES
+from perception.control.training.run import ControlTrainingConfig
+from perception.control.training.samples import SampleConfig
 from uav_bt import campaign as campaigns
 from uav_bt.campaign.report.statistics import wilson
 from uav_bt.campaign.runner import LocalBackend
 from uav_bt.learning import student
 from uav_bt.learning.dataset import split_records
-from uav_bt.learning.segmentation import SHIPPED_UNET
+from uav_bt.learning.segmentation import UNET_WEIGHTS
 
 TREE: Final = "explore_and_land_student"
 FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
@@ -51,7 +51,6 @@ class Variant:
 
 VARIANTS: Final[Mapping[str, Variant]] = {
     "as it ships": Variant(),
-    "mean squared error of the movement": Variant(net=ControlNetConfig(learns="movement")),
     "without aggregation": Variant(aggregated=False),
     "no history": Variant(net=ControlNetConfig(views=1)),
     "history 1 s apart": Variant(net=ControlNetConfig(spacing_s=1.0)),
@@ -75,11 +74,11 @@ def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapp
             weights,
             config=config,
             net_config=variant.net,
-            start=SHIPPED_UNET,
+            start=UNET_WEIGHTS,
             checkpoint=home / "checkpoint.safetensors",
             held_out=student.read_advised_flights(held_out, variant.net, kept),
         )
-    score: Mapping[str, Any] = load_control_tensors(weights)[2]["validation"]
+    score: Mapping[str, Any] = STUDENT_FILES.load(weights)[1]["validation"]
     return score
 
 

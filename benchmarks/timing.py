@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 from sklearn.multiclass import OneVsRestClassifier
 from sklearn.svm import LinearSVC
 
+from perception.control.ego_state import state_size
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
-from perception.control.situation import situation_size
 from perception.depth.runtime import load_depth_estimator
 from perception.segmentation.features import hsv_of, patch_features
 from perception.segmentation.refine import RefineConfig, refined_ids
@@ -138,11 +138,11 @@ def student(given: Options) -> None:
     def contestant(path: Path, threads: int) -> tuple[Callable[[int], object], float]:
         before = memory_mib()
         net = OnnxControlStudent(path, threads=threads)
-        numbers = np.zeros(situation_size(net.config.views), dtype=np.float32)
-        views = [net.looked_at(frame) for frame in frames[: net.config.views]]
+        numbers = np.zeros(state_size(net.config.views), dtype=np.float32)
+        views = [net.preprocess(frame) for frame in frames[: net.config.views]]
 
         def decide(index: int) -> None:
-            views[:] = [net.looked_at(frames[index % len(frames)]), *views[:-1]]
+            views[:] = [net.preprocess(frames[index % len(frames)]), *views[:-1]]
             net.estimate(views, numbers)
 
         decide(0)

@@ -33,9 +33,8 @@ FLOOR_ONE = {
 # What composes everything: it may import all, and only its own kind may import it.
 FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "campaign", "cli", "learning")}
 # Networks are made and trained there; what flies them needs no torch.
-TRAINERS = (
-    *("perception.segmentation.training", "perception.depth.training", "perception.control"),
-    *("perception.networks.checkpoint", "perception.networks.torch_state"),
+TRAINERS = tuple(
+    f"perception.{room}.training" for room in ("segmentation", "depth", "control", "networks")
 )
 
 

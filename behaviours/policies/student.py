@@ -15,8 +15,8 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.control.ego_state import EgoState, state_vector
 from perception.control.runtime import SHIPPED_STUDENT, ControlEstimate, OnnxControlStudent
-from perception.control.situation import Standing, situation
 from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import PastView
@@ -82,40 +82,40 @@ class StudentPolicy:
                 "put <RememberViews/> ahead of the leaves that fly"
             )
         views = [view.recent.ago(age_s) for age_s in self._student.config.ages_s]
-        standing = Standing(
+        ego = EgoState(
             height_above_carpet_m=view.height_above_carpet_m,
             gimbal_pitch_rad=view.gimbal_pitch_rad,
             turning=view.turning,
             full_turns=view.full_turns,
         )
-        said = self._student.estimate(
+        estimate = self._student.estimate(
             [self._picture(past) for past in views],
-            situation(standing, [past.pose for past in views]),
+            state_vector(ego, [past.pose for past in views]),
         )
-        return self._decision(said, view)
+        return self._decision(estimate, view)
 
-    def _decision(self, said: ControlEstimate, view: PolicyView) -> Decision:
+    def _decision(self, estimate: ControlEstimate, view: PolicyView) -> Decision:
         cfg = self._config
         wanted = cfg.advance_at - cfg.relief * min(view.full_turns, cfg.max_full_turns)
-        free_m = min(max(said.free_m, 0.0), cfg.longest_step_m)
-        ends = said.carpet_ends > 0.5
+        free_m = min(max(estimate.free_m, 0.0), cfg.longest_step_m)
+        ends = estimate.carpet_ends > 0.5
         # An edge is turned away from however free of obstacles the way is, as by the rule.
-        if said.advance > wanted and not ends:
-            step_m = min(max(said.step_m, cfg.shortest_step_m), cfg.longest_step_m)
+        if estimate.advance > wanted and not ends:
+            step_m = min(max(estimate.step_m, cfg.shortest_step_m), cfg.longest_step_m)
             return Decision(
                 forward_m=step_m,
-                reason=f"clear {said.advance:.2f}",
+                reason=f"clear {estimate.advance:.2f}",
                 free_m=free_m,
             )
-        yaw_rad = math.copysign(cfg.turn_rad, view.turning or said.clockwise - 0.5)
-        reason = f"{'edge' if ends else 'obstacle'} {said.advance:.2f}"
+        yaw_rad = math.copysign(cfg.turn_rad, view.turning or estimate.clockwise - 0.5)
+        reason = f"{'edge' if ends else 'obstacle'} {estimate.advance:.2f}"
         return Decision(yaw_rad=yaw_rad, carpet_ends=ends, reason=reason, free_m=free_m)
 
     def _picture(self, past: PastView) -> NDArray[np.uint8]:
         """Return a view's picture at the network's size; each is shrunk once."""
         key = (past.frame.index, past.frame.captured_s)
         if key not in self._pictures:
-            self._pictures[key] = self._student.looked_at(past.frame.image)
+            self._pictures[key] = self._student.preprocess(past.frame.image)
             if len(self._pictures) > _KEPT:
                 self._pictures.popitem(last=False)
         return self._pictures[key]

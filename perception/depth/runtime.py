@@ -19,7 +19,7 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import DepthMap, Frame
 
-__all__ = ["SHIPPED_DEPTHS", "OnnxDepthEstimator", "load_depth_estimator", "shipped_depth"]
+__all__ = ["SHIPPED_DEPTHS", "OnnxDepthEstimator", "load_depth_estimator"]
 
 SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
 """The depth networks that come with the package: in 8-bit integers, and in floats."""
@@ -112,11 +112,6 @@ class OnnxDepthEstimator:
                 f"got {width}x{height}",
             )
         return width, height
-
-
-def shipped_depth(*, threads: int = 1) -> OnnxDepthEstimator:
-    """Return the depth network that comes with the package, in 8-bit integers."""
-    return load_depth_estimator("depth", threads=threads)
 
 
 def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEstimator:

@@ -29,18 +29,18 @@ _CPU_INFO: Final = Path("/proc/cpuinfo")
 _CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # oneDNN's, today's and the older name
 
 
-def read_model(path: Path, cure: str) -> Any:
+def read_model(path: Path, remedy: str) -> Any:
     """Return the network of a file.
 
     Args:
         path: the ONNX file.
-        cure: what makes the shipped one, for the message when there is no such file.
+        remedy: what makes the shipped one, for the message when there is no such file.
 
     Raises:
         WeightsError: the file is absent or no network.
     """
     if not path.is_file():
-        raise WeightsError(path, f"there is no such network; {cure} makes the shipped one")
+        raise WeightsError(path, f"there is no such network; {remedy} makes the shipped one")
     try:
         return _openvino().Core().read_model(path)
     except RuntimeError as error:

@@ -45,14 +45,14 @@ def write_weights(
 
 
 def read_weights(
-    path: Path, *, kind: str, cure: str
+    path: Path, *, kind: str, remedy: str
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Read arrays and the note.
 
     Args:
         path: the file.
         kind: what the weights must be for.
-        cure: what to do when there are none, for the message.
+        remedy: what to do when there are none, for the message.
 
     Returns:
         Arrays by name, and the details.
@@ -61,16 +61,16 @@ def read_weights(
         WeightsError: the file is absent, damaged or of another kind.
     """
     if not path.is_file():
-        raise WeightsError(path, f"there are no weights here; {cure}")
+        raise WeightsError(path, f"there are no weights here; {remedy}")
     try:
         with safe_open(path, framework="numpy") as file:
             note = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
         details = json.loads(note.get("details", "{}"))
     except (SafetensorError, OSError, ValueError) as error:
-        raise WeightsError(path, f"the weights are damaged ({error}); {cure}") from error
+        raise WeightsError(path, f"the weights are damaged ({error}); {remedy}") from error
     if note.get("kind") != kind:
         raise WeightsError(
-            path, f"expected weights of kind '{kind}', got '{note.get('kind')}'; {cure}"
+            path, f"expected weights of kind '{kind}', got '{note.get('kind')}'; {remedy}"
         )
     return tensors, details

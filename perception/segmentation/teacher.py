@@ -210,7 +210,7 @@ def load_teacher(path: Path) -> Teacher:
     Raises:
         WeightsError: the file is absent, damaged or something else.
     """
-    tensors, details = read_weights(path, kind=_KIND, cure="`uav-bt net train teacher` makes one")
+    tensors, details = read_weights(path, kind=_KIND, remedy="`uav-bt net train teacher` makes one")
     try:
         config = TeacherConfig(**details["config"])
         palette = tensors["palette"].astype(np.float32) if "palette" in tensors else None

@@ -177,7 +177,7 @@ def student(
         flights = student_learning.read_advised_flights(
             records_of(records), network.config, views_kept or Path(folder), advance=advance
         )
-        score = student_learning.evaluate_student(flights, network, most=views)
+        score = student_learning.evaluate_student(flights, network, max_windows=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
     for name, value in score.to_json().items():
         if name != "windows":

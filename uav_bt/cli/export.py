@@ -9,17 +9,10 @@ from typing import Any
 
 import click
 
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.learning.depth import SHIPPED_DEPTH
-from uav_bt.learning.exporting import (
-    CALIBRATION_VIEWS,
-    export_depth,
-    export_segmentation,
-    export_student,
-)
-from uav_bt.learning.segmentation import SHIPPED_UNET
-from uav_bt.learning.student import SHIPPED_STUDENT
+from uav_bt.learning.exporting import CALIBRATION_VIEWS, Network, Precision, export_network
 from uav_bt.plugins import need
 
 __all__ = ["depth", "segmentation", "student"]
@@ -56,41 +49,41 @@ def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @_network_options
 def segmentation(**options: Any) -> None:
     """Export a segmentation U-Net."""
-    _export(export_segmentation, "unet", SHIPPED_UNET, **options)
+    _export("segmentation", "unet", **options)
 
 
 @click.command()
 @_network_options
 def depth(**options: Any) -> None:
     """Export a depth network."""
-    _export(export_depth, "depth", SHIPPED_DEPTH, **options)
+    _export("depth", "depth", **options)
 
 
 @click.command()
 @_network_options
 def student(**options: Any) -> None:
     """Export a control student. All its shapes are fixed."""
-    _export(export_student, "student", SHIPPED_STUDENT, **options)
+    _export("student", "student", **options)
 
 
 def _export(
-    write: Callable[..., None],
+    network: Network,
     name: str,
-    shipped: Path,
     *,
     weights: Path | None,
-    precision: str,
+    precision: Precision,
     out: Path | None,
     scenes: tuple[str, ...],
     views: int,
     seed: int,
 ) -> None:
-    need("train", "onnx")
+    need("train", "torch", "onnx", "onnxruntime", "nncf")
     path = out or RUNS / f"{name}-{precision}.onnx"
     path.parent.mkdir(parents=True, exist_ok=True)
     plan = replace(
         CALIBRATION_VIEWS, scenes=scenes or CALIBRATION_VIEWS.scenes, views=views, seed=seed
     )
     with progress_bars() as advance:
-        write(weights or shipped, path, precision=precision, views=plan, advance=advance)
+        source = weights or SHIPPED_WEIGHTS / f"{name}.safetensors"
+        export_network(network, source, path, precision=precision, views=plan, advance=advance)
     click.echo(f"network in {precision}: {path}, {path.stat().st_size / 1e6:.1f} MB")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from perception.depth.training.config import DepthTrainingConfig
+from perception.depth.training.run import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
 from perception.segmentation.training.run import TrainingConfig
@@ -25,6 +25,7 @@ from uav_bt.cli.options import (
 from uav_bt.cli.progress import progress_bars
 from uav_bt.learning import depth as depth_training
 from uav_bt.learning import segmentation as training
+from uav_bt.learning.diary import Diary
 from uav_bt.learning.flight_labels import label_flights
 from uav_bt.learning.scenes import TRAINING_SCENES
 from uav_bt.learning.views import ViewPlan
@@ -85,7 +86,7 @@ def segmentation(
     need("train", "torch", "onnx")
     teacher_path = training.SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
-    plan = training.StudentPlan(
+    plan = training.UNetPlan(
         views=ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
     )
     config = TrainingConfig(steps=steps, loss=loss)  # type: ignore[arg-type]  # click checked it
@@ -165,7 +166,7 @@ def depth(
     FLIGHTS are records of `uav-bt fly --record`. Writes a safetensors file and, beside it, the ONNX
     file made from it, which a tree file may name.
     """
-    need("train", "torch", "onnx")
+    need("train", "torch", "onnx", "matplotlib")
     if not photometric and labels == "none":
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
     config = DepthTrainingConfig(
@@ -187,7 +188,7 @@ def depth(
             start=start,
             checkpoint=run / "checkpoint.safetensors",
             views=depth_training.depth_views(depth_training.DepthViewPlan()) if validate else None,
-            diary=depth_training.Diary(run) if validate else None,
+            diary=Diary(run, depth_training.CURVES) if validate else None,
             advance=advance,
         )
     if score is not None:

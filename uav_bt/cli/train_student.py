@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from perception.control.config import ControlNetConfig
-from perception.control.samples import SampleConfig
-from perception.control.training import ControlTrainingConfig
+from perception.control.training.run import ControlTrainingConfig
+from perception.control.training.samples import SampleConfig
 from uav_bt.cli.options import (
     FOLDER,
     INPUT,
@@ -22,8 +22,8 @@ from uav_bt.cli.options import (
 from uav_bt.cli.progress import progress_bars
 from uav_bt.learning import student as training
 from uav_bt.learning.dataset import split_records
-from uav_bt.learning.segmentation import SHIPPED_UNET
-from uav_bt.learning.student_diary import StudentDiary
+from uav_bt.learning.diary import Diary
+from uav_bt.learning.segmentation import UNET_WEIGHTS
 from uav_bt.plugins import need
 
 __all__ = ["student"]
@@ -46,13 +46,6 @@ __all__ = ["student"]
     multiple=True,
     type=click.Path(path_type=Path),
     help="Records, or a folder of them, that validate and are not learnt from. Repeatable.",
-)
-@click.option(
-    "--learns",
-    type=click.Choice(["choice", "movement"]),
-    default="choice",
-    show_default=True,
-    help="The target: advance or turn and how far, or the movement, as in the paper.",
 )
 @click.option(
     "--views",
@@ -94,7 +87,6 @@ def student(
     run: Path,
     views_kept: Path | None,
     held_out: tuple[Path, ...],
-    learns: str,
     views: int,
     spacing_s: float,
     near_weight: float,
@@ -108,9 +100,9 @@ def student(
     RECORDS are files that `uav-bt net collect` made, or folders of them. Writes a safetensors file
     and, beside it, the ONNX file made from it, for a tree with policy="student:FILE.onnx".
     """
-    need("train", "torch", "onnx")
+    need("train", "torch", "onnx", "matplotlib")
     need("record", "mcap", "foxglove")
-    net = ControlNetConfig(views=views, spacing_s=spacing_s, learns=learns)  # type: ignore[arg-type]  # click checked it
+    net = ControlNetConfig(views=views, spacing_s=spacing_s)
     config = ControlTrainingConfig(
         steps=steps, batch=batch, seed=seed, samples=SampleConfig(near_weight=near_weight)
     )
@@ -122,10 +114,10 @@ def student(
             out,
             config=config,
             net_config=net,
-            start=start or SHIPPED_UNET,
+            start=start or UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
             held_out=training.read_advised_flights(others, net, kept, advance=advance),
-            diary=StudentDiary(run),
+            diary=Diary(run, training.CURVES),
             advance=advance,
         )
     if score is not None:

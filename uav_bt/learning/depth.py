@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -23,20 +22,19 @@ from perception.depth.training.labelling import (
     read_labels,
     write_labels,
 )
-from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.odometry.footage import Footage, shrink
 from uav_bt.errors import FileError
 from uav_bt.learning.dataset import footage_of
+from uav_bt.learning.diary import Diary
 from uav_bt.learning.scenes import VALIDATION_SCENES
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Segmenter
 from uav_bt.types import CameraModel
 
 __all__ = [
-    "SHIPPED_DEPTH",
+    "CURVES",
     "DepthViewPlan",
     "DepthViews",
-    "Diary",
     "depth_strip",
     "depth_views",
     "read_flights",
@@ -44,7 +42,8 @@ __all__ = [
     "train_depth",
 ]
 
-SHIPPED_DEPTH: Final = SHIPPED_WEIGHTS / "depth.safetensors"
+CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "carpet_error_m")
+"""What a run's diary draws."""
 
 Image = NDArray[np.uint8]
 
@@ -65,7 +64,7 @@ def read_flights(
         paths: of the records.
         segmenter: gives the masks that labels are made from; None for no labels.
         folder: where labels are kept, so that a broken-off run goes on.
-        advance: told of every frame that is labelled, and when a flight is done.
+        advance: called for every frame that is labelled, and when a flight is done.
     """
     flights = []
     for done, path in enumerate(paths, start=1):
@@ -101,18 +100,18 @@ def _kept_labels(
 
 @dataclass(frozen=True, kw_only=True)
 class DepthViewPlan:
-    """Which pictures of the twin depth is measured on."""
+    """Which images of the twin depth is measured on."""
 
     scenes: tuple[str, ...] = VALIDATION_SCENES
-    views: int = 40  # pictures a scene
-    profile: str = "lab"  # whose noise, blur and exposure error the pictures get
-    least_pitch_rad: float = -0.8  # steeper pictures, of landings, are left out: no depth is used
+    views: int = 40  # images a scene
+    profile: str = "lab"  # whose noise, blur and exposure error the images get
+    min_pitch_rad: float = -0.8  # steeper images, of landings, are left out: no depth is used
     seed: int = 11
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthViews:
-    """Pictures with exact depth and ids, and exact ground plane, at the network's output size."""
+    """Images with exact depth and ids, and exact ground plane, at the network's output size."""
 
     rgb: Image  # (N, 256, 320, 3)
     depth_m: NDArray[np.float32]  # (N, 128, 160)
@@ -121,7 +120,7 @@ class DepthViews:
 
 
 def depth_views(plan: DepthViewPlan) -> DepthViews:
-    """Take the pictures of a plan; the same plan gives the same pictures.
+    """Render the images of a plan; the same plan gives the same images.
 
     Raises:
         SceneError: a scene is missing or malformed.
@@ -134,14 +133,14 @@ def depth_views(plan: DepthViewPlan) -> DepthViews:
     from sim_bridge.twin.views import render_views, sample_flight_poses  # noqa: PLC0415
 
     camera: CameraModel = anafi_camera(640, 360).resized(*LABEL_SIZE_PX)
-    pictures, depths, ids, grounds = [], [], [], []
+    images, depths, ids, grounds = [], [], [], []
     for name in plan.scenes:
         scene = load_scene(name)
         seed = (plan.seed << 32) + zlib.crc32(scene.name.encode())
         poses = [
             pose
             for pose in sample_flight_poses(scene, np.random.default_rng(seed), 2 * plan.views)
-            if pose.pitch_rad >= plan.least_pitch_rad
+            if pose.pitch_rad >= plan.min_pitch_rad
         ][: plan.views]
         for view in render_views(
             scene,
@@ -150,13 +149,13 @@ def depth_views(plan: DepthViewPlan) -> DepthViews:
             profile=Profile.named(plan.profile),
             seed=seed,
         ):
-            pictures.append(shrink(view.image))
+            images.append(shrink(view.image))
             depths.append(view.depth)
             ids.append(view.ids)
             level = CameraView(camera=camera, pitch_rad=view.pose.pitch_rad, height_m=view.pose.z_m)
             grounds.append(ground_depth(level))
     return DepthViews(
-        rgb=np.stack(pictures),
+        rgb=np.stack(images),
         depth_m=np.stack(depths),
         ids=np.stack(ids),
         ground_m=np.stack(grounds).astype(np.float32),
@@ -164,7 +163,12 @@ def depth_views(plan: DepthViewPlan) -> DepthViews:
 
 
 def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthScore:
-    """Score predictions, (N, 128, 160), on the pictures they were made from."""
+    """Score predictions on the images they were made from.
+
+    Args:
+        views: the images, with the truth.
+        predicted: (N, 128, 160) float32.
+    """
     return score_depth(
         DepthSample(predicted=mine, truth_m=truth, ids=ids, ground_m=ground)
         for mine, truth, ids, ground in zip(
@@ -173,44 +177,28 @@ def score_depth_on(views: DepthViews, predicted: NDArray[np.float32]) -> DepthSc
     )
 
 
-class Diary:
-    """What a run keeps beside its checkpoint: a line of scores for each validation, and pictures.
+def write_depth_sheet(
+    path: Path, views: DepthViews, predicted: NDArray[np.float32], *, rows: int = 6
+) -> None:
+    """Draw image, true and predicted depth of some views beside each other.
 
     Args:
-        folder: `scores.jsonl` and `step-*.png` go there.
+        path: the PNG file.
+        views: the images, with the truth.
+        predicted: (N, 128, 160), the depth predicted for them.
+        rows: how many of them are drawn.
+
+    Raises:
+        FileError: the file cannot be written.
     """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def note(self, step: int, terms: Mapping[str, float], score: DepthScore) -> None:
-        """Add a line."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        line = {"step": step, "terms": dict(terms), **asdict(score)}
-        with (self._folder / "scores.jsonl").open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
-
-    def draw(
-        self, step: int, views: DepthViews, predicted: NDArray[np.float32], *, rows: int = 6
-    ) -> None:
-        """Draw picture, true and predicted depth of some views beside each other."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
-        sheet = np.vstack(
-            [
-                depth_strip(views.rgb[place], views.depth_m[place], predicted[place])
-                for place in places
-            ]
-        )
-        path = self._folder / f"step-{step:06d}.png"
-        done, content = cv2.imencode(".png", sheet[..., ::-1])
-        if not done:
-            raise FileError(path, "the picture cannot be written")
-        path.write_bytes(content.tobytes())
+    places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
+    strips = [depth_strip(views.rgb[at], views.depth_m[at], predicted[at]) for at in places]
+    if not cv2.imwrite(str(path), np.vstack(strips)[..., ::-1]):
+        raise FileError(path, "the image cannot be written")
 
 
 def depth_strip(rgb: Image, truth_m: NDArray[np.float32], predicted: NDArray[np.float32]) -> Image:
-    """Return picture, true depth and median-scaled depth side by side, (128, 480, 3) RGB."""
+    """Return image, true depth and median-scaled depth side by side, (128, 480, 3) RGB."""
     scaled = predicted * np.median(truth_m / predicted)
     return np.hstack([shrink(rgb, LABEL_SIZE_PX), _coloured(truth_m), _coloured(scaled)])
 
@@ -248,24 +236,22 @@ def train_depth(
         net_config: a `perception.depth.training.network.DepthNetConfig`; None for its defaults.
         start: weights of a depth network to begin with; None for random ones.
         checkpoint: the state of a run to go on from, and to keep.
-        views: pictures with the truth to validate on; None where nobody knows it.
+        views: images with the truth to validate on; None where it is unknown.
         validate_every: steps.
-        advance: told after every step, with the loss in the stage's name.
-        diary: keeps the terms of the loss, the scores and pictures, when it was validated.
+        advance: called after every step, with the loss in the stage's name.
+        diary: keeps the terms of the loss, the scores and example images of each validation.
 
     Returns:
         The score at the end, None without views.
     """
-    # Imported here: torch is large and only training needs it.
-    from perception.depth.training import network, run  # noqa: PLC0415
+    from perception.depth.training import network, run  # noqa: PLC0415  (torch: training only)
 
     settings = run.DepthTrainingConfig() if config is None else config
     shape = network.DepthNetConfig() if net_config is None else net_config
 
-    def predictions(net: Any, pictures: Image) -> NDArray[np.float32]:
+    def predictions(net: Any, images: Image) -> NDArray[np.float32]:
         parts = [
-            run.predict_depth(net, pictures[first : first + 8])
-            for first in range(0, len(pictures), 8)
+            run.predict_depth(net, images[first : first + 8]) for first in range(0, len(images), 8)
         ]
         return np.concatenate(parts)
 
@@ -274,22 +260,21 @@ def train_depth(
         due = now.step % validate_every == 0 or now.step == now.steps
         if due and views is not None and diary is not None:
             predicted = predictions(net, views.rgb)
-            diary.note(now.step, now.terms, score_depth_on(views, predicted))
-            diary.draw(now.step, views, predicted)
+            score = asdict(score_depth_on(views, predicted))
+            diary.note(now.step, {"loss": now.loss, "terms": dict(now.terms), **score})
+            write_depth_sheet(diary.folder / f"step-{now.step:06d}.png", views, predicted)
 
     clips = ClipSource(flights, settings.clips)
     net = run.train_depth(
         clips, settings, shape, start=start, checkpoint=checkpoint, progress=validate
     )
     final = score_depth_on(views, predictions(net, views.rgb)) if views is not None else None
-    from perception.depth.training import export  # noqa: PLC0415
-
     notes = {
         "training": asdict(settings),
         "start": start.name if start is not None else None,
         "frames": clips.frame_count,
         "validation": asdict(final) if final is not None else None,
     }
-    export.save_depth_net(weights, net, notes=notes)
-    export.export_depth_onnx(weights, weights.with_suffix(".onnx"))
+    network.DEPTH_FILES.save(weights, net, notes=notes)
+    network.DEPTH_FILES.export(weights, weights.with_suffix(".onnx"))
     return final

@@ -14,7 +14,7 @@ from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.learning.dataset import fingerprint, image_of, spaced
-from uav_bt.learning.segmentation import StudentPlan
+from uav_bt.learning.segmentation import UNetPlan
 from uav_bt.learning.views import Image
 from uav_bt.progress import Advance, silent
 from uav_bt.record.footage import flight_record, footage
@@ -26,7 +26,7 @@ __all__ = ["label_flights"]
 def label_flights(
     teacher_path: Path,
     records: Sequence[Path],
-    plan: StudentPlan,
+    plan: UNetPlan,
     folder: Path,
     *,
     every_s: float = 1.0,
@@ -65,7 +65,7 @@ def label_flights(
 def _labelled(
     teacher: Teacher,
     record: Path,
-    plan: StudentPlan,
+    plan: UNetPlan,
     folder: Path,
     *,
     every_s: float,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
@@ -28,8 +28,8 @@ from uav_bt.progress import Advance, silent
 
 __all__ = [
     "SHIPPED_TEACHER",
-    "SHIPPED_UNET",
-    "StudentPlan",
+    "UNET_WEIGHTS",
+    "UNetPlan",
     "draw_twin_picks",
     "evaluate_segmentation",
     "label_pictures",
@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
-SHIPPED_UNET: Final = SHIPPED_WEIGHTS / "unet.safetensors"
+UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 
 
 # --- the teacher ----------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ def train_teacher_on_photographs(picks_path: Path, folder: Path, config: Teacher
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudentPlan:
+class UNetPlan:
     """What the segmentation U-Net learns from: the teacher's masks, never the exact ids."""
 
     views: ViewPlan = field(default_factory=lambda: ViewPlan(views=875, seed=1))  # 3,500 in all
@@ -117,7 +117,7 @@ class StudentPlan:
 
 def label_pictures(
     teacher_path: Path,
-    plan: StudentPlan,
+    plan: UNetPlan,
     folder: Path,
     *,
     workers: int = 1,
@@ -155,7 +155,7 @@ def label_pictures(
     )
 
 
-def _label_scene(teacher_path: Path, plan: StudentPlan, scene: str, file: Path) -> None:
+def _label_scene(teacher_path: Path, plan: UNetPlan, scene: str, file: Path) -> None:
     teacher = load_teacher(teacher_path)
     rgbs, labels = [], []
     for _, image, _ in twin_views(replace(plan.views, scenes=(scene,), truth_size_px=(32, 18))):
@@ -183,22 +183,23 @@ def train_segmentation(
         checkpoint: the state of a run to go on from, and to keep.
         advance: told after every step, with the loss in the stage's name.
     """
-    # Imported here: torch is large and only training needs it.
-    from dataclasses import asdict  # noqa: PLC0415
-
-    from perception.segmentation.training import export, run, unet  # noqa: PLC0415
+    from perception.segmentation.training import (  # noqa: PLC0415  (torch: only training needs it)
+        run,
+        unet,
+    )
 
     settings = run.TrainingConfig() if config is None else config
     rgb, ids = pictures
     net = run.train_unet(
-        run.LabelledPictures(rgb=rgb, ids=ids),
+        run.LabelledImages(rgb=rgb, ids=ids),
         settings,
         unet.UNetConfig(width_px=rgb.shape[2], height_px=rgb.shape[1]),
         checkpoint=checkpoint,
-        progress=lambda now: advance(f"training, loss {now.loss:.3f}", now.step, now.steps),
+        progress=lambda now, _net: advance(f"training, loss {now.loss:.3f}", now.step, now.steps),
     )
-    export.save_unet(weights, net, notes={"training": asdict(settings), "pictures": len(rgb)})
-    export.export_onnx(weights, weights.with_suffix(".onnx"))
+    notes = {"training": asdict(settings), "images": len(rgb)}
+    unet.UNET_FILES.save(weights, net, notes=notes)
+    unet.UNET_FILES.export(weights, weights.with_suffix(".onnx"))
 
 
 # --- evaluation -----------------------------------------------------------------------------------

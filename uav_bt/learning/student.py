@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from perception.control.config import ControlNetConfig
 from perception.control.runtime import ControlEstimate, OnnxControlStudent
-from perception.control.samples import (
+from perception.control.training.samples import (
     Batch,
     ControlFlight,
     ControlSamples,
@@ -20,12 +20,11 @@ from perception.control.samples import (
     read_flight,
     write_flight,
 )
-from perception.control.scoring import ControlScore, score_control
+from perception.control.training.scoring import ControlScore, score_control
 from perception.networks.onnx_runtime import shrunk
-from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import FileError, WeightsError
 from uav_bt.learning.dataset import fingerprint, image_of
-from uav_bt.learning.student_diary import StudentDiary
+from uav_bt.learning.diary import Diary
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Advice
 from uav_bt.record.footage import flight_record, footage
@@ -34,16 +33,17 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.types import CameraModel
 
 __all__ = [
-    "SHIPPED_STUDENT",
+    "CURVES",
     "evaluate_student",
     "first_weights",
     "read_advised_flights",
     "train_student",
 ]
 
-SHIPPED_STUDENT: Final = SHIPPED_WEIGHTS / "student.safetensors"
+CURVES: Final = ("loss", "missed", "stopped", "wrong_side", "step_error_m", "free_error_m")
+"""What a run's diary draws."""
 
-# The rule's reason when it saw nothing: that says something of the depth, and nothing of the view.
+# The rule's reason when it saw nothing: that depends on the depth, not on the view.
 _BLIND: Final = "no depth"
 
 
@@ -63,7 +63,7 @@ def read_advised_flights(
         records: the files.
         net: the network, for its size.
         folder: where the views are kept, small.
-        advance: told after every record.
+        advance: called after every record.
 
     Raises:
         FileError: a record is damaged, unfinished, of another camera, or nobody advised in it.
@@ -125,17 +125,20 @@ def first_weights(path: Path) -> Mapping[str, NDArray[np.float32]]:
     Raises:
         WeightsError: the file holds neither.
     """
-    from perception.control.export import load_control_tensors  # noqa: PLC0415 - as below
-    from perception.segmentation.training.export import load_unet_tensors  # noqa: PLC0415
+    from perception.control.training.network import STUDENT_FILES  # noqa: PLC0415  (torch)
+    from perception.segmentation.training.unet import UNET_FILES  # noqa: PLC0415  (torch)
 
     try:
-        return load_control_tensors(path)[0]
+        state = STUDENT_FILES.load(path)[0].state_dict()
     except WeightsError as no_student:
         try:
-            tensors, _ = load_unet_tensors(path)
+            unet, _ = UNET_FILES.load(path)
         except WeightsError:
             raise no_student from None
-    return {name: tensor for name, tensor in tensors.items() if name.startswith("down.")}
+        state = {
+            name: value for name, value in unet.state_dict().items() if name.startswith("down.")
+        }
+    return {name: value.numpy() for name, value in state.items()}
 
 
 def train_student(
@@ -148,7 +151,7 @@ def train_student(
     checkpoint: Path | None = None,
     held_out: Sequence[ControlFlight] = (),
     validate_every: int = 500,
-    diary: StudentDiary | None = None,
+    diary: Diary | None = None,
     advance: Advance = silent,
 ) -> ControlScore | None:
     """Train the control student and write its safetensors and, beside them, the ONNX file.
@@ -156,23 +159,22 @@ def train_student(
     Args:
         flights: what to learn from.
         weights: the safetensors file; the ONNX file has the same name.
-        config: a `perception.control.training.ControlTrainingConfig`; None for its defaults.
+        config: a `perception.control.training.run.ControlTrainingConfig`; None for its defaults.
         net_config: the network's shape; None for its defaults.
         start: weights to begin with; None for random ones.
         checkpoint: the state of a run to go on from, and to keep.
         held_out: flights that are not learnt from, to measure on.
         validate_every: steps.
         diary: keeps losses, scores and curves.
-        advance: told after every step, with the loss in the stage's name.
+        advance: called after every step, with the loss in the stage's name.
 
     Returns:
         The score at the end, None without flights to measure on.
     """
-    # Imported here: torch is large and only training needs it.
-    from perception.control import export, training  # noqa: PLC0415
-    from perception.control.network import parameter_count  # noqa: PLC0415
+    from perception.control.training import network, run  # noqa: PLC0415  (torch: training only)
+    from perception.networks.training.network_files import parameter_count  # noqa: PLC0415  (torch)
 
-    settings = training.ControlTrainingConfig() if config is None else config
+    settings = run.ControlTrainingConfig() if config is None else config
     shape = net_config or ControlNetConfig()
     samples = ControlSamples(flights, shape, settings.samples)
     others = ControlSamples(held_out, shape, settings.samples) if held_out else None
@@ -181,16 +183,18 @@ def train_student(
     def score(net: Any) -> ControlScore | None:
         if others is None:
             return None
-        return score_control(lambda batch: training.predict_control(net, batch), others)
+        return score_control(lambda batch: run.predict_control(net, batch), others)
 
     def follow(now: Any, net: Any) -> None:
         losses.append(now.loss)
         advance(f"training, loss {now.loss:.3f}", now.step, now.steps)
         if diary is not None and (now.step % validate_every == 0 or now.step == now.steps):
-            diary.note(now.step, float(np.mean(losses)), score(net))
+            scored = score(net)
+            values = {} if scored is None else scored.to_json()
+            diary.note(now.step, {"loss": float(np.mean(losses)), **values})
             losses.clear()
 
-    net = training.train_control(
+    net = run.train_control(
         samples,
         settings,
         shape,
@@ -208,28 +212,29 @@ def train_student(
         "parameters": parameter_count(net),
         "validation": None if final is None else final.to_json(),
     }
-    export.save_control_net(weights, net, notes=notes)
-    export.export_control_onnx(weights, weights.with_suffix(".onnx"))
+    network.STUDENT_FILES.save(weights, net, notes=notes)
+    network.STUDENT_FILES.export(weights, weights.with_suffix(".onnx"))
     return final
 
 
 def evaluate_student(
-    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, most: int = 2000
+    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, max_windows: int = 2000
 ) -> ControlScore:
     """Score a control student on advised flights.
 
     Args:
         flights: their views, of the network's size.
         student: the network as it flies.
-        most: views that are looked at, evenly spread over all.
+        max_windows: how many are scored, evenly spread over all.
 
     Raises:
         ValueRangeError: no view can be scored.
         WeightsError: the network answered with something that is not a number.
     """
 
-    def said(batch: Batch) -> list[ControlEstimate]:
-        windows = zip(batch.frames, batch.situation, strict=True)
-        return [student.estimate(list(frames), numbers) for frames, numbers in windows]
+    def estimates(batch: Batch) -> list[ControlEstimate]:
+        windows = zip(batch.frames, batch.state, strict=True)
+        return [student.estimate(list(frames), state) for frames, state in windows]
 
-    return score_control(said, ControlSamples(flights, student.config), most=most)
+    samples = ControlSamples(flights, student.config)
+    return score_control(estimates, samples, max_windows=max_windows)

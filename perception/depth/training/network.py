@@ -1,4 +1,4 @@
-"""The depth network: a small encoder-decoder for 320x256 pictures that flies on a CPU.
+"""The depth network: a small encoder-decoder for 320x256 images that flies on a CPU.
 
 It follows SC-Depth (Bian et al., arXiv 1908.10553) in what it computes: skips, ELU and reflection
 padding in the decoder, and depth = 1 / (10 sigmoid + 0.01). It is far smaller: residual blocks on
@@ -14,18 +14,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["DISPARITY_FLOOR", "DISPARITY_RANGE", "DepthNet", "DepthNetConfig"]
+__all__ = ["DEPTH_FILES", "DepthNet", "DepthNetConfig"]
 
-DISPARITY_RANGE: Final = 10.0  # SC-Depth's: depth lies within 0.1 and 100
-DISPARITY_FLOOR: Final = 0.01
+_DISPARITY_RANGE: Final = 10.0  # SC-Depth's: depth lies within 0.1 and 100
+_DISPARITY_FLOOR: Final = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,7 @@ class DepthNetConfig:
     # By level, from half size downwards. More of them, or two residual blocks a level, cost more
     # milliseconds than a flight's pipeline has.
     channels: tuple[int, ...] = (16, 32, 48, 96, 160)
-    # What an untrained network says everywhere. Metric labels and telemetry need metres from the
+    # The prediction of an untrained network. Metric labels and telemetry need metres from the
     # start; a pose network starts from small movements and so needs a small world.
     initial_depth: float = 2.0
 
@@ -55,7 +56,7 @@ class DepthNetConfig:
 
 
 class _Halve(nn.Sequential):
-    """A convolution that halves the picture, with batch norm and ReLU."""
+    """A convolution that halves the image, with batch norm and ReLU."""
 
     def __init__(self, inputs: int, outputs: int, kernel: int) -> None:
         super().__init__(
@@ -112,7 +113,7 @@ class DepthNet(nn.Module):
         )
         self.head = nn.Conv2d(widths[1], 4, 3, padding=1, padding_mode="reflect")
         self.spread = nn.PixelShuffle(2)
-        share = (1.0 / config.initial_depth - DISPARITY_FLOOR) / DISPARITY_RANGE
+        share = (1.0 / config.initial_depth - _DISPARITY_FLOOR) / _DISPARITY_RANGE
         nn.init.constant_(cast("Tensor", self.head.bias), math.log(share / (1.0 - share)))
 
     def forward(self, rgb: Tensor) -> Tensor:
@@ -133,4 +134,23 @@ class DepthNet(nn.Module):
         for merge in self.up:
             features = merge(features, skips.pop())
         disparity = torch.sigmoid(self.spread(self.head(features)))
-        return 1.0 / (DISPARITY_RANGE * disparity + DISPARITY_FLOOR)
+        return 1.0 / (_DISPARITY_RANGE * disparity + _DISPARITY_FLOOR)
+
+
+def _build(config: dict[str, Any]) -> DepthNet:
+    return DepthNet(DepthNetConfig(**{**config, "channels": tuple(config["channels"])}))
+
+
+def _ports(net: DepthNet) -> OnnxPorts:
+    return OnnxPorts(
+        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)}, output="depth"
+    )
+
+
+DEPTH_FILES: Final = NetworkFiles(
+    kind="depth-network",
+    remedy="`uav-bt net train depth` makes one",
+    build=_build,
+    ports=_ports,
+)
+"""Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `depth`: (1, 1, H/2, W/2) float32."""

@@ -1,7 +1,7 @@
-"""Train the depth network on flights; a run can be broken off and resumed to the same result.
+"""Train the depth network on flights.
 
-Three teachers, alone or together, none of which needs the true depth: the neighbouring frames
-(through telemetry or a pose network), labels that masks and geometry give
+Three sources of supervision, alone or together, none of which needs the true depth: the
+neighbouring frames (through telemetry or a pose network), labels that masks and geometry give
 (`perception.depth.contact.depth`), and smoothness. Exact depth, where a simulator has it, is only a
 kind of labels: the upper bound to compare with.
 
@@ -10,35 +10,62 @@ Importing this module imports torch.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Final, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from perception.depth.training.clips import ClipSource
-from perception.depth.training.config import DepthTrainingConfig
-from perception.depth.training.learner import Batch, Learner
-from perception.depth.training.network import DepthNet, DepthNetConfig
-from uav_bt.errors import ValueRangeError
+from perception.depth.training.clips import ClipConfig, ClipSource
+from perception.depth.training.network import DEPTH_FILES, DepthNet, DepthNetConfig
+from perception.depth.training.objective import Batch, consistency_terms, supervision_terms
+from perception.depth.training.pose_network import PoseNet
+from perception.networks.training.loop import (
+    LoopConfig,
+    Progress,
+    channels_last,
+    ignore_progress,
+    train,
+)
+from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 
-__all__ = ["DepthProgress", "DepthTrainingConfig", "predict_depth", "train_depth"]
+__all__ = ["DepthTrainingConfig", "predict_depth", "train_depth"]
+
+_POSES: Final = ("telemetry", "network")
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthProgress:
-    """What a training run tells after a step."""
+class DepthTrainingConfig(LoopConfig):
+    """How the depth network is trained. The weights of the terms are SC-Depth's."""
 
-    step: int  # steps done
-    steps: int  # steps in all
-    loss: float
-    terms: Mapping[str, float]  # unweighted, by name
+    steps: int = 2500
+    batch: int = 4  # clips a step, of three frames each
+    learning_rate: float = 1e-3  # peak; AdamW. SC-Depth's 1e-4 starts from a trained encoder
+    max_norm: float = 1.0
+    pose: Literal["telemetry", "network"] = "telemetry"  # where the camera's movement comes from
+    photometric: float = 1.0  # weight; zero, with geometry, learns from labels alone
+    geometry: float = 0.1  # weight
+    smoothness: float = 0.1  # weight
+    labels: float = 1.0  # weight, where the flights come with labels
+    clips: ClipConfig = field(default_factory=ClipConfig)
+    checkpoint_every: int = 100  # steps
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        weights = (self.photometric, self.geometry, self.smoothness, self.labels)
+        if min(weights) < 0.0 or not any(weights):
+            raise ValueRangeError(f"weights must not be negative nor all zero, got {weights}")
+        if self.pose not in _POSES:
+            raise UnknownNameError("source of the pose", self.pose, _POSES)
 
-# --- the run --------------------------------------------------------------------------------------
+    @property
+    def compares_frames(self) -> bool:
+        """Whether neighbouring frames are compared."""
+        return self.photometric > 0.0 or self.geometry > 0.0
 
 
 def train_depth(
@@ -48,7 +75,7 @@ def train_depth(
     *,
     start: Path | None = None,
     checkpoint: Path | None = None,
-    progress: Callable[[DepthProgress, DepthNet], None] = lambda _now, _net: None,
+    progress: Callable[[Progress, DepthNet], None] = ignore_progress,
 ) -> DepthNet:
     """Train, or go on from the checkpoint if there is one.
 
@@ -56,9 +83,9 @@ def train_depth(
         clips: what to learn from.
         config: how to train.
         net_config: the network's shape.
-        start: weights to begin with, made by `export.save_depth_net`; None for random ones.
+        start: weights to begin with, of `DEPTH_FILES`; None for random ones.
         checkpoint: where to keep the state; read first when it exists.
-        progress: called after every step, with the running mean of the network.
+        progress: called after every step with the averaged network.
 
     Returns:
         The network with the running mean of its weights, in evaluation mode.
@@ -66,9 +93,43 @@ def train_depth(
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run, or the weights to begin
             with belong to another network.
-        ValueRangeError: the loss is no longer finite, nothing teaches, or the flights' frames are
-            not of the network's size.
+        ValueRangeError: the loss is no longer finite, there is nothing to learn from, or the
+            flights' frames are not of the network's size.
     """
+    _check(clips, config, net_config)
+    torch.manual_seed(config.seed)
+    net = channels_last(DepthNet(net_config))
+    pose = channels_last(PoseNet()) if config.pose == "network" else None
+    if start is not None:
+        trained, _ = DEPTH_FILES.load(start)
+        try:
+            net.load_state_dict(trained.state_dict())
+        except RuntimeError as error:
+            raise WeightsError(start, "belongs to a network of another shape") from error
+    draw = clips.draw if config.compares_frames else clips.draw_frames
+    weights = asdict(config)
+
+    def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
+        batch = Batch([draw(rng) for _ in range(config.batch)])
+        depth = net(batch.images)
+        terms = consistency_terms(batch, depth, pose) if config.compares_frames else {}
+        terms |= supervision_terms(batch, depth)
+        terms = {name: term for name, term in terms.items() if weights[name] > 0.0}
+        return torch.stack([weights[name] * term for name, term in terms.items()]).sum(), terms
+
+    return train(
+        net,
+        objective,
+        config,
+        kind="depth-checkpoint",
+        about={"training": asdict(config), "net": asdict(net_config)},
+        beside=pose,
+        checkpoint=checkpoint,
+        progress=progress,
+    )
+
+
+def _check(clips: ClipSource, config: DepthTrainingConfig, net_config: DepthNetConfig) -> None:
     if not config.compares_frames and not (clips.labelled and config.labels > 0.0):
         raise ValueRangeError(
             "without comparing frames only labels teach, and these flights have none"
@@ -76,37 +137,21 @@ def train_depth(
     if clips.size_px != (net_config.width_px, net_config.height_px):
         width, height = clips.size_px
         raise ValueRangeError(
-            f"the network takes {net_config.width_px}x{net_config.height_px} pictures, the "
+            f"the network takes {net_config.width_px}x{net_config.height_px} images, the "
             f"flights' are {width}x{height}"
         )
-    torch.manual_seed(config.seed)
-    run = Learner(config, net_config)
-    if checkpoint is not None and checkpoint.is_file():
-        run.step = run.checkpoint.load(checkpoint)
-    elif start is not None:
-        run.begin_with(start)
-    while run.step < config.steps:
-        # Drawn from seed and step alone: a resumed run sees what an unbroken one would have seen.
-        rng = np.random.default_rng((config.seed, run.step))
-        draw = clips.draw if config.compares_frames else clips.draw_frames
-        loss, terms = run.learn(Batch([draw(rng) for _ in range(config.batch)]))
-        if not math.isfinite(loss):
-            raise ValueRangeError(
-                f"the loss is {loss} after {run.step} steps; lower the learning rate"
-            )
-        if checkpoint is not None and (
-            run.step % config.checkpoint_every == 0 or run.step == config.steps
-        ):
-            run.checkpoint.save(checkpoint, run.step)
-        now = DepthProgress(step=run.step, steps=config.steps, loss=loss, terms=terms)
-        run.mean.eval()
-        progress(now, run.mean)
-    run.mean.eval()
-    return run.mean
 
 
 def predict_depth(net: DepthNet, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the depth, (N, H/2, W/2), of pictures, (N, H, W, 3), at the network's size."""
+    """Return the depth of images along the optical axis.
+
+    Args:
+        net: the network, in evaluation mode.
+        rgb: (N, H, W, 3) uint8, at the network's size.
+
+    Returns:
+        (N, H/2, W/2) float32.
+    """
     planes = torch.from_numpy(np.ascontiguousarray(rgb.transpose(0, 3, 1, 2))).float().div_(255.0)
     with torch.inference_mode():
         depth = net(planes.contiguous(memory_format=torch.channels_last))

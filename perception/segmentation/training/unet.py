@@ -1,6 +1,6 @@
-"""The student: a small U-Net (Ronneberger et al., arXiv 1505.04597) for 224x112 pictures.
+"""The segmentation network: a small U-Net (Ronneberger et al., arXiv 1505.04597), 224x112 pixels.
 
-Its first convolution halves the picture and its head gives every half-size pixel the scores of its
+Its first convolution halves the image and its head gives every half-size pixel the scores of its
 four pixels (Shi et al., arXiv 1609.05158). Full-size convolutions cost most of a small U-Net's time
 on a CPU: without them it is twice as fast with as many parameters.
 
@@ -9,16 +9,18 @@ Importing this module imports torch: only training and export do so.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, Final, cast
 
 import torch
 from torch import Tensor, nn
 
-from uav_bt.classes import CLASS_COUNT
+from perception.networks.training.network_files import NetworkFiles, OnnxPorts
+from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["UNet", "UNetConfig"]
+__all__ = ["UNET_FILES", "UNet", "UNetConfig"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +42,7 @@ class UNetConfig:
 
 
 class _Block(nn.Sequential):
-    """Two convolutions with batch norm and ReLU; the first of the network halves the picture."""
+    """Two convolutions with batch norm and ReLU; the first of the network halves the image."""
 
     def __init__(self, inputs: int, outputs: int, *, halve: bool = False) -> None:
         kernel, stride, padding = (6, 2, 2) if halve else (3, 1, 1)
@@ -92,3 +94,25 @@ class UNet(nn.Module):
         for grow, merge in zip(self.up, self.merge, strict=True):
             features = merge(torch.cat([grow(features), skips.pop()], dim=1))
         return cast("Tensor", self.spread(self.head(features)))
+
+
+def _build(config: dict[str, Any]) -> UNet:
+    return UNet(UNetConfig(**{**config, "channels": tuple(config["channels"])}))
+
+
+def _ports(net: UNet) -> OnnxPorts:
+    return OnnxPorts(
+        inputs={"image": (1, 3, net.config.height_px, net.config.width_px)},
+        output="logits",
+        metadata={"classes": json.dumps(list(CLASS_NAMES))},
+    )
+
+
+UNET_FILES: Final = NetworkFiles(
+    kind="segmentation-unet",
+    remedy="`uav-bt net train segmentation` makes one",
+    build=_build,
+    ports=_ports,
+    details={"classes": list(CLASS_NAMES)},
+)
+"""Input `image`: (1, 3, H, W) float32 RGB in [0, 1]. Output `logits`: (1, 17, H, W) float32."""

@@ -15,9 +15,8 @@ from behaviours.fly.explore import Explore
 from behaviours.policies import student
 from behaviours.policies.student import StudentPolicy, StudentPolicyConfig
 from perception.control.config import ControlNetConfig
-from perception.control.export import export_control_onnx, save_control_net
-from perception.control.network import ControlNet
 from perception.control.runtime import OnnxControlStudent
+from perception.control.training.network import STUDENT_FILES, ControlNet
 from tests.behaviours.policies import cast_world
 from uav_bt.app import make_policy
 from uav_bt.errors import InputError, MissionError, ValueRangeError, WeightsError
@@ -27,7 +26,9 @@ from uav_bt.tree import Status
 from uav_bt.types import Frame, PastView, RecentViews
 from uav_bt.types.dead_reckoning import OdometryPose
 
-NET = ControlNetConfig(width_px=32, height_px=16, channels=(4, 8), narrow=4, embedding=8, hidden=8)
+NET = ControlNetConfig(
+    width_px=32, height_px=16, channels=(4, 8), bottleneck=4, embedding=8, hidden=8
+)
 GO = (3.0, 0.0, 0.7, -3.0, 0.9)  # advance, clockwise, step, carpet ends, free
 
 
@@ -38,11 +39,11 @@ def policy_saying(tmp_path: Path) -> Any:
     def make(*outputs: float, config: StudentPolicyConfig | None = None) -> StudentPolicy:
         net = ControlNet(NET).eval()
         with torch.no_grad():
-            net.say.weight.zero_()
-            net.say.bias.copy_(torch.tensor(outputs))
+            net.head.weight.zero_()
+            net.head.bias.copy_(torch.tensor(outputs))
         path = tmp_path / "student.safetensors"
-        save_control_net(path, net, notes={})
-        export_control_onnx(path, path.with_suffix(".onnx"))
+        STUDENT_FILES.save(path, net, notes={})
+        STUDENT_FILES.export(path, path.with_suffix(".onnx"))
         return StudentPolicy(path.with_suffix(".onnx"), config=config)
 
     return make
@@ -124,18 +125,22 @@ def test_it_looks_back_as_far_as_it_was_trained_to(
     policy_saying: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Any] = []
-    monkeypatch.setattr(student, "situation", lambda *told: asked.append(told) or np.zeros(14, "f"))
+    monkeypatch.setattr(
+        student, "state_vector", lambda *told: asked.append(told) or np.zeros(14, "f")
+    )
     policy_saying(*GO).decide(seen(turning=1, full_turns=2))
-    standing, poses = asked[0]
+    ego, poses = asked[0]
     assert [pose.time_s for pose in poses] == pytest.approx([1.1, 0.6, 0.1])
-    assert (standing.turning, standing.full_turns) == (1, 2)
+    assert (ego.turning, ego.full_turns) == (1, 2)
 
 
 def test_each_picture_is_shrunk_once(policy_saying: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     policy, shrunk = policy_saying(*GO), []
-    looked_at = OnnxControlStudent.looked_at
+    preprocess = OnnxControlStudent.preprocess
     monkeypatch.setattr(
-        OnnxControlStudent, "looked_at", lambda self, rgb: shrunk.append(1) or looked_at(self, rgb)
+        OnnxControlStudent,
+        "preprocess",
+        lambda self, rgb: shrunk.append(1) or preprocess(self, rgb),
     )
     view = seen()
     policy.decide(view)

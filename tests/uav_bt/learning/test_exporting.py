@@ -10,16 +10,16 @@ import onnx
 import pytest
 from click.testing import CliRunner
 
+from perception.control.ego_state import state_size
 from perception.control.runtime import OnnxControlStudent
-from perception.control.situation import situation_size
 from perception.depth.runtime import load_depth_estimator
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import UnknownNameError
-from uav_bt.learning.exporting import CALIBRATION_VIEWS, export_depth, export_segmentation
+from uav_bt.learning.exporting import CALIBRATION_VIEWS, export_network
 from uav_bt.learning.scenes import TRAINING_SCENES, VALIDATION_SCENES
-from uav_bt.learning.segmentation import SHIPPED_UNET
+from uav_bt.learning.segmentation import UNET_WEIGHTS
 from uav_bt.learning.views import ViewPlan, twin_views
 
 
@@ -51,10 +51,10 @@ def test_the_depth_network_that_flies_says_what_the_one_in_floats_says(
 
 def test_the_student_that_flies_decides_as_the_one_in_floats(pictures: list[np.ndarray]) -> None:
     both = [OnnxControlStudent(SHIPPED_WEIGHTS / f"student{end}.onnx") for end in ("", "-fp32")]
-    numbers = np.zeros(situation_size(both[0].config.views), dtype=np.float32)
+    numbers = np.zeros(state_size(both[0].config.views), dtype=np.float32)
     said = []
     for student in both:
-        views = [[student.looked_at(rgb)] * student.config.views for rgb in pictures]
+        views = [[student.preprocess(rgb)] * student.config.views for rgb in pictures]
         said.append([student.estimate(one, numbers) for one in views])
     off = np.array(
         [[a.advance - b.advance, a.step_m - b.step_m] for a, b in zip(*said, strict=True)]
@@ -87,8 +87,12 @@ def test_a_unet_is_calibrated_on_the_pictures_of_the_plan(
     plan = replace(CALIBRATION_VIEWS, scenes=("train-a",), views=4)
     told: list[tuple[str, int, int]] = []
     for name in ("one.onnx", "two.onnx"):
-        export_segmentation(
-            SHIPPED_UNET, tmp_path / name, views=plan, advance=lambda *now: told.append(now)
+        export_network(
+            "segmentation",
+            UNET_WEIGHTS,
+            tmp_path / name,
+            views=plan,
+            advance=lambda *now: told.append(now),
         )
     assert told[:4] == [("calibration", done, 4) for done in range(1, 5)]
     assert (tmp_path / "one.onnx").read_bytes() == (tmp_path / "two.onnx").read_bytes()
@@ -97,7 +101,8 @@ def test_a_unet_is_calibrated_on_the_pictures_of_the_plan(
 
 
 def test_floats_need_no_pictures(tmp_path: Path) -> None:
-    export_depth(
+    export_network(
+        "depth",
         SHIPPED_WEIGHTS / "depth.safetensors",
         tmp_path / "depth.onnx",
         precision="fp32",
@@ -109,7 +114,7 @@ def test_floats_need_no_pictures(tmp_path: Path) -> None:
 
 def test_an_unknown_precision_gets_a_suggestion(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown precision 'int9'; did you mean 'int8'"):
-        export_depth(SHIPPED_UNET, tmp_path / "x.onnx", precision="int9")  # type: ignore[arg-type]
+        export_network("depth", UNET_WEIGHTS, tmp_path / "x.onnx", precision="int9")  # type: ignore[arg-type]
 
 
 # --- the command ----------------------------------------------------------------------------------
@@ -130,7 +135,7 @@ def test_the_command_writes_a_network(tmp_path: Path) -> None:
         (["segmentation", "--out", "net.xml"], "must end in .onnx"),
         (["segmentation", "--precision", "int4"], "'int4' is not one of"),
         (["depth", "--weights", "absent.safetensors"], "absent.safetensors"),
-        (["depth", "--weights", str(SHIPPED_UNET)], "expected weights of kind 'depth-network'"),
+        (["depth", "--weights", str(UNET_WEIGHTS)], "expected weights of kind 'depth-network'"),
     ],
 )
 def test_what_cannot_be_exported_is_refused(

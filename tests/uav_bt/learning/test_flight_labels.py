@@ -12,9 +12,9 @@ from tests.uav_bt.record.footage_world import frame, write_record
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning import flight_labels
 from uav_bt.learning.flight_labels import label_flights
-from uav_bt.learning.segmentation import SHIPPED_TEACHER, StudentPlan
+from uav_bt.learning.segmentation import SHIPPED_TEACHER, UNetPlan
 
-PLAN = StudentPlan()
+PLAN = UNetPlan()
 EVERY_S = 3.0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import astuple, replace
 from pathlib import Path
 
@@ -11,27 +10,28 @@ import pytest
 from click.testing import CliRunner
 
 from perception.control.config import ControlNetConfig
-from perception.control.export import load_control_tensors
 from perception.control.runtime import OnnxControlStudent
-from perception.control.training import ControlTrainingConfig
+from perception.control.training.network import STUDENT_FILES
+from perception.control.training.run import ControlTrainingConfig
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.segmentation.training.export import save_unet
-from perception.segmentation.training.unet import UNet, UNetConfig
+from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from uav_bt import app
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import FileError, WeightsError
 from uav_bt.learning import student as student_training
+from uav_bt.learning.diary import Diary
 from uav_bt.learning.student import (
     evaluate_student,
     first_weights,
     read_advised_flights,
     train_student,
 )
-from uav_bt.learning.student_diary import StudentDiary
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 
-NET = ControlNetConfig(width_px=32, height_px=16, channels=(4, 8), narrow=4, embedding=8, hidden=8)
+NET = ControlNetConfig(
+    width_px=32, height_px=16, channels=(4, 8), bottleneck=4, embedding=8, hidden=8
+)
 QUICK = ControlTrainingConfig(steps=4, batch=8, warm_up_steps=2, checkpoint_every=2)
 
 # A class map of nothing but noise is no free way: the rule of the first level says something of it.
@@ -96,7 +96,7 @@ def test_a_small_record_has_small_pictures_and_the_rules_word_but_no_maps(record
 def test_every_advised_view_is_read(record: Path, tmp_path: Path) -> None:
     (flight,) = read_advised_flights([record], NET, tmp_path)
     assert len(flight) > 20
-    assert flight.picture(0).shape == (16, 32, 3)
+    assert flight.image(0).shape == (16, 32, 3)
     assert (flight.labels[:, 0, 0] > 0.0).all()  # nothing but carpet: the rule goes on
     assert np.isnan(flight.labels[:, :, 3]).all()  # and does not say how far
     assert (np.diff(flight.poses[:, 0]) > 0.0).all()
@@ -109,7 +109,7 @@ def test_what_was_read_is_kept(
     monkeypatch.setattr(student_training, "_read", None)  # nobody reads it a second time
     (again,) = read_advised_flights([record], NET, tmp_path)
     assert (again.labels[:, 0] == first.labels[:, 0]).all() or np.isnan(first.labels).any()
-    assert (again.pictures == first.pictures).all()
+    assert (again.images == first.images).all()
 
 
 def test_a_flight_without_advice_is_refused(tmp_path: Path) -> None:
@@ -146,15 +146,15 @@ def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Pa
         checkpoint=tmp_path / "checkpoint.safetensors",
         held_out=flights,
         validate_every=2,
-        diary=StudentDiary(tmp_path / "run"),
+        diary=Diary(tmp_path / "run", student_training.CURVES),
         advance=lambda stage, done, total: told.append((stage.split(",")[0], done, total)),
     )
     assert score is not None
     assert OnnxControlStudent(out.with_suffix(".onnx")).config == NET
     assert told == [("training", done, 4) for done in (1, 2, 3, 4)]
-    notes = load_control_tensors(out)[2]
+    notes = STUDENT_FILES.load(out)[1]
     assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
-    lines = StudentDiary(tmp_path / "run").lines()
+    lines = Diary(tmp_path / "run", student_training.CURVES).lines()
     assert [line["step"] for line in lines] == [2, 4]
     assert lines[0]["wrong_side"] is None  # there is no turn in this flight
     assert (tmp_path / "run" / "curves.png").read_bytes().startswith(b"\x89PNG")
@@ -199,18 +199,9 @@ def test_a_network_of_another_kind_is_not_evaluated(record: Path) -> None:
     assert "is no control student" in result.output
 
 
-def test_a_step_that_is_noted_twice_counts_once(tmp_path: Path) -> None:
-    diary = StudentDiary(tmp_path)
-    for step, loss in ((500, 0.9), (1000, 0.5), (1000, 0.4)):
-        diary.note(step, loss, None)
-    assert [(line["step"], line["loss"]) for line in diary.lines()] == [(500, 0.9), (1000, 0.4)]
-    assert len((tmp_path / "scores.jsonl").read_text().splitlines()) == 3
-    assert json.loads((tmp_path / "scores.jsonl").read_text().splitlines()[0])["step"] == 500
-
-
 def test_training_may_begin_with_a_segmentation_networks_encoder(tmp_path: Path) -> None:
     path = tmp_path / "unet.safetensors"
-    save_unet(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
+    UNET_FILES.save(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
     start = first_weights(path)
     assert "down.0.0.weight" in start
     assert not any(name.startswith(("up.", "head")) for name in start)

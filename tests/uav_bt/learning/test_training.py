@@ -81,7 +81,7 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
 ) -> None:
     weights = tmp_path / "teacher.safetensors"
     save_teacher(weights, teacher)
-    plan = training.StudentPlan(
+    plan = training.UNetPlan(
         views=replace(PLAN, views=3), refine=RefineConfig(rounds=1), size_px=(64, 32)
     )
     told: list[tuple[str, int, int]] = []

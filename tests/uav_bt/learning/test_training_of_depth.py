@@ -10,11 +10,12 @@ import torch
 from click.testing import CliRunner
 
 from perception.depth.runtime import load_depth_estimator
-from perception.depth.training.config import DepthTrainingConfig
+from perception.depth.training.run import DepthTrainingConfig
 from sim_bridge.anafi import anafi_camera
 from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.cli.root import uav_bt
 from uav_bt.learning import depth as depth_training
+from uav_bt.learning.diary import Diary
 from uav_bt.types import ClassMap, Frame
 
 COUNT = 6
@@ -82,7 +83,7 @@ def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) ->
         config=config,
         checkpoint=tmp_path / "checkpoint.safetensors",
         views=depth_training.depth_views(FEW),
-        diary=depth_training.Diary(tmp_path / "run"),
+        diary=Diary(tmp_path / "run", depth_training.CURVES),
         validate_every=2,
     )
     assert score is not None

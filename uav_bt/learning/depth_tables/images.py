@@ -116,7 +116,7 @@ def take_images(
 
 
 def _level_poses(poses: list[Any], views: DepthViewPlan) -> list[Any]:
-    return [pose for pose in poses if pose.pitch_rad >= views.least_pitch_rad][: views.views]
+    return [pose for pose in poses if pose.pitch_rad >= views.min_pitch_rad][: views.views]
 
 
 def _perceived(

@@ -11,7 +11,8 @@ import pytest
 import torch
 
 from perception.depth.runtime import OnnxDepthEstimator, load_depth_estimator
-from perception.depth.training import export, network, pose_network, run
+from perception.depth.training import network, pose_network, run
+from perception.depth.training.network import DEPTH_FILES
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import ValueRangeError, WeightsError
 
@@ -42,7 +43,7 @@ def _shaken(config: network.DepthNetConfig = NET) -> network.DepthNet:
 @pytest.fixture
 def weights(tmp_path: Path) -> Path:
     path = tmp_path / "depth.safetensors"
-    export.save_depth_net(path, _shaken(), notes={"why": "a test"})
+    DEPTH_FILES.save(path, _shaken(), notes={"why": "a test"})
     return path
 
 
@@ -123,41 +124,40 @@ def test_six_numbers_are_a_translation_and_a_rotation_vector() -> None:
 
 
 def test_the_onnx_file_says_what_the_network_says(weights: Path, tmp_path: Path) -> None:
-    export.export_depth_onnx(weights, tmp_path / "depth.onnx")
+    DEPTH_FILES.export(weights, tmp_path / "depth.onnx")
     estimator = OnnxDepthEstimator(tmp_path / "depth.onnx")
     pictures = np.stack([_picture(seed) for seed in range(4)])
     expected = run.predict_depth(_shaken(), pictures)
     for picture, depth in zip(pictures, expected, strict=True):
-        np.testing.assert_allclose(estimator.depth(picture), depth, rtol=2e-4)
+        np.testing.assert_allclose(estimator.depth(picture), depth, rtol=1e-5)
 
 
 def test_the_same_weights_give_the_same_bytes(weights: Path, tmp_path: Path) -> None:
     for name in ("one.onnx", "two.onnx"):
-        export.export_depth_onnx(weights, tmp_path / name)
+        DEPTH_FILES.export(weights, tmp_path / name)
     assert (tmp_path / "one.onnx").read_bytes() == (tmp_path / "two.onnx").read_bytes()
 
 
 def test_the_onnx_file_names_the_weights_it_was_made_from(weights: Path, tmp_path: Path) -> None:
-    export.export_depth_onnx(weights, tmp_path / "depth.onnx")
+    DEPTH_FILES.export(weights, tmp_path / "depth.onnx")
     properties = {p.key: p.value for p in onnx.load(tmp_path / "depth.onnx").metadata_props}
     assert len(properties["weights_sha256"]) == 64
-    _, details = export.load_depth_tensors(weights)
-    assert details["notes"] == {"why": "a test"}
+    assert DEPTH_FILES.load(weights)[1] == {"why": "a test"}
 
 
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     net = _shaken()
     with torch.no_grad():
         net.head.weight[0] = float("nan")
-    export.save_depth_net(tmp_path / "bad.safetensors", net, notes={})
+    DEPTH_FILES.save(tmp_path / "bad.safetensors", net, notes={})
     with pytest.raises(WeightsError, match="NaN or infinity"):
-        export.export_depth_onnx(tmp_path / "bad.safetensors", tmp_path / "bad.onnx")
+        DEPTH_FILES.export(tmp_path / "bad.safetensors", tmp_path / "bad.onnx")
     assert not (tmp_path / "bad.onnx").exists()
 
 
 def test_weights_of_something_else_are_refused() -> None:
     with pytest.raises(WeightsError, match="expected weights of kind 'depth-network'"):
-        export.load_depth_tensors(SHIPPED_WEIGHTS / "unet.safetensors")
+        DEPTH_FILES.load(SHIPPED_WEIGHTS / "unet.safetensors")
 
 
 # --- what ships -----------------------------------------------------------------------------------
@@ -173,15 +173,9 @@ def test_the_shipped_onnx_files_were_made_from_the_shipped_weights(name: str) ->
 
 
 def test_the_shipped_network_says_in_flight_what_it_said_in_training() -> None:
-    tensors, details = export.load_depth_tensors(SHIPPED_WEIGHTS / "depth.safetensors")
-    channels = tuple(details["config"].pop("channels"))
-    net = network.DepthNet(network.DepthNetConfig(channels=channels, **details["config"]))
-    known = {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
-    missing, unexpected = net.load_state_dict(known, strict=False)
-    assert all(name.endswith("num_batches_tracked") for name in missing)
-    assert not unexpected
+    net, _ = DEPTH_FILES.load(SHIPPED_WEIGHTS / "depth.safetensors")
     picture = np.random.default_rng(0).integers(0, 255, (256, 320, 3), dtype=np.uint8)
-    trained = run.predict_depth(net.eval(), picture[None])[0]
+    trained = run.predict_depth(net, picture[None])[0]
     np.testing.assert_allclose(
-        load_depth_estimator("depth-fp32").depth(picture), trained, rtol=1e-3
+        load_depth_estimator("depth-fp32").depth(picture), trained, rtol=1e-5
     )

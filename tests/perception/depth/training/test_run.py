@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from perception.depth.training import clips, export, network, run
+from perception.depth.training import clips, network, run
 from perception.depth.training.labelling import exact_labels
+from perception.networks.training.loop import Progress
 from perception.odometry.footage import Footage
 from tests.perception.depth.depth_flight import known_flight
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
@@ -96,7 +97,7 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(
     class BreakOffError(Exception):
         pass
 
-    def stop(now: run.DepthProgress, _net: network.DepthNet) -> None:
+    def stop(now: Progress, _net: network.DepthNet) -> None:
         if now.step == 3:
             raise BreakOffError
 
@@ -127,10 +128,10 @@ def test_a_checkpoint_of_other_settings_is_refused(
 def test_a_run_may_begin_with_trained_weights(source: clips.ClipSource, tmp_path: Path) -> None:
     path = tmp_path / "depth.safetensors"
     first = run.train_depth(source, LABELS_ONLY, NET)
-    export.save_depth_net(path, first, notes={})
+    network.DEPTH_FILES.save(path, first, notes={})
     kept: list[float] = []
 
-    def compare(now: run.DepthProgress, net: network.DepthNet) -> None:
+    def compare(now: Progress, net: network.DepthNet) -> None:
         del now
         pairs = zip(first.parameters(), net.parameters(), strict=True)
         kept.append(max(float((one - two).detach().abs().max()) for one, two in pairs))
@@ -143,7 +144,7 @@ def test_a_run_may_begin_with_trained_weights(source: clips.ClipSource, tmp_path
 def test_weights_of_another_shape_are_refused(source: clips.ClipSource, tmp_path: Path) -> None:
     path = tmp_path / "depth.safetensors"
     other = network.DepthNet(replace(NET, channels=(8, 12, 20)))
-    export.save_depth_net(path, other, notes={})
+    network.DEPTH_FILES.save(path, other, notes={})
     with pytest.raises(WeightsError, match="another shape"):
         run.train_depth(source, LABELS_ONLY, NET, start=path)
 
@@ -154,7 +155,7 @@ def test_nothing_to_learn_from_is_refused(bare: clips.ClipSource) -> None:
 
 
 def test_frames_of_another_size_than_the_networks_are_refused(source: clips.ClipSource) -> None:
-    with pytest.raises(ValueRangeError, match="takes 96x64 pictures, the flights' are 64x64"):
+    with pytest.raises(ValueRangeError, match="takes 96x64 images, the flights' are 64x64"):
         run.train_depth(source, LABELS_ONLY, replace(NET, width_px=96))
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.control.augment import ControlAugmentConfig, augmented
-from perception.control.samples import (
+from perception.control.training.augment import ControlAugmentConfig, augmented
+from perception.control.training.samples import (
     ControlSamples,
     FlightBuilder,
     SampleConfig,
@@ -38,7 +38,7 @@ def test_a_picture_comes_back_as_it_was_to_a_few_grey_levels() -> None:
         builder.add(rgb, advice(index, FREE))
     flight = builder.flight()
     for index, rgb in enumerate(shown):
-        assert np.abs(flight.picture(index).astype(int) - rgb).mean() < 6.0
+        assert np.abs(flight.image(index).astype(int) - rgb).mean() < 6.0
 
 
 def test_a_window_looks_back_in_time() -> None:
@@ -46,13 +46,13 @@ def test_a_window_looks_back_in_time() -> None:
     samples = flight_of(*[FREE] * 20)
     batch = samples.window([15])
     assert batch.frames.shape == (1, 3, 16, 32, 3)
-    assert batch.situation[0, 4:6] == pytest.approx([0.5, -0.2], abs=1e-6)
-    assert batch.situation[0, 9:11] == pytest.approx([1.0, -0.4], abs=1e-6)
+    assert batch.state[0, 4:6] == pytest.approx([0.5, -0.2], abs=1e-6)
+    assert batch.state[0, 9:11] == pytest.approx([1.0, -0.4], abs=1e-6)
 
 
 def test_where_there_is_no_past_yet_the_oldest_view_stands_for_it() -> None:
     batch = flight_of(*[FREE] * 20).window([2])
-    assert batch.situation[0, [4, 9]] == pytest.approx([0.2, 0.2], abs=1e-6)
+    assert batch.state[0, [4, 9]] == pytest.approx([0.2, 0.2], abs=1e-6)
 
 
 def test_labels_are_the_rules_decision() -> None:
@@ -75,7 +75,7 @@ def test_a_fresh_view_has_the_fresh_label_and_no_turn() -> None:
     never = ControlSamples([flight], TINY, SampleConfig(fresh=0.0)).draw(rng, 4)
     assert (always.labels[:, 0] > 0.0).all()
     assert (always.turning == 0.0).all()
-    assert (always.situation[:, 2:4] == 0.0).all()
+    assert (always.state[:, 2:4] == 0.0).all()
     assert (never.labels[:, 0] == 0.0).all()
     assert (never.turning == 1.0).all()
 
@@ -102,7 +102,7 @@ def test_no_flights_at_all_are_refused() -> None:
 def test_pictures_of_another_size_are_refused() -> None:
     with pytest.raises(ShapeError, match="64x16, got 32x16"):
         ControlSamples([made_up_flight()], replace(TINY, width_px=64))
-    with pytest.raises(ShapeError, match="picture must be 16x32x3, got 8x8x3"):
+    with pytest.raises(ShapeError, match="image must be 16x32x3, got 8x8x3"):
         FlightBuilder((32, 16)).add(np.zeros((8, 8, 3), np.uint8), advice(0, FREE))
 
 
@@ -111,7 +111,7 @@ def test_a_flight_survives_its_file(tmp_path: Path) -> None:
     write_flight(tmp_path / "views" / "a.npz", flight)
     back = read_flight(tmp_path / "views" / "a.npz")
     assert (back.labels == flight.labels).all()
-    assert (back.picture(4) == flight.picture(4)).all()
+    assert (back.image(4) == flight.image(4)).all()
     assert back.pose(3) == flight.pose(3)
 
 
@@ -129,12 +129,12 @@ def test_a_mirrored_window_turns_the_other_way() -> None:
     assert (turned.labels[:, 1] == -batch.labels[:, 1]).all()
     assert (turned.labels[:, [0, 2, 3]] == batch.labels[:, [0, 2, 3]]).all()
     assert (turned.turning == -1.0).all()
-    assert (turned.situation[:, 2] == -1.0).all()
+    assert (turned.state[:, 2] == -1.0).all()
 
 
 def test_other_light_changes_pictures_and_nothing_else() -> None:
     batch = flight_of(BLOCKED, FREE).window([0, 1])
     relit = augmented(batch, np.random.default_rng(0), ControlAugmentConfig(mirror=0.0))
     assert (relit.labels == batch.labels).all()
-    assert (relit.situation == batch.situation).all()
+    assert (relit.state == batch.state).all()
     assert 1.0 < np.abs(relit.frames.astype(int) - batch.frames).mean() < 60.0

@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.runtime import ControlEstimate
-from perception.control.samples import Batch, ControlSamples
+from perception.control.training.samples import Batch, ControlSamples
 
 __all__ = ["ControlScore", "score_control"]
 
 _AT_ONCE: Final = 32  # windows
 
 Predict = Callable[[Batch], Sequence[ControlEstimate]]
-"""Windows to what the network says of each."""
+"""Windows to the network's estimate for each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlScore:
-    """Agreement with the rule; shares are of the windows that they can be told of."""
+    """Agreement with the rule; shares are of the windows that they apply to."""
 
     windows: int
     missed: float  # share of ways the rule finds blocked that the student would take
@@ -35,55 +35,57 @@ class ControlScore:
     movement_mse: float  # the paper's: of forward metres and yaw radians
 
     def to_json(self) -> dict[str, float | None]:
-        """Return the score as plain JSON values: None for what no window could tell."""
+        """Return the score as plain JSON values: None for what no window could show."""
         return {name: value if np.isfinite(value) else None for name, value in asdict(self).items()}
 
 
-def score_control(predict: Predict, samples: ControlSamples, *, most: int = 2000) -> ControlScore:
+def score_control(
+    predict: Predict, samples: ControlSamples, *, max_windows: int = 2000
+) -> ControlScore:
     """Score a network on windows, evenly spread over all, as they were flown.
 
     Args:
         predict: the network.
         samples: the windows.
-        most: windows that are looked at.
+        max_windows: how many are scored.
     """
-    rows = [row for batch in _batches(samples, most) for row in _rows(predict, batch)]
-    said = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    free, goes = said["forward_m"] > 0.0, said["advance"] > 0.5
-    begins, both = ~free & (said["turning"] == 0.0), free & goes
-    excess = said["step_m"] - said["forward_m"]
-    yaw_rad = np.where(goes, 0.0, np.where(said["clockwise"] > 0.5, 1.0, -1.0) * np.pi / 6.0)
-    step_m = np.where(goes, said["step_m"], 0.0)
-    squared = (step_m - said["forward_m"]) ** 2 + (yaw_rad - said["yaw_rad"]) ** 2
+    rows = [row for batch in _batches(samples, max_windows) for row in _rows(predict, batch)]
+    values = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    free, goes = values["forward_m"] > 0.0, values["advance"] > 0.5
+    begins, both = ~free & (values["turning"] == 0.0), free & goes
+    excess = values["step_m"] - values["forward_m"]
+    yaw_rad = np.where(goes, 0.0, np.where(values["clockwise"] > 0.5, 1.0, -1.0) * np.pi / 6.0)
+    step_m = np.where(goes, values["step_m"], 0.0)
+    squared = (step_m - values["forward_m"]) ** 2 + (yaw_rad - values["yaw_rad"]) ** 2
     return ControlScore(
         windows=len(rows),
         missed=_mean(goes, ~free),
         stopped=_mean(~goes, free),
-        wrong_side=_mean((said["clockwise"] > 0.5) != (said["yaw_rad"] > 0.0), begins),
+        wrong_side=_mean((values["clockwise"] > 0.5) != (values["yaw_rad"] > 0.0), begins),
         step_error_m=_mean(np.abs(excess), both),
         step_excess_m=_mean(np.maximum(excess, 0.0), both),
-        wrong_end=_mean((said["carpet_ends"] > 0.5) != (said["ends"] > 0.5)),
+        wrong_end=_mean((values["carpet_ends"] > 0.5) != (values["ends"] > 0.5)),
         free_error_m=_mean(
-            np.abs(said["said_free_m"] - said["free_m"]), np.isfinite(said["free_m"])
+            np.abs(values["estimated_free_m"] - values["free_m"]), np.isfinite(values["free_m"])
         ),
         movement_mse=_mean(squared) / 2.0,
     )
 
 
-def _batches(samples: ControlSamples, most: int) -> Iterator[Batch]:
-    chosen = np.unique(np.linspace(0, len(samples) - 1, min(most, len(samples))).astype(int))
+def _batches(samples: ControlSamples, max_windows: int) -> Iterator[Batch]:
+    chosen = np.unique(np.linspace(0, len(samples) - 1, min(max_windows, len(samples))).astype(int))
     for first in range(0, len(chosen), _AT_ONCE):
         yield samples.window([int(at) for at in chosen[first : first + _AT_ONCE]])
 
 
 def _rows(predict: Predict, batch: Batch) -> Iterator[dict[str, float]]:
-    for said, label, turning in zip(predict(batch), batch.labels, batch.turning, strict=True):
+    for estimate, label, turning in zip(predict(batch), batch.labels, batch.turning, strict=True):
         yield {
-            "advance": said.advance,
-            "clockwise": said.clockwise,
-            "step_m": said.step_m,
-            "carpet_ends": said.carpet_ends,
-            "said_free_m": said.free_m,
+            "advance": estimate.advance,
+            "clockwise": estimate.clockwise,
+            "step_m": estimate.step_m,
+            "carpet_ends": estimate.carpet_ends,
+            "estimated_free_m": estimate.free_m,
             **dict(zip(("forward_m", "yaw_rad", "ends", "free_m"), map(float, label), strict=True)),
             "turning": float(turning),
         }

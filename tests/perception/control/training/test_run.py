@@ -10,14 +10,14 @@ import pytest
 import torch
 
 from perception.control.runtime import ControlEstimate
-from perception.control.samples import ControlSamples
-from perception.control.scoring import ControlScore, score_control
-from perception.control.training import (
-    ControlProgress,
+from perception.control.training.run import (
     ControlTrainingConfig,
     predict_control,
     train_control,
 )
+from perception.control.training.samples import ControlSamples
+from perception.control.training.scoring import ControlScore, score_control
+from perception.networks.training.loop import Progress
 from perception.segmentation.training.unet import UNet, UNetConfig
 from tests.perception.control.control_world import TINY, made_up_flight
 from uav_bt.errors import ValueRangeError, WeightsError
@@ -41,14 +41,6 @@ def test_it_learns_what_the_rule_does() -> None:
     assert score.step_error_m < 0.15
 
 
-def test_it_learns_the_movement_as_the_paper_does() -> None:
-    paper = replace(TINY, learns="movement")
-    net = train_control(ControlSamples([made_up_flight(1)], paper), QUICK, paper)
-    samples = ControlSamples([made_up_flight(2)], paper)
-    score = score_control(lambda batch: predict_control(net, batch), samples)
-    assert max(score.missed, score.stopped) < 0.05
-
-
 def test_a_broken_off_run_comes_to_the_same_end(tmp_path: Path) -> None:
     samples = ControlSamples([made_up_flight(1)], TINY)
     whole = train_control(samples, SHORT, TINY)
@@ -56,7 +48,7 @@ def test_a_broken_off_run_comes_to_the_same_end(tmp_path: Path) -> None:
     class StoppedError(Exception):
         pass
 
-    def stop(now: ControlProgress, net: object) -> None:
+    def stop(now: Progress, net: object) -> None:
         if now.step == 4:
             raise StoppedError
 
@@ -92,7 +84,7 @@ def test_it_begins_with_the_weights_it_is_given() -> None:
 
 def test_a_loss_that_is_no_number_ends_the_run() -> None:
     samples = ControlSamples([made_up_flight(1)], TINY)
-    start = {"say.bias": np.full(5, np.nan, dtype=np.float32)}
+    start = {"head.bias": np.full(5, np.nan, dtype=np.float32)}
     with pytest.raises(ValueRangeError, match="the loss is nan after 1 steps"):
         train_control(samples, SHORT, TINY, start=start)
 

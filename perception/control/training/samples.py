@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.control.config import ControlNetConfig
-from perception.control.situation import Standing, situation
+from perception.control.ego_state import EgoState, state_vector
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.protocols import Advice, Decision
@@ -31,7 +31,7 @@ __all__ = [
 ]
 
 LABELS: Final = ("forward_m", "yaw_rad", "carpet_ends", "free_m")
-"""What a label's numbers are: the rule's decision."""
+"""The columns of a label: the rule's decision."""
 
 # At a network's size noise is gone already; these bytes are a sixth of a PNG's.
 _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 95]
@@ -41,24 +41,24 @@ _JPEG: Final = [cv2.IMWRITE_JPEG_QUALITY, 95]
 class ControlFlight:
     """One flight: N labelled views in the order of time."""
 
-    size_px: NDArray[np.int64]  # (2,) width and height of the pictures
-    pictures: NDArray[np.uint8]  # (B,) JPEG files, one behind the other
+    size_px: NDArray[np.int64]  # (2,) width and height of the images
+    images: NDArray[np.uint8]  # (B,) JPEG files, one behind the other
     ends: NDArray[np.int64]  # (N,) where each ends
     poses: NDArray[np.float64]  # (N, 4) time, x, y, yaw: `OdometryPose`
-    standing: NDArray[np.float64]  # (N, 4) `Standing`'s fields
-    # (N, 2, 4) `LABELS`: with the turn under way, and as if there were none; free_m NaN if untold.
+    ego: NDArray[np.float64]  # (N, 4) `EgoState`'s fields
+    # (N, 2, 4) `LABELS`: with the turn under way, and as if there were none; free_m NaN if unknown.
     labels: NDArray[np.float32]
 
     def __len__(self) -> int:
         """How many views there are."""
         return len(self.ends)
 
-    def picture(self, place: int) -> NDArray[np.uint8]:
-        """Return a view's picture, (H, W, 3) RGB."""
+    def image(self, place: int) -> NDArray[np.uint8]:
+        """Return a view's image, (H, W, 3) RGB."""
         begin = int(self.ends[place - 1]) if place else 0
-        bgr = cv2.imdecode(self.pictures[begin : int(self.ends[place])], cv2.IMREAD_COLOR)
+        bgr = cv2.imdecode(self.images[begin : int(self.ends[place])], cv2.IMREAD_COLOR)
         if bgr is None:
-            raise ValueRangeError(f"picture {place} of a flight's samples is damaged")
+            raise ValueRangeError(f"image {place} of a flight's samples is damaged")
         return np.asarray(bgr[..., ::-1], dtype=np.uint8)
 
     def pose(self, place: int) -> OdometryPose:
@@ -71,30 +71,33 @@ class FlightBuilder:
     """Collects a flight's labelled views.
 
     Args:
-        size_px: width and height that pictures are kept at.
+        size_px: width and height that images are kept at.
     """
 
     def __init__(self, size_px: tuple[int, int]) -> None:
         self._size_px = size_px
-        self._pictures: list[NDArray[np.uint8]] = []
+        self._images: list[NDArray[np.uint8]] = []
         self._poses: list[tuple[float, ...]] = []
-        self._standing: list[tuple[float, ...]] = []
+        self._ego: list[tuple[float, ...]] = []
         self._labels: list[list[tuple[float, ...]]] = []
 
-    def add(self, picture: NDArray[np.uint8], advice: Advice) -> None:
+    def add(self, image: NDArray[np.uint8], advice: Advice) -> None:
         """Add a view.
 
         Args:
-            picture: (H, W, 3) RGB, of the builder's size.
-            advice: what the rule says of it.
+            image: (H, W, 3) RGB, of the builder's size.
+            advice: the rule's decision on it.
+
+        Raises:
+            ShapeError: the image is of another size.
         """
         width, height = self._size_px
-        if picture.shape != (height, width, 3):
-            raise ShapeError("picture", expected=f"{height}x{width}x3", actual=picture.shape)
-        _, data = cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), _JPEG)
-        self._pictures.append(np.asarray(data, dtype=np.uint8).reshape(-1))
+        if image.shape != (height, width, 3):
+            raise ShapeError("image", expected=f"{height}x{width}x3", actual=image.shape)
+        _, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), _JPEG)
+        self._images.append(np.asarray(data, dtype=np.uint8).reshape(-1))
         self._poses.append((advice.captured_s, advice.x_m, advice.y_m, advice.yaw_rad))
-        self._standing.append(
+        self._ego.append(
             (
                 advice.height_above_carpet_m,
                 advice.gimbal_pitch_rad,
@@ -106,7 +109,7 @@ class FlightBuilder:
 
     def __len__(self) -> int:
         """How many views there are."""
-        return len(self._pictures)
+        return len(self._images)
 
     def flight(self) -> ControlFlight:
         """Return the flight.
@@ -114,14 +117,14 @@ class FlightBuilder:
         Raises:
             ValueRangeError: there is no view.
         """
-        if not self._pictures:
+        if not self._images:
             raise ValueRangeError("a flight without a labelled view is none to learn from")
         return ControlFlight(
             size_px=np.array(self._size_px),
-            pictures=np.concatenate(self._pictures),
-            ends=np.cumsum([len(data) for data in self._pictures]),
+            images=np.concatenate(self._images),
+            ends=np.cumsum([len(data) for data in self._images]),
             poses=np.array(self._poses),
-            standing=np.array(self._standing),
+            ego=np.array(self._ego),
             labels=np.array(self._labels, dtype=np.float32),
         )
 
@@ -167,8 +170,8 @@ class SampleConfig:
     # paper has them twice.
     near_m: float = 0.7
     near_weight: float = 2.0
-    # Share of views with a turn under way that are shown as if there were none, with what the rule
-    # would say then: few views show the beginning of a turn, where its side is chosen.
+    # Share of views with a turn under way that are shown as if there were none, with the rule's
+    # decision then: few views show the beginning of a turn, where its side is chosen.
     fresh: float = 0.5
 
     def __post_init__(self) -> None:
@@ -184,7 +187,7 @@ class Batch:
     """Windows to learn from."""
 
     frames: NDArray[np.uint8]  # (N, V, H, W, 3) RGB, the present view first
-    situation: NDArray[np.float32]  # (N, S)
+    state: NDArray[np.float32]  # (N, S) `state_vector`
     labels: NDArray[np.float32]  # (N, 4) `LABELS`
     turning: NDArray[np.float32]  # (N,) the turn under way
 
@@ -198,7 +201,7 @@ class ControlSamples:
         config: which views are taken, and how often.
 
     Raises:
-        ShapeError: pictures are of another size.
+        ShapeError: images are of another size.
         ValueRangeError: no view can be learnt from.
     """
 
@@ -215,7 +218,7 @@ class ControlSamples:
         for flight in self._flights:
             if tuple(flight.size_px) != wanted:
                 raise ShapeError(
-                    "a flight's pictures",
+                    "a flight's images",
                     expected="x".join(map(str, wanted)),
                     actual=flight.size_px.tolist(),
                 )
@@ -248,24 +251,24 @@ class ControlSamples:
         return self._batch(np.asarray(places), np.zeros(len(places), dtype=bool))
 
     def _batch(self, chosen: NDArray[np.int64], fresh: NDArray[np.bool_]) -> Batch:
-        frames, told, labels, turning = [], [], [], []
+        frames, states, labels, turning = [], [], [], []
         for at, unturned in zip(chosen, fresh, strict=True):
             flight, place = self._flights[self._flight[at]], int(self._place[at])
-            height_m, pitch_rad, turn, full_turns = flight.standing[place]
-            standing = Standing(
+            height_m, pitch_rad, turn, full_turns = flight.ego[place]
+            ego = EgoState(
                 height_above_carpet_m=height_m,
                 gimbal_pitch_rad=pitch_rad,
                 turning=0 if unturned else int(turn),
                 full_turns=0 if unturned else int(full_turns),
             )
             views = self._views(flight, place)
-            frames.append(np.stack([flight.picture(view) for view in views]))
-            told.append(situation(standing, [flight.pose(view) for view in views]))
+            frames.append(np.stack([flight.image(view) for view in views]))
+            states.append(state_vector(ego, [flight.pose(view) for view in views]))
             labels.append(flight.labels[place, int(unturned)])
-            turning.append(standing.turning)
+            turning.append(ego.turning)
         return Batch(
             frames=np.stack(frames),
-            situation=np.stack(told),
+            state=np.stack(states),
             labels=np.stack(labels),
             turning=np.array(turning, dtype=np.float32),
         )
@@ -279,7 +282,7 @@ class ControlSamples:
 
     def _taken(self, flight: ControlFlight) -> NDArray[np.int64]:
         (low_m, high_m), (down_rad, up_rad) = self.config.heights_m, self.config.pitches_rad
-        height_m, pitch_rad = flight.standing[:, 0], flight.standing[:, 1]
+        height_m, pitch_rad = flight.ego[:, 0], flight.ego[:, 1]
         good = (height_m >= low_m) & (height_m <= high_m)
         return np.flatnonzero(good & (pitch_rad >= down_rad) & (pitch_rad <= up_rad))
 

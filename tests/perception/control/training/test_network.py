@@ -13,23 +13,18 @@ import pytest
 import torch
 
 from perception.control.config import ControlNetConfig
-from perception.control.export import (
-    export_control_onnx,
-    load_control_tensors,
-    save_control_net,
-)
-from perception.control.network import ControlNet, parameter_count
-from perception.control.runtime import OnnxControlStudent, meaning
-from perception.control.situation import situation_size
+from perception.control.ego_state import state_size
+from perception.control.runtime import OnnxControlStudent, decode
+from perception.control.training.network import STUDENT_FILES, ControlNet
+from perception.networks.training.network_files import parameter_count
 from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, write_weights
-from perception.segmentation.training.export import save_unet
-from perception.segmentation.training.unet import UNet, UNetConfig
+from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from tests.perception.control.control_world import TINY
-from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
 
 RNG = np.random.default_rng(3)
 PICTURES = [RNG.integers(0, 256, (16, 32, 3), dtype=np.uint8) for _ in range(3)]
-NUMBERS = RNG.normal(size=situation_size(3)).astype(np.float32)
+NUMBERS = RNG.normal(size=state_size(3)).astype(np.float32)
 
 
 def seeded(config: ControlNetConfig = TINY) -> ControlNet:
@@ -45,12 +40,12 @@ def seeded(config: ControlNetConfig = TINY) -> ControlNet:
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("student") / "student.safetensors"
-    save_control_net(path, seeded(), notes={"steps": 3})
-    export_control_onnx(path, path.with_suffix(".onnx"))
+    STUDENT_FILES.save(path, seeded(), notes={"steps": 3})
+    STUDENT_FILES.export(path, path.with_suffix(".onnx"))
     return path
 
 
-def said_by_torch(net: ControlNet) -> np.ndarray:
+def predicted_by_torch(net: ControlNet) -> np.ndarray:
     frames = torch.from_numpy(np.stack(PICTURES)).permute(0, 3, 1, 2)[None].float() / 255.0
     with torch.inference_mode():
         return net(frames, torch.from_numpy(NUMBERS)[None]).numpy()[0]
@@ -70,7 +65,6 @@ def test_it_is_smaller_than_the_papers() -> None:
         ({"width_px": 30}, ValueRangeError, "divisible by 4, got 30x16"),
         ({"views": 0}, ValueRangeError, "views and their spacing must be positive"),
         ({"spacing_s": 0.0}, ValueRangeError, "views and their spacing must be positive"),
-        ({"learns": "movment"}, UnknownNameError, "did you mean 'movement'"),
     ],
 )
 def test_a_shape_that_cannot_be_is_refused(
@@ -86,7 +80,7 @@ def test_a_shape_survives_its_file() -> None:
 
 def test_views_are_seen_in_their_order() -> None:
     frames = torch.rand(1, 3, 3, 16, 32)
-    told = torch.zeros(1, situation_size(3))
+    told = torch.zeros(1, state_size(3))
     net = seeded()
     with torch.inference_mode():
         assert not torch.allclose(net(frames, told), net(frames.flip(1), told))
@@ -94,7 +88,7 @@ def test_views_are_seen_in_their_order() -> None:
 
 def test_without_a_past_it_takes_one_view() -> None:
     alone = seeded(replace(TINY, views=1))
-    assert alone(torch.rand(2, 1, 3, 16, 32), torch.zeros(2, situation_size(1))).shape == (2, 5)
+    assert alone(torch.rand(2, 1, 3, 16, 32), torch.zeros(2, state_size(1))).shape == (2, 5)
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -105,7 +99,7 @@ def test_what_flies_says_what_was_trained(weights: Path) -> None:
     student = OnnxControlStudent(weights.with_suffix(".onnx"))
     assert student.config == TINY
     assert student.size_px == (32, 16)
-    wanted = meaning(said_by_torch(seeded()), TINY)
+    wanted = decode(predicted_by_torch(seeded()))
     got = student.estimate(PICTURES, NUMBERS)
     for name in ("advance", "clockwise", "step_m", "carpet_ends", "free_m"):
         assert getattr(got, name) == pytest.approx(getattr(wanted, name), abs=1e-5), name
@@ -113,66 +107,64 @@ def test_what_flies_says_what_was_trained(weights: Path) -> None:
 
 def test_in_integers_it_says_almost_the_same(weights: Path, tmp_path: Path) -> None:
     coarse = tmp_path / "int8.onnx"
-    export_control_onnx(weights, coarse, calibration=PICTURES)
+    STUDENT_FILES.export(weights, coarse, calibration=PICTURES)
     got = OnnxControlStudent(coarse).estimate(PICTURES, NUMBERS)
-    wanted = meaning(said_by_torch(seeded()), TINY)
+    wanted = decode(predicted_by_torch(seeded()))
     assert got.advance == pytest.approx(wanted.advance, abs=0.03)
     assert got.step_m == pytest.approx(wanted.step_m, abs=0.03)
     assert coarse.read_bytes() != weights.with_suffix(".onnx").read_bytes()
 
 
 def test_the_same_weights_give_the_same_file(weights: Path, tmp_path: Path) -> None:
-    export_control_onnx(weights, tmp_path / "again.onnx")
+    STUDENT_FILES.export(weights, tmp_path / "again.onnx")
     assert (tmp_path / "again.onnx").read_bytes() == weights.with_suffix(".onnx").read_bytes()
 
 
 def test_the_file_says_how_it_was_trained(weights: Path) -> None:
-    _, config, notes = load_control_tensors(weights)
-    assert (config, notes) == (TINY, {"steps": 3})
+    net, notes = STUDENT_FILES.load(weights)
+    assert (net.config, notes) == (TINY, {"steps": 3})
 
 
 def test_integers_need_pictures(weights: Path, tmp_path: Path) -> None:
     with pytest.raises(ShapeError, match="N > 0"):
-        export_control_onnx(weights, tmp_path / "x.onnx", calibration=[])
+        STUDENT_FILES.export(weights, tmp_path / "x.onnx", calibration=[])
 
 
 # --- what is refused ------------------------------------------------------------------------------
 
 
 def test_weights_of_another_version_are_refused(weights: Path, tmp_path: Path) -> None:
-    tensors, details = read_weights(weights, kind="control-student", cure="")
+    tensors, details = read_weights(weights, kind="control-student", remedy="")
     old = tmp_path / "old.safetensors"
     write_weights(old, tensors, kind="control-student", details={**details, "version": 0})
-    with pytest.raises(WeightsError, match="expected version 1, got 0; train it anew"):
-        export_control_onnx(old, tmp_path / "old.onnx")
+    with pytest.raises(WeightsError, match="of version 2, got 0; `uav-bt net train"):
+        STUDENT_FILES.export(old, tmp_path / "old.onnx")
 
 
 def test_weights_that_lack_a_layer_are_refused(weights: Path, tmp_path: Path) -> None:
-    tensors, details = read_weights(weights, kind="control-student", cure="")
+    tensors, details = read_weights(weights, kind="control-student", remedy="")
     part = tmp_path / "part.safetensors"
     write_weights(
-        part, {k: v for k, v in tensors.items() if k != "say.bias"}, kind="control-student",
+        part, {k: v for k, v in tensors.items() if k != "head.bias"}, kind="control-student",
         details=details,
     )  # fmt: skip
-    with pytest.raises(WeightsError, match=r"lacks 'say\.bias'"):
-        export_control_onnx(part, tmp_path / "part.onnx")
+    with pytest.raises(WeightsError, match=r"(?s)is no whole network .*head\.bias"):
+        STUDENT_FILES.export(part, tmp_path / "part.onnx")
 
 
 def test_weights_that_hold_nan_are_refused(tmp_path: Path) -> None:
     net = seeded()
     with torch.no_grad():
-        net.say.bias[0] = float("nan")
-    save_control_net(tmp_path / "nan.safetensors", net, notes={})
-    with pytest.raises(WeightsError, match=r"NaN or infinity \(say\.bias\)"):
-        export_control_onnx(tmp_path / "nan.safetensors", tmp_path / "nan.onnx")
+        net.head.bias[0] = float("nan")
+    STUDENT_FILES.save(tmp_path / "nan.safetensors", net, notes={})
+    with pytest.raises(WeightsError, match=r"NaN or infinity \(head\.bias\)"):
+        STUDENT_FILES.export(tmp_path / "nan.safetensors", tmp_path / "nan.onnx")
 
 
 def test_another_network_is_no_student(tmp_path: Path) -> None:
-    from perception.segmentation.training.export import export_onnx  # noqa: PLC0415
-
     path = tmp_path / "unet.safetensors"
-    save_unet(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
-    export_onnx(path, path.with_suffix(".onnx"))
+    UNET_FILES.save(path, UNet(UNetConfig(width_px=32, height_px=16, channels=(4, 8))), notes={})
+    UNET_FILES.export(path, path.with_suffix(".onnx"))
     with pytest.raises(WeightsError, match="is no control student; `uav-bt net train student`"):
         OnnxControlStudent(path.with_suffix(".onnx"))
 
@@ -187,10 +179,10 @@ def test_an_onnx_file_of_another_version_is_refused(weights: Path, tmp_path: Pat
 
     model = onnx.load(weights.with_suffix(".onnx"))
     for note in model.metadata_props:
-        note.value = note.value.replace('"version": 1', '"version": 7')
+        note.value = note.value.replace('"version": 2', '"version": 7')
     path = tmp_path / "new.onnx"
     path.write_bytes(model.SerializeToString())
-    with pytest.raises(WeightsError, match="expected a student of version 1, got 7"):
+    with pytest.raises(WeightsError, match="expected a student of version 2, got 7"):
         OnnxControlStudent(path)
 
 
@@ -199,7 +191,7 @@ def test_an_answer_that_is_no_number_is_an_error(weights: Path, tmp_path: Path) 
     import onnx  # noqa: PLC0415
 
     model = onnx.load(weights.with_suffix(".onnx"))
-    (bias,) = [one for one in model.graph.initializer if one.name == "say.bias"]
+    (bias,) = [one for one in model.graph.initializer if one.name == "head.bias"]
     bias.CopyFrom(onnx.numpy_helper.from_array(np.full(5, np.nan, np.float32), bias.name))
     path = tmp_path / "nan.onnx"
     path.write_bytes(model.SerializeToString())
@@ -209,7 +201,7 @@ def test_an_answer_that_is_no_number_is_an_error(weights: Path, tmp_path: Path) 
 
 def test_telemetry_that_is_no_number_is_an_error(weights: Path) -> None:
     student = OnnxControlStudent(weights.with_suffix(".onnx"))
-    with pytest.raises(ValueRangeError, match="situation must be finite numbers"):
+    with pytest.raises(ValueRangeError, match="state must be finite numbers"):
         student.estimate(PICTURES, np.full_like(NUMBERS, np.nan))
 
 
@@ -217,7 +209,7 @@ def test_views_of_another_number_or_size_are_refused(weights: Path) -> None:
     student = OnnxControlStudent(weights.with_suffix(".onnx"))
     with pytest.raises(ShapeError, match="views must be 3x16x32x3, got 2x16x32x3"):
         student.estimate(PICTURES[:2], NUMBERS)
-    with pytest.raises(ShapeError, match="situation must be 14, got 9"):
+    with pytest.raises(ShapeError, match="state vector must be 14, got 9"):
         student.estimate(PICTURES, NUMBERS[:9])
 
 
@@ -225,18 +217,10 @@ def test_views_of_another_number_or_size_are_refused(weights: Path) -> None:
 
 
 def test_a_choice_is_told_by_shares_and_metres() -> None:
-    said = meaning(np.array([0.0, 2.0, 0.7, -3.0, 0.9]), TINY)
+    said = decode(np.array([0.0, 2.0, 0.7, -3.0, 0.9]))
     assert (said.advance, said.step_m, said.free_m) == (0.5, 0.7, 0.9)
     assert said.clockwise == pytest.approx(0.881, abs=1e-3)
     assert said.carpet_ends == pytest.approx(0.047, abs=1e-3)
-
-
-@pytest.mark.parametrize(("forward_m", "goes"), [(0.1, False), (0.2, True), (-0.3, False)])
-def test_a_movement_that_hardly_moves_is_a_turn(forward_m: float, *, goes: bool) -> None:
-    paper = replace(TINY, learns="movement")
-    said = meaning(np.array([forward_m, -0.2, 0.0, 0.9, 0.1]), paper)
-    assert (said.advance > 0.5) is goes
-    assert (said.clockwise, said.carpet_ends) == (0.0, 0.9)
 
 
 # --- what ships -----------------------------------------------------------------------------------
@@ -251,21 +235,17 @@ def test_the_shipped_onnx_files_were_made_from_the_shipped_weights(name: str) ->
 
 
 def test_the_shipped_student_says_in_flight_what_it_said_in_training() -> None:
-    tensors, config, notes = load_control_tensors(SHIPPED_WEIGHTS / "student.safetensors")
-    net = ControlNet(config).eval()
-    known = {name: torch.from_numpy(np.array(tensor)) for name, tensor in tensors.items()}
-    missing, unexpected = net.load_state_dict(known, strict=False)
-    assert all(name.endswith("num_batches_tracked") for name in missing)
-    assert not unexpected
+    net, notes = STUDENT_FILES.load(SHIPPED_WEIGHTS / "student.safetensors")
+    config = net.config
     assert parameter_count(net) == notes["parameters"] <= 1_600_000
     rng = np.random.default_rng(0)
     views = rng.integers(
         0, 256, (config.views, config.height_px, config.width_px, 3), dtype=np.uint8
     )
-    numbers = np.zeros(situation_size(config.views), dtype=np.float32)
+    numbers = np.zeros(state_size(config.views), dtype=np.float32)
     frames = torch.from_numpy(views).permute(0, 3, 1, 2)[None].float() / 255.0
     with torch.inference_mode():
         trained = net(frames, torch.from_numpy(numbers)[None]).numpy()[0]
     flies = OnnxControlStudent(SHIPPED_WEIGHTS / "student-fp32.onnx")
-    said, wanted = flies.estimate(list(views), numbers), meaning(trained, config)
-    assert astuple(said) == pytest.approx(astuple(wanted), abs=1e-3)
+    said, wanted = flies.estimate(list(views), numbers), decode(trained)
+    assert astuple(said) == pytest.approx(astuple(wanted), rel=1e-5, abs=1e-6)

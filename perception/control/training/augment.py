@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.samples import Batch
-from perception.control.situation import mirrored
+from perception.control.ego_state import mirrored
+from perception.control.training.samples import Batch
 
 __all__ = ["ControlAugmentConfig", "augmented"]
 
@@ -21,20 +21,26 @@ class ControlAugmentConfig:
     gain: float = 0.3  # of brightness, relative, either way: lamps differ
     tint: float = 0.06  # of each colour, relative: white balances differ
     exposure: float = 0.05  # of each view, relative: the automatic exposure hunts
-    noise: float = 3.0  # grey levels, most
+    noise: float = 3.0  # standard deviation in grey levels, at most
 
 
 def augmented(batch: Batch, rng: np.random.Generator, config: ControlAugmentConfig) -> Batch:
-    """Return windows changed at random; those given are left alone."""
+    """Return windows changed at random; those given are left alone.
+
+    Args:
+        batch: the windows.
+        rng: draws the changes.
+        config: how much they are changed.
+    """
     count, views = batch.frames.shape[:2]
     flipped: NDArray[np.bool_] = np.asarray(rng.random(count) < config.mirror)
     frames = np.where(flipped[:, None, None, None, None], batch.frames[..., ::-1, :], batch.frames)
     labels = batch.labels.copy()
     labels[flipped, 1] *= -1.0
-    told = np.where(flipped[:, None], mirrored(batch.situation), batch.situation)
+    state = np.where(flipped[:, None], mirrored(batch.state), batch.state)
     return Batch(
         frames=_relit(frames, rng, config, (count, views)),
-        situation=told.astype(np.float32),
+        state=state.astype(np.float32),
         labels=labels,
         turning=np.where(flipped, -batch.turning, batch.turning).astype(np.float32),
     )

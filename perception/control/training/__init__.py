@@ -1,0 +1,1 @@
+"""Training of the control student: windows of flights in, weights out."""

@@ -1,0 +1,93 @@
+"""The control student: a U-Net's encoder, and dense layers in the place of its decoder.
+
+Each view goes through the same encoder; its embedding is joined with the movements between the
+views. Importing this module imports torch.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Final, cast
+
+import torch
+from torch import Tensor, nn
+
+from perception.control.config import OUTPUTS, VERSION, ControlNetConfig
+from perception.control.ego_state import state_size
+from perception.networks.training.network_files import NetworkFiles, OnnxPorts
+from perception.segmentation.training.unet import UNet, UNetConfig
+
+__all__ = ["STUDENT_FILES", "ControlNet"]
+
+
+class ControlNet(nn.Module):
+    """Views and ego state in, the next movement out.
+
+    Args:
+        config: its shape.
+        dropout: share of each view's embedding left out while training.
+    """
+
+    def __init__(self, config: ControlNetConfig, *, dropout: float = 0.0) -> None:
+        super().__init__()
+        self.config = config
+        whole = UNet(
+            UNetConfig(
+                width_px=config.width_px, height_px=config.height_px, channels=config.channels
+            )
+        )
+        self.down = whole.down
+        self.pool = nn.MaxPool2d(2)
+        self.bottleneck = nn.Conv2d(config.channels[-1], config.bottleneck, 1)
+        places = (config.height_px * config.width_px) // 4 ** len(config.channels)
+        self.embed = nn.Linear(config.bottleneck * places, config.embedding)
+        self.drop = nn.Dropout(dropout)
+        joined = config.views * config.embedding + state_size(config.views)
+        self.fusion = nn.Linear(joined, config.hidden)
+        self.hidden = nn.Linear(config.hidden, config.hidden)
+        self.head = nn.Linear(config.hidden, len(OUTPUTS))
+
+    def forward(self, frames: Tensor, state: Tensor) -> Tensor:
+        """Return what `config.OUTPUTS` names.
+
+        Args:
+            frames: (N, V, 3, H, W) float RGB in [0, 1], the present view first.
+            state: (N, S) float, `ego_state.state_vector`.
+
+        Returns:
+            (N, 5) float.
+        """
+        count, views = frames.shape[:2]
+        # Zero is what the convolutions pad with: make it mid-grey, not black.
+        features = frames.flatten(0, 1) - 0.5
+        features = features.contiguous(memory_format=torch.channels_last)
+        for level, block in enumerate(self.down):
+            features = block(features if level == 0 else self.pool(features))
+        embedded = self.embed(self.bottleneck(features).relu().flatten(1)).relu()
+        embedded = self.drop(embedded).reshape(count, views * self.config.embedding)
+        joined = self.fusion(torch.cat([embedded, state], dim=1)).relu()
+        return cast("Tensor", self.head(self.hidden(joined).relu()))
+
+
+def _ports(net: ControlNet) -> OnnxPorts:
+    config = net.config
+    about = {"version": VERSION, "outputs": OUTPUTS, "config": config.to_json()}
+    return OnnxPorts(
+        inputs={
+            "frames": (1, config.views, 3, config.height_px, config.width_px),
+            "state": (1, state_size(config.views)),
+        },
+        output="prediction",
+        metadata={"control": json.dumps(about, sort_keys=True)},
+    )
+
+
+STUDENT_FILES: Final = NetworkFiles(
+    kind="control-student",
+    remedy="`uav-bt net train student` makes one",
+    build=lambda config: ControlNet(ControlNetConfig.from_json(config)),
+    ports=_ports,
+    version=VERSION,
+)
+"""Inputs `frames`: (1, V, 3, H, W) float32 RGB in [0, 1], the present view first, and `state`:
+(1, S) float32. Output `prediction`: (1, 5) float32. The metadata's `control` (JSON) names them."""

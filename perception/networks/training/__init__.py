@@ -1,0 +1,1 @@
+"""What all networks share before they fly: files, export, and the training loop. Imports torch."""

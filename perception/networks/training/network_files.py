@@ -1,0 +1,244 @@
+"""A network's files: safetensors is the source of truth, ONNX is generated from it.
+
+torch traces the graph; NNCF (the Neural Network Compression Framework) turns it into 8-bit
+integers, which take half the time on a CPU and a quarter of the space.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import math
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import redirect_stdout
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final, Generic, TypeVar
+
+import numpy as np
+import onnx
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from perception.networks.onnx_runtime import shrunk
+from perception.networks.weights_file import read_weights, write_weights
+from uav_bt.errors import ShapeError, WeightsError
+from uav_bt.files import write_whole
+
+__all__ = ["NetworkFiles", "OnnxPorts", "parameter_count"]
+
+_OPSET: Final = 18
+# All but convolutions computes in floats: integers cost accuracy there and save next to no time.
+_FLOAT_OPS: Final = ("Add", "Gemm", "Mul", "Reciprocal", "Resize", "Sub")
+_BATCH_COUNTS: Final = "num_batches_tracked"  # of batch norms: nothing needs it, no file holds it
+
+
+Net = TypeVar("Net", bound=nn.Module)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnnxPorts:
+    """What goes in and out of an ONNX file. All shapes are fixed."""
+
+    # By name, in the order of `forward`. The first takes images, (..., 3, H, W) RGB in [0, 1].
+    inputs: Mapping[str, tuple[int, ...]]
+    output: str
+    metadata: Mapping[str, str] = field(default_factory=dict)  # what the runtime checks
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkFiles(Generic[Net]):
+    """How the files of one network are written and read."""
+
+    kind: str  # of the safetensors file; reading checks it
+    remedy: str  # how such a file is made, for messages
+    build: Callable[[dict[str, Any]], Net]  # the network of its config's JSON values
+    ports: Callable[[Net], OnnxPorts]
+    version: int = 1  # of layers' names, inputs and outputs; files of another one are refused
+    details: Mapping[str, Any] = field(default_factory=dict)  # what else the file says
+
+    def save(self, path: Path, net: Net, *, notes: Mapping[str, Any]) -> None:
+        """Write a network's weights and shape.
+
+        Args:
+            path: the safetensors file; replaced in one step.
+            net: the network; its `config` is a dataclass.
+            notes: how it was trained, anything JSON can hold.
+        """
+        tensors = {
+            name: tensor.detach().numpy()
+            for name, tensor in net.state_dict().items()
+            if not name.endswith(_BATCH_COUNTS)
+        }
+        config: Any = net.config
+        details = {"config": asdict(config), "version": self.version, "notes": dict(notes)}
+        write_weights(path, tensors, kind=self.kind, details={**self.details, **details})
+
+    def load(self, path: Path) -> tuple[Net, dict[str, Any]]:
+        """Return the network of a file, in evaluation mode, and the notes kept with it.
+
+        Raises:
+            WeightsError: the file is absent, damaged, of another kind or version, holds NaN or
+                infinity, or lacks a layer.
+        """
+        tensors, details = read_weights(path, kind=self.kind, remedy=self.remedy)
+        version = details.get("version", 1)
+        if version != self.version:
+            raise WeightsError(
+                path,
+                f"expected a {self.kind} of version {self.version}, got {version}; {self.remedy}",
+            )
+        broken = [name for name, tensor in tensors.items() if not np.isfinite(tensor).all()]
+        if broken:
+            raise WeightsError(path, f"holds NaN or infinity ({broken[0]}); {self.remedy}")
+        try:
+            net = self.build(details["config"])
+            counts = {k: v for k, v in net.state_dict().items() if k.endswith(_BATCH_COUNTS)}
+            known = {name: torch.from_numpy(tensor) for name, tensor in tensors.items()}
+            net.load_state_dict({**counts, **known})
+        except (KeyError, TypeError, RuntimeError) as error:
+            raise WeightsError(path, f"is no whole network ({error}); {self.remedy}") from error
+        return net.eval(), details.get("notes", {})
+
+    def export(
+        self,
+        weights: Path,
+        onnx_path: Path,
+        *,
+        calibration: Iterable[NDArray[np.uint8]] | None = None,
+    ) -> None:
+        """Generate the ONNX file of the weights; the same weights and images give the same bytes.
+
+        Its metadata holds the SHA-256 of the weights and the precision, `fp32` or `int8`.
+
+        Args:
+            weights: the safetensors file.
+            onnx_path: the file to write; replaced in one step.
+            calibration: images, (h, w, 3) uint8 RGB of any size, that show which values the
+                network meets: it then computes in 8-bit integers. None for floats.
+
+        Raises:
+            WeightsError: the weights cannot be used.
+            ShapeError: there is no image to calibrate on.
+        """
+        net, _ = self.load(weights)
+        ports = self.ports(net)
+        model = _traced(net, ports)
+        if calibration is not None:
+            model = _in_integers(model, ports, calibration)
+        metadata = {
+            **ports.metadata,
+            "weights_sha256": hashlib.sha256(weights.read_bytes()).hexdigest(),
+            "precision": "fp32" if calibration is None else "int8",
+        }
+        del model.metadata_props[:]
+        onnx.helper.set_model_props(model, metadata)
+        onnx.checker.check_model(model, full_check=True)
+        write_whole(onnx_path, model.SerializeToString(deterministic=True))
+
+
+def parameter_count(net: nn.Module) -> int:
+    """Return how many numbers a network learns."""
+    return sum(parameter.numel() for parameter in net.parameters())
+
+
+def _traced(net: nn.Module, ports: OnnxPorts) -> onnx.ModelProto:
+    """Return the graph of a network in floats; batch norms are folded into convolutions."""
+    content = io.BytesIO()
+    with warnings.catch_warnings():
+        # torch recommends its newer exporter, which needs onnxscript and gives the same graph.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        # It leaves the sizes of mirrored borders for the runtime to work out.
+        warnings.filterwarnings("ignore", "Constant folding", UserWarning)
+        torch.onnx.export(
+            net,
+            tuple(torch.zeros(shape) for shape in ports.inputs.values()),
+            content,  # type: ignore[arg-type]  # torch's stubs know paths only
+            input_names=list(ports.inputs),
+            output_names=[ports.output],
+            opset_version=_OPSET,
+            dynamo=False,
+        )
+    return onnx.load_from_string(content.getvalue())
+
+
+def _in_integers(
+    model: onnx.ModelProto, ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
+) -> onnx.ModelProto:
+    """Return a network whose convolutions compute in 8-bit integers.
+
+    Ranges are the extremes over all images: NNCF's default, which cuts off the rarest values, cuts
+    off what is nearest to the drone. Weights have seven bits: processors without VNNI add two
+    products of eight bits in 16, which would overflow.
+    """
+    samples = list(_samples(ports, images))
+    # NNCF would report its use over the network otherwise.
+    os.environ["NNCF_CI"] = "1"
+    import nncf  # noqa: PLC0415  (takes seconds, and the line above must come first)
+    from nncf.quantization.advanced_parameters import (  # noqa: PLC0415  (as above)
+        AdvancedQuantizationParameters,
+        OverflowFix,
+    )
+    from nncf.quantization.range_estimator import (  # noqa: PLC0415  (as above)
+        RangeEstimatorParametersSet,
+    )
+
+    nncf.set_log_level(logging.ERROR)
+    extremes = RangeEstimatorParametersSet.MINMAX
+    with redirect_stdout(io.StringIO()):  # its progress bars
+        quantized: onnx.ModelProto = nncf.quantize(
+            model,
+            nncf.Dataset(samples),
+            preset=nncf.QuantizationPreset.MIXED,
+            subset_size=len(samples),
+            ignored_scope=nncf.IgnoredScope(types=list(_FLOAT_OPS), validate=False),
+            advanced_parameters=AdvancedQuantizationParameters(
+                overflow_fix=OverflowFix.ENABLE,
+                disable_bias_correction=True,  # nearly doubles the depth network's error
+                activations_range_estimator_params=extremes,
+                weights_range_estimator_params=extremes,
+            ),
+        )
+    _make_unsigned(quantized)
+    return quantized
+
+
+def _make_unsigned(model: onnx.ModelProto) -> None:
+    """Write signed levels of activations as unsigned ones, which stand for the same values.
+
+    OpenVINO 2026.4 computes wrong borders where the levels are signed and zero is not the middle.
+    """
+    del model.graph.value_info[:]  # the old types
+    constants = {constant.name: constant for constant in model.graph.initializer}
+    nodes = (
+        node for node in model.graph.node if node.op_type in ("QuantizeLinear", "DequantizeLinear")
+    )
+    for name in {node.input[2] for node in nodes if node.input[0] not in constants}:
+        zero = onnx.numpy_helper.to_array(constants[name])
+        if zero.dtype == np.int8:
+            unsigned = (zero.astype(np.int16) + 128).astype(np.uint8)
+            constants[name].CopyFrom(onnx.numpy_helper.from_array(unsigned, name))
+
+
+def _samples(
+    ports: OnnxPorts, images: Iterable[NDArray[np.uint8]]
+) -> Iterator[dict[str, NDArray[np.float32]]]:
+    """Yield inputs made of consecutive images; what is no image is zero.
+
+    Raises:
+        ShapeError: there is no image.
+    """
+    (name, shape), *others = ports.inputs.items()
+    height, width = shape[-2:]
+    small = [shrunk(rgb, (width, height)) for rgb in images]
+    if not small:
+        raise ShapeError("calibration images", expected="Nxhxwx3, N > 0", actual=(0,))
+    zeros = {other: np.zeros(size, dtype=np.float32) for other, size in others}
+    for first in range(len(small)):
+        chosen = [small[(first + at) % len(small)] for at in range(math.prod(shape[:-3]))]
+        planes = np.stack(chosen).transpose(0, 3, 1, 2).astype(np.float32) / 255.0
+        yield {name: planes.reshape(shape), **zeros}

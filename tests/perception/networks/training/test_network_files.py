@@ -1,0 +1,137 @@
+"""Files made of networks: what they refuse, and that 8-bit integers agree with floats."""
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+import torch
+
+from perception.control.config import ControlNetConfig
+from perception.control.training.network import STUDENT_FILES, ControlNet
+from perception.depth.runtime import OnnxDepthEstimator
+from perception.depth.training.network import DEPTH_FILES, DepthNet, DepthNetConfig
+from perception.networks.weights_file import SHIPPED_WEIGHTS, read_weights, write_weights
+from perception.segmentation.runtime import OnnxSegmenter
+from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
+from tests.perception.segmentation.patterned import samples
+from uav_bt.errors import ShapeError, WeightsError
+
+IMAGES = [rgb for _, rgb, _ in samples(8, seed=3, width=128, height=64)]
+
+
+def _shaken(net: torch.nn.Module) -> torch.nn.Module:
+    """Return a network with statistics unlike those of a fresh one, and weights that matter."""
+    torch.manual_seed(3)
+    for module in net.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            module.running_mean.uniform_(-0.2, 0.2)
+            module.running_var.uniform_(0.3, 1.0)
+            torch.nn.init.uniform_(module.weight, 0.5, 1.5)
+    return net.eval()
+
+
+@pytest.fixture(scope="module")
+def unets(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A U-Net in floats and in 8-bit integers."""
+    folder = tmp_path_factory.mktemp("unets")
+    torch.manual_seed(5)
+    net = _shaken(UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16))))
+    UNET_FILES.save(folder / "unet.safetensors", net, notes={})
+    paths = folder / "fp32.onnx", folder / "int8.onnx"
+    for path, images in zip(paths, (None, IMAGES), strict=True):
+        UNET_FILES.export(folder / "unet.safetensors", path, calibration=images)
+    return paths
+
+
+# --- integers -------------------------------------------------------------------------------------
+
+
+def test_a_unet_in_integers_agrees_with_the_one_in_floats(unets: tuple[Path, Path]) -> None:
+    floats, integers = (OnnxSegmenter(path) for path in unets)
+    agreeing = [(floats.ids(rgb) == integers.ids(rgb)).mean() for rgb in IMAGES]
+    assert len(np.unique(floats.ids(IMAGES[0]))) > 2
+    # Untrained, it has many ties to break.
+    assert np.mean(agreeing) > 0.95
+
+
+def test_a_depth_network_in_integers_agrees_with_the_one_in_floats(tmp_path: Path) -> None:
+    torch.manual_seed(5)
+    net = _shaken(DepthNet(DepthNetConfig(width_px=64, height_px=32, channels=(8, 12, 16))))
+    DEPTH_FILES.save(tmp_path / "w.safetensors", net, notes={})
+    depths = []
+    for images in (None, IMAGES):
+        DEPTH_FILES.export(tmp_path / "w.safetensors", tmp_path / "net.onnx", calibration=images)
+        estimator = OnnxDepthEstimator(tmp_path / "net.onnx")
+        depths.append(np.stack([estimator.depth(rgb) for rgb in IMAGES]))
+    assert np.ptp(depths[0]) > 0.02
+    assert np.median(np.abs(depths[1] / depths[0] - 1.0)) < 0.02
+
+
+def test_convolutions_compute_in_integers_that_no_processor_overflows_with(
+    unets: tuple[Path, Path],
+) -> None:
+    """Weights of seven bits; levels of activations unsigned, as OpenVINO needs them."""
+    graph = onnx.load(unets[1]).graph
+    arrays = {each.name: onnx.numpy_helper.to_array(each) for each in graph.initializer}
+    makers = {node.output[0]: node for node in graph.node}
+    convolutions = [node for node in graph.node if node.op_type in ("Conv", "ConvTranspose")]
+    assert convolutions
+    for node in convolutions:
+        levels = arrays[makers[node.input[1]].input[0]]
+        assert levels.dtype == np.int8
+        assert np.abs(levels.astype(int)).max() <= 64
+    for node in graph.node:
+        if node.op_type == "QuantizeLinear":
+            assert arrays[node.input[2]].dtype == np.uint8
+
+
+def test_the_file_says_what_it_computes_in(unets: tuple[Path, Path]) -> None:
+    precisions = []
+    for path in unets:
+        properties = {each.key: each.value for each in onnx.load(path).metadata_props}
+        assert len(properties["weights_sha256"]) == 64
+        precisions.append(properties["precision"])
+    assert precisions == ["fp32", "int8"]
+
+
+def test_a_network_in_integers_takes_a_quarter_of_the_space() -> None:
+    for name in ("unet", "depth"):
+        sizes = [(SHIPPED_WEIGHTS / f"{name}{end}.onnx").stat().st_size for end in ("", "-fp32")]
+        assert sizes[0] < 0.3 * sizes[1]
+
+
+def test_all_weights_together_stay_small() -> None:
+    assert sum(path.stat().st_size for path in SHIPPED_WEIGHTS.iterdir()) < 40e6
+
+
+def test_no_image_to_calibrate_on_is_refused(unets: tuple[Path, Path], tmp_path: Path) -> None:
+    weights = unets[0].parent / "unet.safetensors"
+    with pytest.raises(ShapeError, match="calibration images must be Nxhxwx3, N > 0, got 0"):
+        UNET_FILES.export(weights, tmp_path / "none.onnx", calibration=[])
+    assert not (tmp_path / "none.onnx").exists()
+
+
+# --- safetensors ----------------------------------------------------------------------------------
+
+
+def test_a_student_of_the_first_version_is_refused(tmp_path: Path) -> None:
+    """Its layers had other names."""
+    config = ControlNetConfig(width_px=32, height_px=16, channels=(4, 8))
+    path = tmp_path / "student.safetensors"
+    STUDENT_FILES.save(path, ControlNet(config), notes={})
+    tensors, details = read_weights(path, kind="control-student", remedy="")
+    write_weights(path, tensors, kind="control-student", details={**details, "version": 1})
+    words = "expected a control-student of version 2, got 1; `uav-bt net train student` makes one"
+    with pytest.raises(WeightsError, match=words):
+        STUDENT_FILES.load(path)
+
+
+def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
+    torch.manual_seed(5)
+    net = UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16)))
+    UNET_FILES.save(tmp_path / "unet.safetensors", net, notes={"why": "a test"})
+    again, notes = UNET_FILES.load(tmp_path / "unet.safetensors")
+    assert (again.config, notes, again.training) == (net.config, {"why": "a test"}, False)
+    for name, value in net.state_dict().items():
+        assert torch.equal(value, again.state_dict()[name]), name
