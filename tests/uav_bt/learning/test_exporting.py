@@ -125,7 +125,7 @@ def test_the_command_writes_a_network(tmp_path: Path) -> None:
     arguments = ["net", "export", "depth", "--out", str(out), "--scene", "train-a", "--views", "1"]
     result = CliRunner().invoke(uav_bt, arguments)
     assert result.exit_code == 0, result.output
-    assert f"network in int8: {out}, 1.0 MB" in result.output
+    assert f"network in int8: {out}, 1.1 MB" in result.output
     assert load_depth_estimator(out).size_px == (320, 256)
 
 
