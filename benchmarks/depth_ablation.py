@@ -42,7 +42,7 @@ class Variant:
     """One way to teach."""
 
     title: str
-    labels: Literal["none", "footing", "exact"] = "none"
+    labels: Literal["none", "contact", "exact"] = "none"
     pose: Literal["telemetry", "network"] = "telemetry"
     frames: bool = True  # whether neighbouring frames teach
     carpet: bool = True  # whether telemetry's movement is measured again on the carpet
@@ -54,8 +54,8 @@ VARIANTS = {
     "network": Variant(title="frames, pose network", pose="network", first_depth_m=0.2),
     "raw": Variant(title="frames, telemetry as it is", carpet=False),
     "telemetry": Variant(title="frames, telemetry and carpet"),
-    "labels": Variant(title="labels of footing", labels="footing", frames=False),
-    "both": Variant(title="labels of footing, frames with telemetry", labels="footing"),
+    "labels": Variant(title="labels by ground contact", labels="contact", frames=False),
+    "both": Variant(title="labels by ground contact, frames with telemetry", labels="contact"),
     "exact": Variant(title="exact depth (upper bound)", labels="exact", frames=False),
 }
 
@@ -64,7 +64,7 @@ def teach(name: str, paths: Sequence[Path], steps: int, run: Path, views: DepthV
     """Train a variant, or go on with it, and return its score."""
     variant, folder = VARIANTS[name], run / name
     folder.mkdir(parents=True, exist_ok=True)
-    segmenter = shipped_unet() if variant.labels == "footing" else None
+    segmenter = shipped_unet() if variant.labels == "contact" else None
     flights = read_flights(paths, segmenter, run / "labels")
     if variant.labels == "exact":
         flights = [_exact(path, flight) for path, flight in zip(paths, flights, strict=True)]

@@ -1,4 +1,4 @@
-"""Measure depth geometry against the twin's exact truth: ground plane, footing, scales, speed.
+"""Measure depth geometry against the twin's exact truth: ground plane, contact, scales, speed.
 
     python benchmarks/depth_geometry.py                    # exact masks
     python benchmarks/depth_geometry.py --masks unet
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, ground_depth, ray_lengths
-from perception.depth.contact.depth import FootingDepth, footing_depth
+from perception.depth.contact.depth import ContactDepth, contact_depth
 from perception.depth.scale import AdaptiveScale, sample_carpet
 from perception.obstacles.corridor import CorridorBuilder
 from perception.segmentation.runtime import shipped_unet
@@ -113,7 +113,7 @@ def check_ground(view: View, seen: CameraView, generator: np.random.Generator) -
     return np.abs(error[rows, columns])
 
 
-def tally_footing(tallies: dict[str, Tally], found: FootingDepth, view: View) -> None:
+def tally_contact(tallies: dict[str, Tally], found: ContactDepth, view: View) -> None:
     """Add a view's errors by kind of surface."""
     near, ids = view.depth < NEAR_M, view.ids
     cut = np.isin(ids, [box for box in BOXES if (ids[-1] == box).any()])
@@ -146,7 +146,7 @@ def main() -> None:
     network = load_network(arguments.network) if arguments.network else None
     generator = np.random.default_rng(arguments.seed)
     corridors, watch = CorridorBuilder(), Stopwatch()
-    footing: dict[str, Tally] = defaultdict(Tally)
+    contact: dict[str, Tally] = defaultdict(Tally)
     scaled: dict[str, Tally] = defaultdict(Tally)
     scales = {
         "adaptive": AdaptiveScale(),
@@ -159,8 +159,8 @@ def main() -> None:
         if unet is not None:
             ids = watch.run("segmentation U-Net", lambda: unet.ids(view.image))  # noqa: B023 - at once
         points.append(check_ground(view, seen, generator))
-        found = watch.run("footing", lambda: footing_depth(ids, seen))  # noqa: B023
-        tally_footing(footing, found, view)
+        found = watch.run("contact", lambda: contact_depth(ids, seen))  # noqa: B023
+        tally_contact(contact, found, view)
         metric = DepthMap(depth=found.depth, metric=True, captured_s=0.0, at_most=found.at_most)
         watch.run("corridor", lambda: corridors.build(metric, seen, things=ids > CARPET))  # noqa: B023
         if network is None:
@@ -184,12 +184,12 @@ def main() -> None:
         unknown = np.isnan(found.depth)
         fused = np.where(unknown, bounded, found.depth)
         scaled["fused, things"].add(fused, view.depth, counts)
-        scaled["what footing lacks, fused"].add(fused, view.depth, counts & unknown)
+        scaled["what contact lacks, fused"].add(fused, view.depth, counts & unknown)
 
     error = np.concatenate(points)
     print(f"{', '.join(arguments.scene)}; {arguments.views} views each; {arguments.masks} masks")
     print(f"carpet points cast back: {error.size}, worst {1e3 * error.max():.3f} mm")
-    for title, tallies in (("footing", footing), ("network times scale", scaled)):
+    for title, tallies in (("contact", contact), ("network times scale", scaled)):
         if tallies:
             print(title)
         for name, tally in tallies.items():

@@ -29,8 +29,8 @@ from perception.depth.training.clips import ClipConfig, ClipSource, DepthLabels,
 from perception.depth.training.labelling import (
     LABEL_SIZE_PX,
     add_parallax,
+    contact_labels,
     exact_labels,
-    footing_labels,
     frames_of,
 )
 from perception.networks.weights_file import SHIPPED_WEIGHTS
@@ -145,12 +145,12 @@ def flight(path: Path, footage: Footage, truth: Truth, every: int) -> None:
 def labels(footage: Footage, truth: Truth, every: int) -> None:
     """Print how far labels are from the truth, by group and source."""
     exact = exact_labels(truth.depth_m).depth_m.astype(np.float32)
-    by_footing = footing_labels(footage, shipped_unet())
-    both = add_parallax(footage, by_footing)
+    by_contact = contact_labels(footage, shipped_unet())
+    both = add_parallax(footage, by_contact)
     groups = CLASS_TO_GROUP[truth.ids[:, 1::2, 1::2]]
     for source, told in (
-        ("footing", by_footing.depth_m),
-        ("parallax, where footing is silent", _without(both, by_footing)),
+        ("contact", by_contact.depth_m),
+        ("parallax, where contact is silent", _without(both, by_contact)),
     ):
         picked = slice(0, None, every)
         for group, name in enumerate(GROUP_NAMES):

@@ -190,7 +190,7 @@ def pipeline(given: Options) -> None:
     print(f"{'threads':<9}" + "".join(f"{stage:>16}" for stage in (*STAGES, "whole")))
     for threads in given.threads:
         cv2.setNumThreads(threads)
-        none = given.depth == "footing"
+        none = given.depth == "contact"
         perception = Pipeline(
             shipped_unet(given.segmentation, threads=threads),
             None if none else load_depth_estimator(given.depth, threads=threads),
@@ -280,7 +280,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, help="frames, decisions or images that are timed")
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--segmentation", default="unet", choices=SHIPPED_UNETS)
-    parser.add_argument("--depth", default="depth", help="a shipped one, an ONNX file, 'footing'")
+    parser.add_argument("--depth", default="depth", help="a shipped one, an ONNX file, 'contact'")
     parser.add_argument("--share", type=float, default=0.1, help="of the grid, patch by patch")
     given = parser.parse_args()
     name = platform.processor() or platform.machine()

@@ -24,7 +24,7 @@ from uav_bt.tree import Leaf, Port, Status
 
 __all__ = ["BuildCorridor", "EstimateDepth"]
 
-_FOOTING = "footing"
+_CONTACT = "contact"
 
 
 class EstimateDepth(Leaf):
@@ -39,7 +39,7 @@ class EstimateDepth(Leaf):
         Port(
             *("model", str),
             default="depth",
-            doc="'depth', 'depth-fp32', an ONNX file, or 'footing' (no network)",
+            doc="'depth', 'depth-fp32', an ONNX file, or 'contact' (no network)",
         ),
         Port(
             "source",
@@ -58,9 +58,9 @@ class EstimateDepth(Leaf):
 
         model = self.port_value("model")
         self._stage = DepthStage(
-            None if model == _FOOTING else self._load(model, mission),
+            None if model == _CONTACT else self._load(model, mission),
             MetricDepthMaker(
-                source=_FOOTING if model == _FOOTING else self.port_value("source"),
+                source=_CONTACT if model == _CONTACT else self.port_value("source"),
                 generator=mission.rng(self.path),
             ),
         )

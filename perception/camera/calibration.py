@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.checkerboards import LEAST_CORNERS, Corners, Grey, find_any_board, find_board
+from perception.camera.checkerboards import MIN_CORNERS, Corners, Grey, find_any_board, find_board
 from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
 from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel
@@ -33,9 +33,9 @@ class CalibrationConfig:
     """What is tried and what is believed."""
 
     square_m: float = 0.02  # edge of a square; changes distances, never the camera
-    least_images: int = 3  # of a layout; fewer leave the focal length open
-    most_layouts: int = 12  # tried, those with the most corners in all
-    most_images: int = 80  # a layout's camera is solved from; more take minutes and add nothing
+    min_images: int = 3  # of a layout; fewer leave the focal length open
+    max_layouts: int = 12  # tried, those with the most corners in all
+    max_images: int = 80  # a layout's camera is solved from; more take minutes and add nothing
     stray_factor: float = 3.0  # a photograph this many times worse than the median is left out
     stray_floor_px: float = 0.5  # but not when it is this good
     tie: float = 0.02  # errors closer than this are equal: then more corners win
@@ -80,12 +80,12 @@ def calibrate(
     """Find the camera's intrinsics.
 
     Args:
-        photographs: by name, what reads the picture as (H, W) grey; all of one size.
+        photographs: by name, what reads the image as (H, W) grey; all of one size.
         config: what is tried.
-        advance: told of the progress.
+        advance: called with the progress.
 
     Raises:
-        ShapeError: the pictures differ in size.
+        ShapeError: the images differ in size.
         InputError: too few photographs show a board.
     """
     config = config or CalibrationConfig()
@@ -93,8 +93,8 @@ def calibrate(
     layouts = _layouts(boards, config)
     if not layouts:
         raise InputError(
-            f"a calibration needs at least {config.least_images} photographs that show a "
-            f"checkerboard of {LEAST_CORNERS} inner corners or more, got {len(boards)} of "
+            f"a calibration needs at least {config.min_images} photographs that show a "
+            f"checkerboard of {MIN_CORNERS} inner corners or more, got {len(boards)} of "
             f"{len(photographs)}; take more, in good light, with the whole board in view"
         )
     trials = []
@@ -171,9 +171,9 @@ def _layouts(boards: Mapping[str, Corners], config: CalibrationConfig) -> list[t
     counted = {}
     for rows, columns in {grid.shape[:2] for grid in boards.values()}:
         images = sum(_shows(grid, columns, rows) for grid in boards.values())
-        if images >= config.least_images:
+        if images >= config.min_images:
             counted[columns, rows] = columns * rows * images
-    return sorted(counted, key=lambda layout: -counted[layout])[: config.most_layouts]
+    return sorted(counted, key=lambda layout: -counted[layout])[: config.max_layouts]
 
 
 def _shows(grid: Corners, columns: int, rows: int) -> bool:
@@ -196,11 +196,11 @@ def _try_layout(
         for name, grid in boards.items()
         if _shows(grid, columns, rows)
     }
-    names = _spread(list(views), config.most_images)
+    names = _spread(list(views), config.max_images)
     error_px, camera, per_view = _solve([views[name] for name in names], size_px, config)
     limit_px = max(config.stray_floor_px, config.stray_factor * float(np.median(per_view)))
     kept = [name for name, view_px in zip(names, per_view, strict=True) if view_px <= limit_px]
-    if len(kept) < config.least_images:
+    if len(kept) < config.min_images:
         return None
     if len(kept) < len(names):
         error_px, camera, _ = _solve([views[name] for name in kept], size_px, config)
@@ -216,11 +216,11 @@ def _try_layout(
     )
 
 
-def _spread(names: list[str], most: int) -> list[str]:
+def _spread(names: list[str], count: int) -> list[str]:
     """Return so many names at most, evenly from all: neighbours of a video are alike."""
-    if len(names) <= most:
+    if len(names) <= count:
         return names
-    places = np.linspace(0, len(names) - 1, most).round().astype(int)
+    places = np.linspace(0, len(names) - 1, count).round().astype(int)
     return [names[place] for place in places]
 
 
@@ -311,8 +311,8 @@ def _skipped(
                 f"only {grid.shape[1]}x{grid.shape[0]} of {whole} corners found: the board is "
                 "partly out of view, or too small"
             )
-        elif len(boards) > config.most_images:
-            reasons[name] = f"{config.most_images} others are enough"
+        elif len(boards) > config.max_images:
+            reasons[name] = f"{config.max_images} others are enough"
         else:
             reasons[name] = "does not fit the others"
     return reasons

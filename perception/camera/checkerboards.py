@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError
 
-__all__ = ["LEAST_CORNERS", "Corners", "Grey", "find_any_board", "find_board"]
+__all__ = ["MIN_CORNERS", "Corners", "Grey", "find_any_board", "find_board"]
 
 Grey = NDArray[np.uint8]  # (H, W)
 Corners = NDArray[np.float32]  # (rows, columns, 2): column and row in the image of each corner
 
-LEAST_CORNERS = 12  # 4x3: fewer say little more than the board's four corners do
+MIN_CORNERS = 12  # 4x3: fewer say little more than the board's four corners do
 
-_SEARCH_PX = 1280  # longer pictures are searched shrunk to this, and refined at full size
+_SEARCH_PX = 1280  # longer images are searched shrunk to this, and refined at full size
 # What the search starts to grow a board from. Small ones are found in any clutter, so the larger
 # goes first.
 _SEEDS = ((7, 5), (4, 3))
@@ -31,7 +31,7 @@ def find_any_board(image: Grey) -> Corners | None:
         Its inner corners, with at least as many columns as rows; None where there is no board.
 
     Raises:
-        ShapeError: the picture is not grey.
+        ShapeError: the image is not grey.
     """
     small, shrink = _searchable(image)
     best: Corners | None = None
@@ -47,7 +47,7 @@ def find_any_board(image: Grey) -> Corners | None:
             best = grid
         if best.size > 2 * 2 * seed[0] * seed[1]:
             break  # grown to twice the seed: no piece of clutter
-    if best is None or best.size < 2 * LEAST_CORNERS:
+    if best is None or best.size < 2 * MIN_CORNERS:
         return None
     return _refined(image, best, shrink)
 
@@ -64,7 +64,7 @@ def find_board(image: Grey, columns: int, rows: int) -> Corners | None:
         (rows, columns, 2) its inner corners, or None.
 
     Raises:
-        ShapeError: the picture is not grey.
+        ShapeError: the image is not grey.
     """
     small, shrink = _searchable(image)
     for flags in (0, cv2.CALIB_CB_EXHAUSTIVE):
@@ -76,9 +76,9 @@ def find_board(image: Grey, columns: int, rows: int) -> Corners | None:
 
 
 def _searchable(image: Grey) -> tuple[Grey, float]:
-    """Return the picture small enough to search, and how many of its pixels one of those spans."""
+    """Return the image small enough to search, and how many of its pixels one of those spans."""
     if image.ndim != 2:
-        raise ShapeError("picture of a board", expected="HxW, grey", actual=image.shape)
+        raise ShapeError("image of a board", expected="HxW, grey", actual=image.shape)
     longest = max(image.shape)
     if longest <= _SEARCH_PX:
         return image, 1.0
@@ -98,7 +98,7 @@ def _canonical(grid: Corners) -> Corners:
 
 
 def _refined(image: Grey, grid: Corners, shrink: float) -> Corners:
-    """Place corners to a part of a pixel of the full picture.
+    """Place corners to a part of a pixel of the full image.
 
     Also where nothing was shrunk: the search errs to one side, which in the twin moves the camera's
     centre by half a pixel; this scatters more and errs less.

@@ -1,4 +1,4 @@
-"""Take a lens's distortion out of pictures, so that straight edges are straight."""
+"""Take a lens's distortion out of images, so that straight edges are straight."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ __all__ = ["Undistorter"]
 
 
 class Undistorter:
-    """Undistorts pictures of one camera; keeps the map from picture to picture."""
+    """Undistorts images of one camera; keeps the map from image to image.
+
+    Args:
+        camera: as calibrated, with its distortion, at the images' size.
+    """
 
     def __init__(self, camera: CameraModel) -> None:
-        """Make the map.
-
-        Args:
-            camera: as calibrated, with its distortion, at the pictures' size.
-        """
         self._camera = camera
         self._map: tuple[Any, Any] | None = None
         self._matrix = np.array(
@@ -38,11 +37,11 @@ class Undistorter:
 
     @property
     def camera(self) -> CameraModel:
-        """The camera of the undistorted pictures: the same intrinsics, no distortion."""
+        """The camera of the undistorted images: the same intrinsics, no distortion."""
         return replace(self._camera, distortion=())
 
-    def picture(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the undistorted picture; black where the lens saw nothing.
+    def undistort(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the undistorted image; black where the lens saw nothing.
 
         Args:
             image: (H, W) or (H, W, 3) uint8 at the camera's size.
@@ -53,13 +52,13 @@ class Undistorter:
         size = (self._camera.height_px, self._camera.width_px)
         if image.shape[:2] != size:
             expected = f"{size[0]}x{size[1]}, as its camera"
-            raise ShapeError("picture", expected=expected, actual=image.shape)
+            raise ShapeError("image", expected=expected, actual=image.shape)
         if self._map is None:
             return image
         return np.asarray(cv2.remap(image, *self._map, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def points(self, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return where pixels of the distorted picture are in the undistorted one.
+        """Return where pixels of the distorted image are in the undistorted one.
 
         Args:
             pixels: (..., 2) column and row.

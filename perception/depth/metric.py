@@ -1,4 +1,4 @@
-"""Metric depth of a frame: a network's relative depth and its scale, footing, or both."""
+"""Metric depth of a frame: a network's relative depth and its scale, ground contact, or both."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, GroundPlane, view_of
 from perception.depth.contact.contacts import Remembered
-from perception.depth.contact.depth import FootingConfig, FootingDepth, footing_depth
+from perception.depth.contact.depth import ContactDepth, ContactDepthConfig, contact_depth
 from perception.depth.scale import (
     AdaptiveScale,
     Scale,
@@ -40,8 +40,8 @@ __all__ = [
     "remembered_bases",
 ]
 
-Source = Literal["network", "footing", "fused"]
-SOURCES: Final[tuple[Source, ...]] = ("network", "footing", "fused")
+Source = Literal["network", "contact", "fused"]
+SOURCES: Final[tuple[Source, ...]] = ("network", "contact", "fused")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class MetricDepthConfig:
     max_m: float = 20.0  # beyond any lab; what a scale makes of a network's sky
     roll_rad: float = 0.0  # of the image, its right side down; what the gimbal is known to leave
     sampling: ScaleConfig = field(default_factory=ScaleConfig)
-    footing: FootingConfig = field(default_factory=FootingConfig)
+    contact: ContactDepthConfig = field(default_factory=ContactDepthConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,9 @@ class MetricDepth:
     """Metric depth, or why there is none or less than asked for."""
 
     depth: DepthMap | None
-    refusal: str = ""  # for the status line and the records; without a scale footing may remain
+    refusal: str = (
+        ""  # for the status line and the records; without a scale ground contact may remain
+    )
     scale: Scale | None = None  # of the network's depth; None where none went in
     relative: DepthMap | None = None  # the network's own depth, where it was asked here
 
@@ -71,9 +73,9 @@ class MetricDepthMaker:
     """Makes metric depth from a frame's class map, telemetry and relative depth.
 
     Args:
-        source: ``network`` (relative depth times scale), ``footing`` (masks and geometry, NaN where
-            they know nothing) or ``fused`` (footing where it knows, the network elsewhere, never
-            further than footing allows).
+        source: ``network`` (relative depth times scale), ``contact`` (masks and geometry, NaN where
+            they know nothing) or ``fused`` (those where they know, the network elsewhere, never
+            further than they allow).
         scale: of the network's depth; None for the adaptive one.
         generator: draws the carpet's pixels.
         config: when a frame is refused.
@@ -111,7 +113,7 @@ class MetricDepthMaker:
             frame: its telemetry gives the ground plane.
             class_map: of that frame.
             camera: intrinsics, at any size.
-            relative: the network's depth of that frame, at any size; not needed for ``footing``.
+            relative: the network's depth of that frame, at any size; not needed for ``contact``.
             remembered: obstacles' bases seen earlier, for those out of view now.
         """
         refusal = self._refusal(frame, class_map, relative)
@@ -122,27 +124,27 @@ class MetricDepthMaker:
         if not view.height_m > 0.0:
             return MetricDepth(depth=None, refusal="no height above the carpet")
         ground = GroundPlane.of(view)
-        footing = None
+        contact = None
         if self._source != "network":
-            footing = footing_depth(
+            contact = contact_depth(
                 class_map.ids,
                 view,
-                self._config.footing,
+                self._config.contact,
                 ground=ground,
                 remembered=remembered,
             )
-        known = None if footing is None else _as_map(footing, frame.captured_s)
-        if self._source == "footing" or relative is None:
-            return _footing_only(known, none="nothing in view stands on carpet")
+        known = None if contact is None else _as_map(contact, frame.captured_s)
+        if self._source == "contact" or relative is None:
+            return _contact_only(known, none="nothing in view stands on carpet")
         fitting = _resized(relative.depth, view)
         sampling, ids = self._config.sampling, class_map.ids
         sample = sample_carpet(fitting, ids, ground.depth_m, self._generator, sampling)
         scale = self._scale.update(sample, frame.captured_s)
         if scale is None:
             why = "too little carpet" if sample is None else "the carpet disagrees with itself"
-            return _footing_only(known, none=f"no scale: {why}", less=f"no scale: {why}")
+            return _contact_only(known, none=f"no scale: {why}", less=f"no scale: {why}")
         return MetricDepth(
-            depth=self._fused(scale, fitting, footing, frame.captured_s), scale=scale
+            depth=self._fused(scale, fitting, contact, frame.captured_s), scale=scale
         )
 
     def _refusal(self, frame: Frame, class_map: ClassMap, relative: DepthMap | None) -> str:
@@ -157,25 +159,25 @@ class MetricDepthMaker:
             return "the frame is black"
         if class_map.captured_s != frame.captured_s:
             return "the class map is of another frame"
-        return "" if self._source == "footing" else _relative_refusal(frame, relative)
+        return "" if self._source == "contact" else _relative_refusal(frame, relative)
 
     def _fused(
         self,
         scale: Scale,
         relative: NDArray[np.float32],
-        footing: FootingDepth | None,
+        contact: ContactDepth | None,
         captured_s: float,
     ) -> DepthMap:
         metres = np.clip(scale.apply(relative), 0.0, self._config.max_m)
-        if footing is not None:
-            metres = np.where(np.isfinite(footing.depth), footing.depth, metres)
-            metres = np.minimum(metres, footing.at_most)
+        if contact is not None:
+            metres = np.where(np.isfinite(contact.depth), contact.depth, metres)
+            metres = np.minimum(metres, contact.at_most)
         return DepthMap(
             depth=np.asarray(metres, dtype=np.float32),
             metric=True,
             captured_s=captured_s,
             confidence=scale.confidence,
-            at_most=None if footing is None else footing.at_most,
+            at_most=None if contact is None else contact.at_most,
         )
 
 
@@ -204,20 +206,20 @@ def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
     return "" if np.isfinite(relative.depth).all() else "relative depth is not finite"
 
 
-def _footing_only(known: DepthMap | None, *, none: str, less: str = "") -> MetricDepth:
-    """Return what footing knows; a map of nothing would read as a free way."""
+def _contact_only(known: DepthMap | None, *, none: str, less: str = "") -> MetricDepth:
+    """Return what ground contact knows; a map of nothing would read as a free path."""
     if known is None or not np.isfinite(known.depth).any():
         return MetricDepth(depth=None, refusal=none)
     return MetricDepth(depth=known, refusal=less)
 
 
-def _as_map(footing: FootingDepth, captured_s: float) -> DepthMap:
+def _as_map(contact: ContactDepth, captured_s: float) -> DepthMap:
     return DepthMap(
-        depth=footing.depth,
+        depth=contact.depth,
         metric=True,
         captured_s=captured_s,
-        confidence=footing.known_share,
-        at_most=footing.at_most,
+        confidence=contact.known_share,
+        at_most=contact.at_most,
     )
 
 

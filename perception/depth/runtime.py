@@ -24,31 +24,29 @@ __all__ = ["SHIPPED_DEPTHS", "OnnxDepthEstimator", "load_depth_estimator"]
 SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
 """The depth networks that come with the package: in 8-bit integers, and in floats."""
 
-_FURTHEST: Final = 1e4  # of a disparity of nought: so far that nothing there matters
+_MAX_DEPTH: Final = 1e4  # of a disparity of zero: so far that nothing there matters
 
 
 class OnnxDepthEstimator:
     """A depth network in an ONNX file.
 
-    The network has one picture as input, (1, 3, H, W) RGB in [0, 1] of a fixed size, and one output
+    The network has one image as input, (1, 3, H, W) RGB in [0, 1] of a fixed size, and one output
     (1, 1, h, w) or (1, h, w), h and w at most H and W: relative depth along the optical axis, or
     its inverse. The same frame always gives the same depth, also with other work beside it.
+
+    Args:
+        path: the ONNX file.
+        says: what the output means; a disparity is turned over.
+        threads: of inference.
+
+    Raises:
+        WeightsError: the file is absent or damaged, or the network is no depth network.
+        UnknownNameError: `says` is neither.
     """
 
     def __init__(
         self, path: Path, *, says: Literal["depth", "disparity"] = "depth", threads: int = 1
     ) -> None:
-        """Load and compile the network.
-
-        Args:
-            path: the ONNX file.
-            says: what the output means; a disparity is turned over.
-            threads: of inference.
-
-        Raises:
-            WeightsError: the file is absent or damaged, or the network is no depth network.
-            UnknownNameError: `says` is neither.
-        """
         if threads < 1:
             raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         if says not in ("depth", "disparity"):
@@ -68,11 +66,6 @@ class OnnxDepthEstimator:
         """Width and height that frames are resized to."""
         return self._size
 
-    @property
-    def output_px(self) -> tuple[int, int]:
-        """Width and height of the depth maps."""
-        return self._output_px
-
     def estimate(self, frame: Frame) -> DepthMap:
         """Return the relative depth of a frame, at the size of the network's output.
 
@@ -83,7 +76,7 @@ class OnnxDepthEstimator:
         return DepthMap(depth=depth, metric=False, captured_s=frame.captured_s)
 
     def depth(self, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Return relative depth, (h, w) float32, positive, of a picture, (H, W, 3) uint8 RGB."""
+        """Return relative depth, (h, w) float32, positive, of an image, (H, W, 3) uint8 RGB."""
         output = self._run(shrunk(rgb, self._size)).reshape(self._output_px[::-1])
         if not np.isfinite(output).all():
             raise WeightsError(self._path, "the network's answer holds NaN or infinity")
@@ -91,7 +84,7 @@ class OnnxDepthEstimator:
             meant = "disparity" if self._inverse else "depth"
             raise WeightsError(self._path, f"a {meant} must be positive, got {output.min():.3g}")
         if self._inverse:
-            return np.asarray(1.0 / np.maximum(output, 1.0 / _FURTHEST), dtype=np.float32)
+            return np.asarray(1.0 / np.maximum(output, 1.0 / _MAX_DEPTH), dtype=np.float32)
         return np.array(output, dtype=np.float32)  # a copy: the next frame overwrites the tensor
 
     def _run(self, rgb: NDArray[np.uint8]) -> NDArray[Any]:

@@ -95,7 +95,7 @@ class DepthStage:
         velocity = state.velocity
         speed_mps = math.hypot(velocity.forward_mps, velocity.right_mps, velocity.down_mps)
         if speed_mps > self._config.moving_mps and np.array_equal(before, self._last_image):
-            return "the picture is frozen"
+            return "the image is frozen"
         return ""
 
     def _misfit(self, frame: Frame, camera: CameraModel) -> str:

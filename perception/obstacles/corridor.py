@@ -99,13 +99,13 @@ class CorridorPlanes:
             (-down, config.up_m),
             (down, config.down_m),
         )
-        least_m = np.float32(config.focal_factor * config.image_plane_m)
+        min_m = np.float32(config.focal_factor * config.image_plane_m)
         depth = np.full(forward.shape, _NEVER)
         side = np.zeros(forward.shape, dtype=np.uint8)
         for index, (towards, distance_m) in enumerate(planes):
             crossed = np.full(forward.shape, _NEVER)
             np.divide(np.float32(distance_m), towards, out=crossed, where=towards > 1e-6)
-            crossed[crossed <= least_m] = _NEVER
+            crossed[crossed <= min_m] = _NEVER
             nearer = crossed < depth
             depth[nearer] = crossed[nearer]
             side[nearer] = index
@@ -157,8 +157,8 @@ def build_corridor(
         nearest_m=math.inf if nearest is None else float(range_m[nearest]),
         nearest_side=None if nearest is None else SIDES[planes.side.ravel()[found[nearest]]],
         time_to_impact_s=_impact(free_m, velocity, config),
-        nearest_left_m=_least(range_m[points[1] < 0.0], config.stray_px),
-        nearest_right_m=_least(range_m[points[1] >= 0.0], config.stray_px),
+        nearest_left_m=_nearest_m(range_m[points[1] < 0.0], config.stray_px),
+        nearest_right_m=_nearest_m(range_m[points[1] >= 0.0], config.stray_px),
         unknown_px=int(np.count_nonzero(lost)),
     )
 
@@ -166,7 +166,7 @@ def build_corridor(
 def intruding_pixels(
     depth: DepthMap, planes: CorridorPlanes, *, things: NDArray[np.bool_] | None = None
 ) -> NDArray[np.bool_]:
-    """Return the pixels that `build_corridor` finds inside the corridor, (H, W), for pictures.
+    """Return the pixels that `build_corridor` finds inside the corridor, (H, W), for images.
 
     Raises:
         ShapeError: the sizes differ.
@@ -214,7 +214,7 @@ def _nearest(distances: NDArray[np.float32], stray_px: int) -> int | None:
     return int(np.argpartition(distances, stray_px)[stray_px])
 
 
-def _least(distances: NDArray[np.float32], stray_px: int) -> float:
+def _nearest_m(distances: NDArray[np.float32], stray_px: int) -> float:
     place = _nearest(distances, stray_px)
     return math.inf if place is None else float(distances[place])
 
@@ -234,7 +234,7 @@ def _free(
         ahead = known & (metres * forward + offset_m > 0.0)
         ahead &= (across >= -config.left_m) & (across <= config.right_m)
         ahead &= (below >= -config.up_m) & (below <= config.down_m)
-    return _least(metres[ahead] * forward[ahead] + np.float32(offset_m), config.stray_px)
+    return _nearest_m(metres[ahead] * forward[ahead] + np.float32(offset_m), config.stray_px)
 
 
 def _impact(free_m: float, velocity: BodyVelocity | None, config: CorridorConfig) -> float:

@@ -1,7 +1,7 @@
 """How the camera moved between frames, from the drone's own telemetry.
 
 The gimbal's pitch and the heading turn the camera; the velocity, integrated, moves it. No truth is
-needed, and unlike a pose network's the movement is in metres. What the pictures themselves say of
+needed, and unlike a pose network's the movement is in metres. What the images themselves say of
 the carpet makes it exact (`perception.odometry.planar_flow`).
 """
 
@@ -31,7 +31,7 @@ class TrackConfig:
     # Headings are noisy by about a third of a degree, more than a pixel; a local parabola through
     # their neighbours within some such time keeps turns and loses most of the noise.
     yaw_window_s: float = 0.15
-    height_window_s: float = 0.4  # likewise; nothing climbs and dives within it
+    height_window_s: float = 0.4  # of the height's parabola; nothing climbs and dives within it
 
     def __post_init__(self) -> None:
         if not min(self.yaw_window_s, self.height_window_s) > 0.0:
@@ -121,7 +121,7 @@ def measured_motion(
         config: how points are followed.
 
     Returns:
-        (3, 4), metres; None where the pictures do not show enough carpet.
+        (3, 4), metres; None where the images do not show enough carpet.
     """
     apart = _turns(track.yaw_rad[origin : origin + 1])[0].T @ (
         track.position_m[target] - track.position_m[origin]

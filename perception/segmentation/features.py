@@ -1,4 +1,4 @@
-"""The teacher's view of a picture: hue, saturation and value histograms of square patches.
+"""The teacher's view of an image: hue, saturation and value histograms of square patches.
 
 Mocanu et al. (arXiv 2510.16624, first level): a 40x40 patch in HSV becomes 90 hue, 64 saturation
 and 36 value bins, concatenated to 190 numbers. They do not give the bin edges; ours, for OpenCV's
@@ -50,19 +50,19 @@ _BIN_OF_LEVEL: Final = np.stack(
 
 
 def hsv_of(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the 8-bit HSV picture, (H, W, 3), of an RGB picture.
+    """Return the 8-bit HSV image, (H, W, 3), of an RGB image.
 
     Args:
         rgb: (H, W, 3) uint8.
 
     Raises:
-        ShapeError: the picture is not (H, W, 3).
-        ValueRangeError: the picture is not uint8.
+        ShapeError: the image is not (H, W, 3).
+        ValueRangeError: the image is not uint8.
     """
     if rgb.ndim != 3 or rgb.shape[2] != 3:
-        raise ShapeError("picture", expected="HxWx3", actual=rgb.shape)
+        raise ShapeError("image", expected="HxWx3", actual=rgb.shape)
     if rgb.dtype != np.uint8:
-        raise ValueRangeError(f"a picture must be uint8, got {rgb.dtype}")
+        raise ValueRangeError(f"an image must be uint8, got {rgb.dtype}")
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), dtype=np.uint8)
 
 
@@ -70,7 +70,7 @@ def channel_tables(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the weight of each 8-bit level of each channel.
 
     A linear model on the histograms of a patch is a sum over its pixels, and a pixel adds the
-    weights of its three bins; this table gives them without binning the picture first.
+    weights of its three bins; this table gives them without binning the image first.
 
     Args:
         weights: (190,) weights of a linear model.
@@ -92,18 +92,18 @@ def patch_slices(
     """Return rows and columns of the patch of a pixel.
 
     An even window has no middle pixel: it starts ``patch_px // 2`` before its pixel. Near the
-    picture's border the window is shifted inwards, so that it is always whole and never holds
+    image's border the window is shifted inwards, so that it is always whole and never holds
     invented pixels.
 
     Raises:
-        ValueRangeError: the pixel lies outside the picture, or the picture is smaller than a patch.
+        ValueRangeError: the pixel lies outside the image, or the image is smaller than a patch.
     """
     if patch_px > min(width_px, height_px):
         raise ValueRangeError(
-            f"a picture of {width_px}x{height_px} is smaller than a patch of {patch_px} pixels"
+            f"an image of {width_px}x{height_px} is smaller than a patch of {patch_px} pixels"
         )
     if not (0 <= x < width_px and 0 <= y < height_px):
-        raise ValueRangeError(f"pixel ({x}, {y}) lies outside the {width_px}x{height_px} picture")
+        raise ValueRangeError(f"pixel ({x}, {y}) lies outside the {width_px}x{height_px} image")
     left = min(max(x - patch_px // 2, 0), width_px - patch_px)
     top = min(max(y - patch_px // 2, 0), height_px - patch_px)
     return slice(top, top + patch_px), slice(left, left + patch_px)
@@ -113,17 +113,15 @@ class WindowMeans:
     """Means over all whole windows of planes of one size; its memory is used again and again.
 
     Fresh arrays of this size cost more time in page faults than the sums themselves.
+
+    Raises:
+        ValueRangeError: the plane is smaller than a window.
     """
 
     def __init__(self, *, width_px: int, height_px: int, side_px: int) -> None:
-        """Set the memory aside.
-
-        Raises:
-            ValueRangeError: the plane is smaller than a window.
-        """
         if side_px > min(height_px, width_px):
             raise ValueRangeError(
-                f"a picture of {width_px}x{height_px} is smaller than a window of {side_px} pixels"
+                f"an image of {width_px}x{height_px} is smaller than a window of {side_px} pixels"
             )
         self._side = side_px
         self._total = np.empty((height_px + 1, width_px + 1))
@@ -136,7 +134,7 @@ class WindowMeans:
             plane: (H, W) float64; left with its mean subtracted.
         """
         side, total, inner = self._side, self._total, self._inner
-        # Sums of what exceeds the mean stay small over the whole picture, as do rounding errors.
+        # Sums of what exceeds the mean stay small over the whole image, as do rounding errors.
         mean = float(plane.mean())
         np.subtract(plane, mean, out=plane)
         cv2.integral(plane, total, sdepth=cv2.CV_64F)
@@ -177,7 +175,7 @@ def patch_features(
 
     Raises:
         ShapeError: the points are not (N, 2).
-        ValueRangeError: a point lies outside the picture.
+        ValueRangeError: a point lies outside the image.
     """
     if points.ndim != 2 or points.shape[1] != 2:
         raise ShapeError("points", expected="Nx2", actual=points.shape)

@@ -32,5 +32,5 @@ class CountedAsCarpet:
 
     def segment(self, frame: Frame) -> ClassMap:
         """Return the class map, ground as carpet."""
-        told = self._segmenter.segment(frame)
-        return replace(told, ids=self._table[told.ids])
+        class_map = self._segmenter.segment(frame)
+        return replace(class_map, ids=self._table[class_map.ids])

@@ -26,9 +26,9 @@ _UNSEEN_SHARE: Final = 0.1  # of a pixel's chance goes to colours no pick showed
 def colour_codes(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """Return the code (0 to 32767) of each pixel's coarse colour, for (..., 3) uint8 RGB."""
     if rgb.shape[-1] != 3:
-        raise ShapeError("picture", expected="HxWx3", actual=rgb.shape)
+        raise ShapeError("image", expected="HxWx3", actual=rgb.shape)
     if rgb.dtype != np.uint8:
-        raise ValueRangeError(f"a picture must be uint8, got {rgb.dtype}")
+        raise ValueRangeError(f"an image must be uint8, got {rgb.dtype}")
     coarse = (rgb >> (8 - _BITS)).astype(np.uint16)
     codes = coarse[..., 0] << (2 * _BITS) | coarse[..., 1] << _BITS | coarse[..., 2]
     return np.asarray(codes, dtype=np.uint16)
@@ -42,8 +42,8 @@ def count_colours(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
 def palette_of_counts(counts: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return the log-likelihood of each coarse colour in each class.
 
-    Counts are spread to neighbouring colours, because light and noise differ from picture to
-    picture more than a few thousand picks can show.
+    Counts are spread to neighbouring colours, because light and noise differ from image to
+    image more than a few thousand picks can show.
 
     Args:
         counts: (17, 32768) pixels by class and colour.

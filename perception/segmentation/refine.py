@@ -24,12 +24,12 @@ from uav_bt.errors import ShapeError, ValueRangeError
 
 __all__ = ["RefineConfig", "refined_ids", "sharpened"]
 
-_LEAST_SHARE = 1e-4  # of the neighbourhood; keeps the prior's logarithm finite
+_MIN_SHARE = 1e-4  # of the neighbourhood; keeps the prior's logarithm finite
 
 
 @dataclass(frozen=True, kw_only=True)
 class RefineConfig:
-    """How borders are sharpened; pixels are those of the teacher's 1152x648 picture.
+    """How borders are sharpened; pixels are those of the teacher's 1152x648 image.
 
     The numbers were chosen on the validation scenes.
     """
@@ -90,7 +90,7 @@ def sharpened(
         config: how to sharpen.
 
     Raises:
-        ShapeError: map and picture differ in size.
+        ShapeError: map and image differ in size.
     """
     if ids.shape != rgb.shape[:2]:
         height, width = rgb.shape[:2]
@@ -105,7 +105,7 @@ def sharpened(
         for class_id in present:
             mask = (ids == class_id).astype(np.float32)
             share = cv2.boxFilter(mask, cv2.CV_32F, square, borderType=cv2.BORDER_REPLICATE)
-            score = likelihood[class_id] + config.prior_weight * cv2.log(share + _LEAST_SHARE)
+            score = likelihood[class_id] + config.prior_weight * cv2.log(share + _MIN_SHARE)
             better = score > best
             np.copyto(best, score, where=better)
             np.putmask(better_ids, better, np.uint8(class_id))

@@ -42,27 +42,25 @@ _SHARP: Final = RefineConfig()
 class OnnxSegmenter:
     """A segmentation network in an ONNX file, run by OpenVINO.
 
-    The network has one picture as input, of a fixed size, and one output: class scores
+    The network has one image as input, of a fixed size, and one output: class scores
     (1, C, h, w) or class numbers (1, h, w) or (1, 1, h, w). The same frame always gives the same
     class map, also with other work beside it.
+
+    Args:
+        path: the ONNX file.
+        mapping: what its classes mean, or the file that says so; None for a network that speaks
+            our seventeen.
+        threads: of inference.
+
+    Raises:
+        WeightsError: the file is absent or damaged, or the network is no segmentation network.
+        FileError: the mapping's file is absent or malformed.
+        ValueRangeError: the mapping names a class that the network does not have.
     """
 
     def __init__(
         self, path: Path, mapping: ClassMapping | Path | None = None, *, threads: int = 1
     ) -> None:
-        """Load and compile the network.
-
-        Args:
-            path: the ONNX file.
-            mapping: what its classes mean, or the file that says so; None for a network that speaks
-                our seventeen.
-            threads: of inference.
-
-        Raises:
-            WeightsError: the file is absent or damaged, or the network is no segmentation network.
-            FileError: the mapping's file is absent or malformed.
-            ValueRangeError: the mapping names a class that the network does not have.
-        """
         if threads < 1:
             raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         self._path = path
@@ -100,7 +98,7 @@ class OnnxSegmenter:
         return ClassMap(ids=self.ids(frame.image), captured_s=frame.captured_s)
 
     def ids(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return class ids, (h, w) uint8, of a picture, (H, W, 3) uint8 RGB."""
+        """Return class ids, (h, w) uint8, of an image, (H, W, 3) uint8 RGB."""
         numbers, sound = self._run(shrunk(rgb, self._size))
         if not sound:
             raise WeightsError(self._path, "the network's answer holds NaN or infinity")
@@ -123,7 +121,13 @@ class OnnxSegmenter:
 
 
 class TeacherSegmenter:
-    """The teacher in flight: slow, but nothing stands between the picks and the class map."""
+    """The teacher in flight: slow, but nothing stands between the picks and the class map.
+
+    Args:
+        teacher: the trained teacher.
+        refine: how to sharpen its borders; None leaves the map as the paper makes it.
+        size_px: width and height of the class maps; that of the U-Net's by default.
+    """
 
     def __init__(
         self,
@@ -132,13 +136,6 @@ class TeacherSegmenter:
         *,
         size_px: tuple[int, int] = (224, 112),
     ) -> None:
-        """Keep the teacher.
-
-        Args:
-            teacher: the trained teacher.
-            refine: how to sharpen its borders; None leaves the map as the paper makes it.
-            size_px: width and height of the class maps; that of the U-Net's by default.
-        """
         self._teacher = teacher
         self._refine = refine
         self._size = size_px

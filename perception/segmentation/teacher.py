@@ -1,4 +1,4 @@
-"""The teacher: a one-vs-rest linear SVM on colour histograms, exact for every window of a picture.
+"""The teacher: a one-vs-rest linear SVM on colour histograms, exact for every window of an image.
 
 Mocanu et al. (arXiv 2510.16624) walk a grid of 40x40 patches and classify each. A linear model on
 the histograms of a patch is a sum over the patch's pixels, and a pixel contributes the weights of
@@ -40,7 +40,7 @@ _KIND: Final = "hsv-histogram-svm"
 class TeacherConfig:
     """The teacher's numbers; the defaults are the paper's where it gives them."""
 
-    width_px: int = 1152  # 30 % of 4K (3840x2160), the size the pictures are shrunk to
+    width_px: int = 1152  # 30 % of 4K (3840x2160), the size the images are shrunk to
     height_px: int = 648
     patch_px: int = 40  # side of a patch at that size
     cost: float = 0.1  # the SVM's C; the paper is silent, chosen on the validation scenes
@@ -81,7 +81,7 @@ class Teacher:
         return tuple(np.flatnonzero(np.isfinite(self.bias)).tolist())
 
     def resized(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return the picture at the teacher's size (area interpolation when it shrinks)."""
+        """Return the image at the teacher's size (area interpolation when it shrinks)."""
         size = (self.config.width_px, self.config.height_px)
         if rgb.shape[1::-1] == size:
             return rgb

@@ -90,7 +90,7 @@ class TwinCamera:
         velocity, yaw_rad = measured.velocity, measured.attitude.yaw_rad
         north_mps, east_mps = to_earth(velocity.forward_mps, velocity.right_mps, yaw_rad)
         return VideoFrame(
-            image=self._optics.spoil(clean, capture.index, capture.exposure),
+            image=self._optics.degrade(clean, capture.index, capture.exposure),
             captured_s=captured_s,
             captured_utc_s=captured_s + self._utc_offset_s,
             attitude=measured.attitude,

@@ -37,15 +37,14 @@ class Motion(Pose):
 
 
 class Airframe:
-    """The drone's body in a lab's physics."""
+    """The drone's body in a lab's physics.
+
+    Args:
+        lab: the compiled scene.
+        lag_s: first-order lag from demanded to real acceleration, seconds.
+    """
 
     def __init__(self, lab: LabModel, *, lag_s: float) -> None:
-        """Make the body's state.
-
-        Args:
-            lab: the compiled scene.
-            lag_s: first-order lag from demanded to real acceleration, seconds.
-        """
         self._model = lab.model
         self.data: Any = mujoco.MjData(lab.model)
         self._position = self.data.qpos[:7]

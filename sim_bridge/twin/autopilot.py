@@ -96,7 +96,7 @@ class Autopilot:
 
     @property
     def movement(self) -> MovementStatus | None:
-        """The fate of the latest `MoveBy`."""
+        """The state of the latest `MoveBy`."""
         return self._movement
 
     @property
@@ -162,7 +162,7 @@ class Autopilot:
             self._enter(Mode.HOLD)
 
     def refuse(self, move: MoveBy) -> None:
-        """Answer a movement that may not be flown; one that was told before keeps its fate."""
+        """Answer a movement that may not be flown; one sent before keeps its state."""
         if self._movement is None or self._movement.id != move.id:
             self._movement = MovementStatus(id=move.id, state=MovementState.REJECTED)
 

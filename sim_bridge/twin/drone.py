@@ -38,6 +38,16 @@ class TwinDrone:
     """A simulated ANAFI in the simulated lab; implements the `Drone` protocol.
 
     Time stands still except in `clock.sleep_until`, which steps the physics in steps of 10 ms.
+
+    Args:
+        scene: the lab.
+        profile: limits and imperfections.
+        seed: of everything random, from 0.
+        image_size_px: width and height of the video, 16:9.
+        realtime: keep pace with the wall clock instead of running as fast as it can.
+
+    Raises:
+        ValueRangeError: the seed is negative or the size is not 16:9.
     """
 
     def __init__(
@@ -49,18 +59,6 @@ class TwinDrone:
         image_size_px: tuple[int, int] = (640, 360),
         realtime: bool = False,
     ) -> None:
-        """Describe the flight; nothing is built before `connect`.
-
-        Args:
-            scene: the lab.
-            profile: limits and imperfections.
-            seed: of everything random, from 0.
-            image_size_px: width and height of the video, 16:9.
-            realtime: keep pace with the wall clock instead of running as fast as it can.
-
-        Raises:
-            ValueRangeError: the seed is negative or the size is not 16:9.
-        """
         if seed < 0:
             raise ValueRangeError(f"the seed must be zero or a positive number, got {seed}")
         self._scene = scene
@@ -125,7 +123,7 @@ class TwinDrone:
         return self._connected().simulation
 
     def connect(self) -> None:
-        """Build the lab and the picture-maker; the drone stands at its start.
+        """Build the lab and the image-maker; the drone stands at its start.
 
         Raises:
             MissingDependencyError: OpenGL does not work here, with what to install.
@@ -160,17 +158,17 @@ class TwinDrone:
         return Observation(frame=self._last, state=simulation.state())
 
     def _draw(self, flight: _Flight, capture: Capture) -> Frame:
-        camera, told = self._camera, capture.telemetry
+        camera, telemetry = self._camera, capture.telemetry
         clean = flight.renderer.rgb(capture.camera, camera.width_px, camera.height_px)
         return Frame(
-            image=flight.optics.spoil(clean, capture.index, capture.exposure),
+            image=flight.optics.degrade(clean, capture.index, capture.exposure),
             index=capture.index,
             captured_s=capture.time_s,
             gimbal_pitch_rad=capture.camera.pitch_rad,
-            attitude=told.attitude,
-            altitude_m=told.altitude_m,
-            height_m=told.height_m,
-            height_above_carpet_m=told.height_above_carpet_m,
+            attitude=telemetry.attitude,
+            altitude_m=telemetry.altitude_m,
+            height_m=telemetry.height_m,
+            height_above_carpet_m=telemetry.height_above_carpet_m,
         )
 
     def send(self, command: Command) -> Command:
@@ -196,7 +194,7 @@ class TwinDrone:
         )
 
     def disconnect(self) -> None:
-        """Free the picture-maker; safe to call twice."""
+        """Free the image-maker; safe to call twice."""
         if self._flight is not None:
             self._flight.renderer.close()
             self._flight = None

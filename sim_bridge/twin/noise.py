@@ -39,17 +39,15 @@ class OrnsteinUhlenbeck:
     """A random value that wanders around zero and forgets where it was after a while.
 
     The discrete step is exact: whatever the step, the value's standard deviation is `std`.
+
+    Args:
+        std: standard deviation in the long run; 0 keeps the value at 0.
+        time_s: correlation time.
+        step_s: time between two calls of `step`.
+        stream: where the randomness comes from.
     """
 
     def __init__(self, *, std: float, time_s: float, step_s: float, stream: NormalStream) -> None:
-        """Start at a value drawn from the process's long-run distribution.
-
-        Args:
-            std: standard deviation in the long run; 0 keeps the value at 0.
-            time_s: correlation time.
-            step_s: time between two calls of `step`.
-            stream: where the randomness comes from.
-        """
         self._keep = math.exp(-step_s / time_s)
         self._kick = std * math.sqrt(1.0 - self._keep**2)
         self._stream = stream

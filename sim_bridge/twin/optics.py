@@ -1,4 +1,4 @@
-"""What a real camera does to a clean picture: blur, exposure, noise."""
+"""What a real camera does to a clean image: blur, exposure, noise."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SCATTER = 2654435761  # Knuth's multiplicative hash: neighbouring frames get un
 
 
 class Optics:
-    """Spoils pictures of one size the same way every time.
+    """Applies a camera's blur, exposure and noise to images of one size, the same every time.
 
     Noise is drawn once; each frame uses it from another place on, which costs a tenth of drawing
     it anew.
@@ -34,11 +34,11 @@ class Optics:
             self._brighter = np.maximum(noise, 0.0).astype(np.uint8)
             self._darker = np.maximum(-noise, 0.0).astype(np.uint8)
 
-    def spoil(self, image: NDArray[np.uint8], index: int, exposure: float) -> NDArray[np.uint8]:
-        """Return the picture as the camera would send it.
+    def degrade(self, image: NDArray[np.uint8], index: int, exposure: float) -> NDArray[np.uint8]:
+        """Return the image as the camera would send it.
 
         Args:
-            image: clean picture, (H, W, 3) RGB.
+            image: clean image, (H, W, 3) RGB.
             index: the frame's number, which decides its noise.
             exposure: relative brightness, 1 is right.
         """

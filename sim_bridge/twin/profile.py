@@ -58,7 +58,7 @@ class Profile:
     yaw_noise_std_rad: float = 0.005  # rad, white
     battery_life_s: float = 1500.0  # s from full to empty, as the ANAFI's 25 minutes
 
-    # What its pictures show besides.
+    # What its images show besides.
     image_noise_std: float = 3.0  # grey levels, white, each channel
     blur_sigma_px: float = 0.5  # pixels at 640 wide, scaled with the size; 0 is none
     exposure_std: float = 0.03  # relative brightness error of the automatic exposure

@@ -29,17 +29,15 @@ class Reference:
     """What to follow: world axes; yaw counter-clockwise and unwrapped.
 
     The drone gets `acceleration` as it is and trails behind by the lag of its thrust; so what it is
-    held to is the point that trails likewise (`trailing`, `trailing_velocity`). Held to the leading
-    point instead, it would have to fly faster than the limits to catch up.
+    held to is the point that trails in the same way (`trailing`, `trailing_velocity`). Held to the
+    leading point instead, it would have to fly faster than the limits to catch up.
+
+    Args:
+        profile: the limits, and the lag of the thrust.
+        step_s: time between two calls of `trail`.
     """
 
     def __init__(self, profile: Profile, step_s: float) -> None:
-        """Stand at the origin.
-
-        Args:
-            profile: the limits, and the lag of the thrust.
-            step_s: time between two calls of `trail`.
-        """
         self._profile = profile
         lag = profile.thrust_lag_s
         self._gain = 1.0 - math.exp(-step_s / lag) if lag > 0.0 else 1.0

@@ -1,7 +1,7 @@
 """Draws what a camera in the lab sees: colours, class ids and depth, at any size.
 
 The lab does not move and the drone does not see itself, so MuJoCo's list of things to draw is made
-once; afterwards a picture costs only setting the camera and drawing. A size with another aspect
+once; afterwards an image costs only setting the camera and drawing. A size with another aspect
 than the camera's is the same view resized, never cropped.
 """
 
@@ -26,20 +26,18 @@ _ASPECT = 9.0 / 16.0
 
 
 class Renderer:
-    """Pictures of one lab. Belongs to the thread that made it; close it when done.
+    """Images of one lab. Belongs to the thread that made it; close it when done.
+
+    Args:
+        lab: what to draw.
+        samples: anti-aliasing samples a pixel. None by default: without a GPU four samples
+            double the time of every image, and the lens blur softens the edges anyway.
 
     Raises:
         MissingDependencyError: OpenGL does not work here, with what to install.
     """
 
     def __init__(self, lab: LabModel, *, samples: int = 0) -> None:
-        """Open a GL context and load the lab into it.
-
-        Args:
-            lab: what to draw.
-            samples: anti-aliasing samples a pixel. None by default: without a GPU four samples
-                double the time of every picture, and the lens blur softens the edges anyway.
-        """
         model = lab.model
         model.vis.quality.offsamples = samples
         self._size = (model.vis.global_.offwidth, model.vis.global_.offheight)
@@ -90,7 +88,7 @@ class Renderer:
 
     @property
     def scene(self) -> Any:
-        """MuJoCo's scene, for those who change the light between pictures."""
+        """MuJoCo's scene, for those who change the light between images."""
         return self._scene
 
     def rgb(self, pose: CameraPose, width_px: int, height_px: int) -> NDArray[np.uint8]:

@@ -34,16 +34,15 @@ class Telemetry:
 
 
 class Sensors:
-    """Adds to the true motion what an ANAFI's sensors would get wrong."""
+    """Adds to the true motion what an ANAFI's sensors would get wrong.
+
+    Args:
+        profile: how wrong they are.
+        seed: the flight's seed.
+        start_z_m: height of the body's centre above the carpet where it stands at first.
+    """
 
     def __init__(self, profile: Profile, seed: int, *, start_z_m: float) -> None:
-        """Start the sensors.
-
-        Args:
-            profile: how wrong they are.
-            seed: the flight's seed.
-            start_z_m: height of the body's centre above the carpet where it stands at first.
-        """
         self._profile = profile
         self._start_z_m = start_z_m
         self._white = NormalStream(child_seed(seed, 1))

@@ -39,20 +39,18 @@ class Simulation:
     """One flight; the same seed and the same commands give the same flight.
 
     Time moves only in `run_until`.
+
+    Args:
+        scene: the lab.
+        lab: the same, compiled.
+        profile: limits and imperfections.
+        seed: of everything random.
+        start: the body's centre when standing.
     """
 
     def __init__(
         self, scene: Scene, lab: LabModel, profile: Profile, seed: int, start: Pose
     ) -> None:
-        """Put the drone at its start, motors off.
-
-        Args:
-            scene: the lab.
-            lab: the same, compiled.
-            profile: limits and imperfections.
-            seed: of everything random.
-            start: the body's centre when standing.
-        """
         self._scene = scene
         self._profile = profile
         self._steps = 0
@@ -128,15 +126,15 @@ class Simulation:
 
     def state(self) -> DroneState:
         """Return the telemetry of this moment."""
-        told = self._telemetry
+        telemetry = self._telemetry
         return DroneState(
             captured_s=self.now_s,
             flying=self._autopilot.flying_state,
-            attitude=told.attitude,
-            velocity=told.velocity,
-            altitude_m=told.altitude_m,
-            height_m=told.height_m,
-            height_above_carpet_m=told.height_above_carpet_m,
+            attitude=telemetry.attitude,
+            velocity=telemetry.velocity,
+            altitude_m=telemetry.altitude_m,
+            height_m=telemetry.height_m,
+            height_above_carpet_m=telemetry.height_above_carpet_m,
             gimbal_pitch_rad=self._gimbal_rad,
             battery=max(0.0, 1.0 - self.now_s / self._profile.battery_life_s),
             movement=self._autopilot.movement,

@@ -1,4 +1,4 @@
-"""Pictures of a lab without flying: for training networks and for measuring them."""
+"""Images of a lab without flying: for training networks and for measuring them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _TRIES = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """One picture with its truth."""
+    """One image with its truth."""
 
     image: NDArray[np.uint8]  # (H, W, 3) RGB
     ids: NDArray[np.uint8]  # (h, w) exact class ids of the same view
@@ -56,13 +56,13 @@ def render_views(
     Args:
         scene: the lab.
         poses: where the camera is and looks.
-        size_px: width and height of the pictures, 16:9.
-        truth_size_px: width and height of ids and depth (the same view resized); as the pictures
+        size_px: width and height of the images, 16:9.
+        truth_size_px: width and height of ids and depth (the same view resized); as the images
             when None.
-        profile: spoil the pictures with this profile's blur, exposure error and noise; clean when
+        profile: degrade the images by this profile's blur, exposure error and noise; clean when
             None.
-        vary_light: change the lamp's direction, strength and tint from picture to picture.
-        seed: of noise, exposure and light; the same seed gives the same pictures.
+        vary_light: change the lamp's direction, strength and tint from image to image.
+        seed: of noise, exposure and light; the same seed gives the same images.
 
     Yields:
         One view per pose, in order.
@@ -83,7 +83,7 @@ def render_views(
             image = renderer.rgb(pose, *size_px)
             if optics is not None and profile is not None:
                 error = np.random.default_rng(child_seed(seed, 7, index)).standard_normal()
-                image = optics.spoil(image, index, 1.0 + profile.exposure_std * float(error))
+                image = optics.degrade(image, index, 1.0 + profile.exposure_std * float(error))
             ids, depth = renderer.ids_and_depth(pose, *truth_size)
             yield View(image=image, ids=ids, depth=depth, pose=pose)
 

@@ -97,7 +97,7 @@ class CalibratedDrone:
         if seen.frame is None:
             return seen
         if self._last is None or self._last[0] is not seen.frame:
-            straight = replace(seen.frame, image=undistorter.picture(seen.frame.image))
+            straight = replace(seen.frame, image=undistorter.undistort(seen.frame.image))
             self._last = seen.frame, straight
         return replace(seen, frame=self._last[1])
 

@@ -87,7 +87,7 @@ def segmentation(
     "--model",
     default="depth",
     show_default=True,
-    help="'depth', 'depth-fp32', an ONNX network, or 'footing': masks and geometry, no network.",
+    help="'depth', 'depth-fp32', an ONNX network, or 'contact': masks and geometry, no network.",
 )
 @click.option(
     "--masks",
@@ -121,7 +121,7 @@ def depth(
     Prints the paper's tables, its figures beside ours: lengths of obstacles' edges, distances from
     the camera, what wrong telemetry and masks cost, and what the safety corridor sees.
     """
-    network = None if model == "footing" else load_depth_estimator(model, threads=2)
+    network = None if model == "contact" else load_depth_estimator(model, threads=2)
     plan = images.ImagePlan(
         views=DepthViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed), masks=masks
     )

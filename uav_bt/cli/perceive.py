@@ -50,7 +50,7 @@ __all__ = ["perceive"]
     "--model",
     default="depth",
     show_default=True,
-    help="Depth network: 'depth', an ONNX file, or 'footing' (masks and geometry, no network).",
+    help="Depth network: 'depth', an ONNX file, or 'contact' (masks and geometry, no network).",
 )
 @click.option(
     "--segmentation",
@@ -135,7 +135,7 @@ def _show(summary: PerceiveSummary) -> None:
         ("telemetry", summary.telemetry),
         ("metric depth", f"in {summary.frames - none} frames, none in {none}"),
         *(("", f"none in {count}: {why}") for why, count in summary.without_depth.items()),
-        *(("", f"footing only in {count}: {why}") for why, count in summary.in_part.items()),
+        *(("", f"contact only in {count}: {why}") for why, count in summary.in_part.items()),
         ("helipad", f"seen in {summary.with_helipad} frames"),
         *(
             (name, f"{spent.p50:.1f} ms median, {spent.p99:.1f} ms 99 %")

@@ -116,8 +116,8 @@ def segmentation(
 @run_option("depth", "labels, checkpoint, scores and images")
 @click.option(
     "--labels",
-    type=click.Choice(["footing", "none"]),
-    default="footing",
+    type=click.Choice(["contact", "none"]),
+    default="contact",
     show_default=True,
     help="Labels beside the frames: depth from masks and geometry, or none.",
 )
@@ -175,11 +175,11 @@ def depth(
         pose=pose,  # type: ignore[arg-type]  # click checked it
         photometric=1.0 if photometric else 0.0,
         geometry=0.1 if photometric else 0.0,
-        labels=1.0 if labels == "footing" else 0.0,
+        labels=1.0 if labels == "contact" else 0.0,
     )
     with progress_bars() as advance:
         read = depth_training.read_flights(
-            flights, shipped_unet() if labels == "footing" else None, run, advance=advance
+            flights, shipped_unet() if labels == "contact" else None, run, advance=advance
         )
         score = depth_training.train_depth(
             read,

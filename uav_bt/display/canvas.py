@@ -1,6 +1,6 @@
-"""Drawing on pictures: the colours, the type and the few shapes that all panes share.
+"""Drawing on images: the colours, the type and the few shapes that all panes share.
 
-Pictures are (H, W, 3) uint8 RGB and are drawn on in place. Texts are plain ASCII: OpenCV 4 draws
+Images are (H, W, 3) uint8 RGB and are drawn on in place. Texts are plain ASCII: OpenCV 4 draws
 nothing else.
 """
 
@@ -90,7 +90,7 @@ def text_width_px(text: str, scale: float = 0.5, *, bold: bool = False) -> int:
 def tag(
     image: Image, text: str, at_px: tuple[int, int], *, colour: Colour = INK, scale: float = 0.45
 ) -> None:
-    """Write a text on a dark plate, so that it reads on any picture; kept inside the picture."""
+    """Write a text on a dark plate, so that it reads on any image; kept inside the image."""
     height_px, width_px = image.shape[:2]
     wide, high = text_width_px(text, scale) + 12, round(44 * scale)
     left = min(max(at_px[0], 0), max(width_px - wide, 0))
@@ -119,7 +119,7 @@ def polygon(
 
 
 def blend_polygon(image: Image, points_px: Sequence[Point], fill: Colour, opacity: float) -> None:
-    """Lay a translucent polygon over a picture; only its bounding box is touched."""
+    """Lay a translucent polygon over an image; only its bounding box is touched."""
     points = np.asarray(points_px, dtype=np.float64)
     height_px, width_px = image.shape[:2]
     left, top = (max(int(v), 0) for v in np.floor(points.min(axis=0)))

@@ -1,4 +1,4 @@
-"""The lab from above: what stands where, world metres to pixels, pictures of flown paths."""
+"""The lab from above: what stands where, world metres to pixels, images of flown paths."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ __all__ = [
 _CARPET: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)
 _FLOOR_GRID: Final[Colour] = (30, 33, 40)
-_UNNAMED: Final[Colour] = (150, 156, 166)  # before the mission has said what it is doing
+_UNNAMED: Final[Colour] = (150, 156, 166)  # before the mission names a phase
 # Bright on the carpet, apart from one another; given out in the order in which phases appear.
 _PHASE_COLOURS: Final[tuple[Colour, ...]] = (
     (170, 178, 190),
@@ -86,7 +86,7 @@ class MapFrame:
 
     size_px: tuple[int, int]  # width, height
     scale_px_per_m: float
-    centre_m: Point = (0.0, 0.0)  # what lies in the picture's middle
+    centre_m: Point = (0.0, 0.0)  # what lies in the image's middle
 
     @classmethod
     def around(
@@ -126,7 +126,7 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
 
     Args:
         lab_map: what stands there; None draws the grid alone.
-        frame: where the world lies in the picture.
+        frame: where the world lies in the image.
 
     Returns:
         (H, W, 3) uint8 RGB.
@@ -197,12 +197,12 @@ def draw_path_map(
     size_px: tuple[int, int] = (960, 780),
     title: str = "",
 ) -> Image:
-    """Return the picture of a flown path, coloured by phase, with a legend.
+    """Return the image of a flown path, coloured by phase, with a legend.
 
     Args:
         lab_map: what stands in the lab; None draws the grid alone.
         path: from the first tick to the last.
-        size_px: width and height of the picture.
+        size_px: width and height of the image.
         title: a line at the top.
 
     Returns:

@@ -75,7 +75,7 @@ class LiveMap:
         self._frame = MapFrame.around(extent_m, size_px)
         self._camera = camera
         self._lab = draw_lab(lab_map, self._frame)
-        self._drawn = 1  # points of the path that are already on the picture
+        self._drawn = 1  # points of the path that are already on the image
         self._phases: list[str] = []
 
     def draw(
@@ -115,7 +115,7 @@ class LiveMap:
         self._drawn = max(len(points), 1)
 
     def _around(self, pose: Pose, forward_m: float, right_m: float) -> Point:
-        """Return where a point given from the body's centre lies in the picture."""
+        """Return where a point given from the body's centre lies in the image."""
         return self._frame.to_px(*pose.to_world(forward_m, -right_m))
 
     def _draw_fix(self, image: Image, pose: Pose, fix: HelipadFix) -> None:

@@ -57,11 +57,11 @@ def _directions(forward: float, right: float, down: float, unit: str) -> list[st
 
 
 def _joined(verb: str, parts: list[str], yaw_rad: float, per: str) -> str:
-    said = [f"{verb} {', '.join(parts)}"] if parts else []
+    words = [f"{verb} {', '.join(parts)}"] if parts else []
     if abs(yaw_rad) >= _NO_TURN_RAD:
         side = "right" if yaw_rad > 0 else "left"
-        said.append(f"turn {abs(math.degrees(yaw_rad)):.0f} deg{per} {side}")
-    return ", ".join(said) or "hold"
+        words.append(f"turn {abs(math.degrees(yaw_rad)):.0f} deg{per} {side}")
+    return ", ".join(words) or "hold"
 
 
 def describe_fix(fix: HelipadFix | None, age_s: float) -> str:

@@ -18,7 +18,7 @@ from perception.depth.training.clips import ClipSource, DepthLabels, Flight
 from perception.depth.training.labelling import (
     LABEL_SIZE_PX,
     add_parallax,
-    footing_labels,
+    contact_labels,
     read_labels,
     write_labels,
 )
@@ -88,7 +88,7 @@ def _kept_labels(
     def tell(stage: str) -> Callable[[int, int], None]:
         return lambda done, total: advance(f"{stage}, {path.stem}", done, total)
 
-    standing = footing_labels(footage, segmenter, advance=tell("footing"))
+    standing = contact_labels(footage, segmenter, advance=tell("contact"))
     made = add_parallax(footage, standing, advance=tell("parallax"))
     folder.mkdir(parents=True, exist_ok=True)
     write_labels(file, made)

@@ -1,4 +1,4 @@
-"""Cameras, and the pictures they take."""
+"""Cameras, and the images they take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a drone is told."""
+"""Commands to a drone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What perception makes of one picture."""
+"""What perception makes of one image."""
 
 from __future__ import annotations
 
@@ -57,6 +57,6 @@ class Corridor:
     nearest_m: float  # nearest intrusion from the body's centre; inf when there is none
     nearest_side: Literal["left", "right", "front", "up", "down"] | None
     time_to_impact_s: float  # at the present speed; inf when nothing is ahead
-    nearest_left_m: float = math.inf  # likewise, of the intrusions left of the way
+    nearest_left_m: float = math.inf  # nearest intrusion left of the path; inf when there is none
     nearest_right_m: float = math.inf
     unknown_px: int = 0  # pixels of things that may be in the corridor, at a depth nobody knows

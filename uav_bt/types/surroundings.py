@@ -45,14 +45,14 @@ class ObstaclePoints:
 
     points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
     captured_s: float  # of the newest frame that went in
-    # (K, 2): likewise, where obstacles of unknown range are assumed for the time being.
+    # (K, 2), in the same frame: where obstacles of unknown range are assumed for the time being.
     assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    # (E, 2): likewise, where the carpet ends.
+    # (E, 2), in the same frame: where the carpet ends.
     edges_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     # Obstacles nearer than the nearest visible carpet, whose base was never seen: their bearings
     # from the heading, clockwise positive, one for each degree that shows them. (M,)
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    # Likewise, where the carpet ends nearer than anything visible. (L,)
+    # Bearings on which the carpet ends nearer than anything visible. (L,)
     unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
@@ -70,14 +70,14 @@ class ObstaclePoints:
     def allows(
         self, forward_m: float, right_m: float = 0.0, *, margin_m: float, assumed: bool = True
     ) -> bool:
-        """Return whether a straight way keeps a margin from every point.
+        """Return whether a straight path keeps a margin from every point.
 
         What is already nearer than the margin may be passed and left, but not approached.
 
         Args:
-            forward_m: the end of the way, from the body's centre.
-            right_m: likewise.
-            margin_m: smallest distance of a point to the way.
+            forward_m: the end of the path, ahead of the body's centre.
+            right_m: the same, to its right.
+            margin_m: smallest distance of a point to the path.
             assumed: whether the assumed points count, too.
         """
         length_m = math.hypot(forward_m, right_m)
@@ -85,8 +85,8 @@ class ObstaclePoints:
         if not len(points) or length_m == 0.0:
             return True
         along = np.clip(points @ (forward_m / length_m, right_m / length_m), 0.0, length_m)
-        way = along[:, None] * (forward_m / length_m, right_m / length_m)
-        then_m = np.linalg.norm(points - way, axis=1)
+        path = along[:, None] * (forward_m / length_m, right_m / length_m)
+        then_m = np.linalg.norm(points - path, axis=1)
         now_m = np.linalg.norm(points, axis=1)
         return bool(np.all((then_m >= margin_m) | (then_m >= now_m - _PASSING_M)))
 
@@ -108,5 +108,5 @@ class HeldTurn:
 
     @property
     def full_turns(self) -> int:
-        """How many full turns found no free way."""
+        """How many full turns found no free path."""
         return int(self.turned_rad / (2.0 * math.pi))

@@ -28,14 +28,14 @@ from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
 from uav_bt.types import PAD_HEIGHT_M
 
-__all__ = ["FootingConfig", "FootingDepth", "footing_depth"]
+__all__ = ["ContactDepth", "ContactDepthConfig", "contact_depth"]
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FootingConfig:
+class ContactDepthConfig:
     """What is known of the lab, and what is believed of a class map."""
 
     pad_height_m: float = PAD_HEIGHT_M  # top of the helipad above the carpet
@@ -46,7 +46,7 @@ class FootingConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FootingDepth:
+class ContactDepth:
     """What masks and geometry know."""
 
     depth: NDArray[np.float32]  # (H, W) metres along the optical axis; NaN where unknown
@@ -54,14 +54,14 @@ class FootingDepth:
     known_share: float  # of the pixels of boxes, roofs and helipad, 0 to 1; 1 when there are none
 
 
-def footing_depth(
+def contact_depth(
     ids: NDArray[np.uint8],
     view: CameraView,
-    config: FootingConfig | None = None,
+    config: ContactDepthConfig | None = None,
     *,
     ground: GroundPlane | None = None,
     remembered: Remembered | None = None,
-) -> FootingDepth:
+) -> ContactDepth:
     """Estimate the depth of carpet, boxes, roofs and helipad.
 
     Args:
@@ -80,17 +80,17 @@ def footing_depth(
         expected = f"{size[0]}x{size[1]}, as its camera"
         raise ShapeError("class map", expected=expected, actual=ids.shape)
     ground, panorama = ground or GroundPlane.of(view), Panorama.of(ids, view)
-    return _Footing(ids, ground, config or FootingConfig(), panorama, remembered).result()
+    return _Estimation(ids, ground, config or ContactDepthConfig(), panorama, remembered).result()
 
 
-class _Footing:
+class _Estimation:
     """The work on one map; its steps share the rays, the panorama and the result."""
 
     def __init__(
         self,
         ids: NDArray[np.uint8],
         ground: GroundPlane,
-        config: FootingConfig,
+        config: ContactDepthConfig,
         panorama: Panorama,
         remembered: Remembered | None,
     ) -> None:
@@ -102,7 +102,7 @@ class _Footing:
         self._at_most = np.where(np.isnan(depth_m), np.float32(np.inf), depth_m)
         self._present = np.bincount(self._ids, minlength=256) > 0
 
-    def result(self) -> FootingDepth:
+    def result(self) -> ContactDepth:
         bases = {box: self._base(box) for box in BOXES if self._present[box]}
         for box, base in bases.items():
             self._fill_sides(box, base)
@@ -117,7 +117,7 @@ class _Footing:
         things = self._ids > CARPET
         count = int(np.count_nonzero(things))
         known = int(np.count_nonzero(things & np.isfinite(self._depth)))
-        return FootingDepth(
+        return ContactDepth(
             depth=self._depth.reshape(self._shape),
             at_most=self._at_most.reshape(self._shape),
             known_share=known / count if count else 1.0,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import view_of
-from perception.depth.contact.depth import footing_depth
+from perception.depth.contact.depth import contact_depth
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
@@ -34,8 +34,8 @@ __all__ = [
     "LABEL_SIZE_PX",
     "LabelConfig",
     "add_parallax",
+    "contact_labels",
     "exact_labels",
-    "footing_labels",
     "frames_of",
     "read_labels",
     "write_labels",
@@ -103,7 +103,7 @@ def _states_of(footage: Footage) -> Iterator[DroneState]:
         )
 
 
-def footing_labels(
+def contact_labels(
     footage: Footage,
     segmenter: Segmenter,
     config: LabelConfig | None = None,
@@ -137,7 +137,7 @@ def footing_labels(
             remembered = remembered_bases(memory.points(), state, frame, footage.camera)
             memory.update(class_map, frame, view.camera)
             if place % config.every == 0:
-                known = footing_depth(class_map.ids, view, remembered=remembered)
+                known = contact_depth(class_map.ids, view, remembered=remembered)
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)
         advance(place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=bound)

@@ -41,7 +41,7 @@ class ParallaxConfig:
     most_misfit_px: float = 0.7  # root mean square of what the depth does not explain
     most_loop_px: float = 0.8  # there and back again
     nearest_m: float = 0.2
-    furthest_m: float = 4.0  # beyond, parallax is too small and footings are seen anyway
+    furthest_m: float = 4.0  # beyond, parallax is too small and ground contacts are seen anyway
 
 
 class Parallax:

@@ -126,9 +126,9 @@ def test_each_frame_is_estimated_once(estimating: LeafBench) -> None:
     assert len(times["relative_depth"]) == len(times["metric_depth"]) == 2
 
 
-def test_footing_flies_without_a_network() -> None:
+def test_contact_flies_without_a_network() -> None:
     """No weights are loaded and no relative depth is written."""
-    bench = LeafBench(EstimateDepth, model="footing")
+    bench = LeafBench(EstimateDepth, model="contact")
     ids = np.full(SIZE[::-1], CARPET, dtype=np.uint8)
     ids[:60, 100:120] = BOXES[0]
     ids[:20] = BACKGROUND
@@ -159,7 +159,7 @@ def test_a_frozen_picture_of_a_moving_drone_is_refused(estimating: LeafBench) ->
     assert estimating.feedback == ""
     first = estimating.board[METRIC_DEPTH].captured_s
     fly(estimating, speed_mps=0.5)
-    assert estimating.feedback == "no depth: the picture is frozen"
+    assert estimating.feedback == "no depth: the image is frozen"
     assert estimating.board[METRIC_DEPTH].captured_s == first
     fly(estimating, speed_mps=0.5, grey=91)
     assert estimating.feedback == ""

@@ -119,7 +119,7 @@ def test_a_lenss_distortion_is_found_and_taken_out(whole: list[Grey]) -> None:
     assert camera.distortion[0] == pytest.approx(-0.12, abs=0.01)
     assert camera.fx_px == pytest.approx(TRUE.fx_px, rel=2e-3)
     undistorter = Undistorter(camera)
-    board = find_board(undistorter.picture(bent[1]), 24, 13)
+    board = find_board(undistorter.undistort(bent[1]), 24, 13)
     true = find_board(whole[1], 24, 13)
     assert board is not None
     assert true is not None
@@ -173,7 +173,7 @@ def test_a_picture_that_does_not_fit_the_others_is_left_out(whole: list[Grey]) -
 
 
 def test_more_pictures_than_are_needed_are_thinned_out(whole: list[Grey]) -> None:
-    found = calibrate(named(whole), CalibrationConfig(most_images=6))
+    found = calibrate(named(whole), CalibrationConfig(max_images=6))
 
     assert len(found.best.images) == 6
     assert len(found.skipped) == 6

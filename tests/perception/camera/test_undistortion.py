@@ -40,7 +40,7 @@ def test_a_bent_line_is_straightened() -> None:
     picture = np.zeros((100, 200), dtype=np.uint8)
     places = np.rint(bent * 16).astype(np.int32)  # sixteenths of a pixel
     cv2.polylines(picture, [places], False, 255, 2, cv2.LINE_AA, 4)
-    straight = Undistorter(BENT).picture(picture)
+    straight = Undistorter(BENT).undistort(picture)
 
     def spread(image: np.ndarray) -> float:
         rows = [np.average(np.arange(100), weights=image[:, c]) for c in range(30, 170, 10)]
@@ -70,13 +70,13 @@ def test_without_distortion_nothing_changes(distortion: tuple[float, ...]) -> No
     undistorter = Undistorter(camera)
     picture = np.random.default_rng(0).integers(0, 255, (100, 200, 3), dtype=np.uint8)
 
-    assert undistorter.picture(picture) is picture
+    assert undistorter.undistort(picture) is picture
     assert undistorter.points(np.array([[3.0, 4.0]])) == pytest.approx(np.array([[3.0, 4.0]]))
 
 
 def test_other_sizes_are_refused() -> None:
     undistorter = Undistorter(BENT)
     with pytest.raises(ShapeError, match="100x200"):
-        undistorter.picture(np.zeros((50, 100, 3), dtype=np.uint8))
+        undistorter.undistort(np.zeros((50, 100, 3), dtype=np.uint8))
     with pytest.raises(ShapeError, match=r"\.\.\.x2"):
         undistorter.points(np.zeros((4, 3)))

@@ -1,4 +1,4 @@
-"""Metric depth from network, footing or both, and every reason why there is none."""
+"""Metric depth from network, contact or both, and every reason why there is none."""
 
 from __future__ import annotations
 
@@ -95,8 +95,8 @@ def test_a_network_of_another_size_is_resized(drawn: View) -> None:
     assert np.median(np.abs(made.depth.depth - drawn.depth)[carpet]) < 0.02
 
 
-def test_footing_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:
-    made = maker("footing").make(frame(drawn), class_map(drawn), CAMERA)
+def test_contact_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) -> None:
+    made = maker("contact").make(frame(drawn), class_map(drawn), CAMERA)
 
     assert made.depth is not None
     assert made.depth.at_most is not None
@@ -107,7 +107,7 @@ def test_footing_needs_no_network_and_leaves_the_unknown_unknown(drawn: View) ->
     assert 0.0 < made.depth.confidence < 1.0
 
 
-def test_fused_takes_footing_where_it_knows_and_the_network_elsewhere(drawn: View) -> None:
+def test_fused_takes_contact_where_it_knows_and_the_network_elsewhere(drawn: View) -> None:
     """The network here is wrong on the box whose base is seen, right elsewhere."""
     wrong = relative(drawn).depth.copy()
     ahead, cut = drawn.ids == BOXES[0], drawn.ids == BOXES[1]
@@ -145,7 +145,7 @@ def test_fused_is_never_further_than_the_ground_allows(drawn: View) -> None:
         ({"captured_s": 9.0}, "class map is of another frame"),
     ],
 )
-@pytest.mark.parametrize("source", ["network", "footing", "fused"])
+@pytest.mark.parametrize("source", ["network", "contact", "fused"])
 def test_a_bad_frame_is_refused_by_name(
     drawn: View, source: str, changes: dict[str, Any], word: str
 ) -> None:
@@ -169,7 +169,7 @@ def test_a_network_that_says_nothing_usable_is_refused_by_name(drawn: View, sour
     assert "no relative depth" in refusal(relative(drawn, captured_s=2.0))
 
 
-def test_without_a_scale_footing_remains(drawn: View) -> None:
+def test_without_a_scale_contact_remains(drawn: View) -> None:
     """The pad's top needs no carpet: its height is known."""
     ids = np.where(drawn.ids == CARPET, BACKGROUND, drawn.ids).astype(np.uint8)
     ids[60:70, 100:120] = HELIPAD_H
@@ -185,7 +185,7 @@ def test_without_a_scale_footing_remains(drawn: View) -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "word"), [("footing", "nothing in view stands"), ("fused", "no scale")]
+    ("source", "word"), [("contact", "nothing in view stands"), ("fused", "no scale")]
 )
 def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> None:
     """It would read as a free way."""
@@ -223,7 +223,7 @@ def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(dra
     assert seen.azimuth_rad == pytest.approx([math.atan2(1.25, ahead)])
 
 
-def test_footing_uses_what_is_remembered(drawn: View) -> None:
+def test_contact_uses_what_is_remembered(drawn: View) -> None:
     """The box on the left is cut off; its outline was seen before."""
     edge = np.linspace(-0.15, 0.15, 7)
     rim = [
@@ -233,7 +233,7 @@ def test_footing_uses_what_is_remembered(drawn: View) -> None:
     points = ObstaclePoints(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
     state = DroneState(captured_s=3.0, flying=FlyingState.HOVERING)
     remembered = remembered_bases(points, state, frame(drawn), CAMERA)
-    made = maker("footing").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)
+    made = maker("contact").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)
 
     assert made.depth is not None
     error_m = np.abs(made.depth.depth - drawn.depth)[drawn.ids == BOXES[1]]

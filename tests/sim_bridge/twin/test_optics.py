@@ -16,7 +16,7 @@ GREY = np.full((90, 160, 3), 120, np.uint8)
 
 def test_an_ideal_camera_changes_nothing() -> None:
     """And returns a picture of its own, so that the clean one stays clean."""
-    result = Optics(IDEAL, 160, 90, 0).spoil(GREY, 3, 1.0)
+    result = Optics(IDEAL, 160, 90, 0).degrade(GREY, 3, 1.0)
     assert np.array_equal(result, GREY)
     assert not np.shares_memory(result, GREY)
 
@@ -24,24 +24,24 @@ def test_an_ideal_camera_changes_nothing() -> None:
 def test_noise_has_the_asked_strength_no_bias_and_no_pattern() -> None:
     """Standard deviation as configured; two frames share nothing; a frame repeats exactly."""
     optics = Optics(replace(IDEAL, image_noise_std=5.0), 160, 90, 7)
-    first, second = (optics.spoil(GREY, k, 1.0).astype(float) - 120 for k in (1, 2))
+    first, second = (optics.degrade(GREY, k, 1.0).astype(float) - 120 for k in (1, 2))
     assert first.std() == pytest.approx(5.0, rel=0.05)
     assert abs(first.mean()) < 0.1
     assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.03
-    assert np.array_equal(optics.spoil(GREY, 1, 1.0).astype(float) - 120, first)
+    assert np.array_equal(optics.degrade(GREY, 1, 1.0).astype(float) - 120, first)
 
 
 def test_exposure_scales_and_saturates() -> None:
     """Twice the light doubles grey and clips white."""
     optics = Optics(IDEAL, 160, 90, 0)
-    assert np.all(optics.spoil(GREY, 0, 1.1) == 132)
-    assert np.all(optics.spoil(GREY + 100, 0, 2.0) == 255)
+    assert np.all(optics.degrade(GREY, 0, 1.1) == 132)
+    assert np.all(optics.degrade(GREY + 100, 0, 2.0) == 255)
 
 
 def test_blur_softens_an_edge_and_keeps_the_mean() -> None:
     """The step over an edge shrinks with the blur's width."""
     edge = np.zeros((90, 160, 3), np.uint8)
     edge[:, 80:] = 200
-    blurred = Optics(replace(IDEAL, blur_sigma_px=4.0), 160, 90, 0).spoil(edge, 0, 1.0)
+    blurred = Optics(replace(IDEAL, blur_sigma_px=4.0), 160, 90, 0).degrade(edge, 0, 1.0)
     assert np.abs(np.diff(blurred[45, :, 0].astype(int))).max() < 120
     assert blurred.mean() == pytest.approx(edge.mean(), rel=0.01)

@@ -113,7 +113,7 @@ def test_a_flight_is_filmed_and_told_at_once(tmp_path: Path) -> None:
 
 
 SECOND_LEVEL = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
-<Segment/><EstimateDepth model="footing"/><BuildCorridor side_m="0.4"/><Land/>
+<Segment/><EstimateDepth model="contact"/><BuildCorridor side_m="0.4"/><Land/>
 </Sequence></BehaviorTree></root>"""
 
 
@@ -134,7 +134,7 @@ def class_maps_size(tmp_path: Path, body: str) -> bool:
 
 
 def test_the_film_makes_room_for_what_the_tree_perceives(tmp_path: Path) -> None:
-    first_level = SECOND_LEVEL.replace('<EstimateDepth model="footing"/>', "")
+    first_level = SECOND_LEVEL.replace('<EstimateDepth model="contact"/>', "")
     first_level = first_level.replace('<BuildCorridor side_m="0.4"/>', "")
     assert class_maps_size(tmp_path, first_level)
     assert not class_maps_size(tmp_path, SECOND_LEVEL)

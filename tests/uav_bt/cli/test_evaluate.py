@@ -15,9 +15,9 @@ ONE_SCENE = ("--scene", "train-b", "--views", 3)
 
 def test_the_ways_without_a_network_are_measured_beside_the_paper(tmp_path: Path) -> None:
     out = tmp_path / "depth.json"
-    result = run("net", "evaluate", "depth", "--model", "footing", *ONE_SCENE, "--out", out)
+    result = run("net", "evaluate", "depth", "--model", "contact", *ONE_SCENE, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "footing on 3 images of train-b, unet masks" in result.stdout
+    assert "contact on 3 images of train-b, unet masks" in result.stdout
     lines = [line.split() for line in result.stdout.splitlines()]
     assert ["the", "paper", "0.0740", "0.0597", "0.0988", "0.0655", "0.8342"] in lines
     assert ["the", "paper", "0.1440", "0.1628", "0.3714"] in lines
@@ -25,13 +25,13 @@ def test_the_ways_without_a_network_are_measured_beside_the_paper(tmp_path: Path
         assert title in result.stdout
     assert "adaptive " not in result.stdout
     written = json.loads(out.read_text())
-    assert written["model"] == "footing"
+    assert written["model"] == "contact"
     assert written["tables"]["distance"][0]["error"]["total"] == written["points"] > 50
 
 
 def test_only_the_tables_asked_for_are_made() -> None:
     result = run(
-        *("net", "evaluate", "depth", "--model", "footing", "--masks", "exact", *ONE_SCENE),
+        *("net", "evaluate", "depth", "--model", "contact", "--masks", "exact", *ONE_SCENE),
         *("--tables", "distance"),
     )
     assert result.exit_code == 0, result.output
@@ -45,9 +45,9 @@ def test_only_the_tables_asked_for_are_made() -> None:
     [
         (["--model", "absent.onnx"], ["absent.onnx"]),
         (["--model", "dept"], ["unknown depth network 'dept'"]),
-        (["--model", "footing", "--tables", "pair"], ["unknown table 'pair'", "'pairs'"]),
-        (["--model", "footing", "--tables", ","], ["no table"]),
-        (["--model", "footing", "--scene", "test-c"], ["unknown scene 'test-c'"]),
+        (["--model", "contact", "--tables", "pair"], ["unknown table 'pair'", "'pairs'"]),
+        (["--model", "contact", "--tables", ","], ["no table"]),
+        (["--model", "contact", "--scene", "test-c"], ["unknown scene 'test-c'"]),
         (["--masks", "teacher"], ["--masks"]),
         (["--views", "0"], ["--views"]),
         (["--out", "nowhere/depth.json"], ["nowhere", "create it first"]),
@@ -71,7 +71,7 @@ def test_figures_that_nobody_knows_are_dashes() -> None:
         "images_with_edges": 0,
         "median_edge_m": None,
         "points": 0,
-        "tables": {"distance": [{"method": "footing", "what": "carpet", "error": error}]},
+        "tables": {"distance": [{"method": "contact", "what": "carpet", "error": error}]},
     }
     lines = list(depth_report(result))
-    assert lines[-1].split() == ["footing", *"------"]
+    assert lines[-1].split() == ["contact", *"------"]

@@ -17,7 +17,7 @@ from uav_bt.app.perceive.pipeline import Pipeline
 
 def perceive(*arguments: object) -> Result:
     """Perceive without a depth network."""
-    return run("net", "perceive", "--model", "footing", *arguments)
+    return run("net", "perceive", "--model", "contact", *arguments)
 
 
 @pytest.fixture

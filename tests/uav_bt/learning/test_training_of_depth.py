@@ -111,7 +111,7 @@ def test_the_command_trains_on_a_record(film: Path, tmp_path: Path) -> None:
                 "--run",
                 str(tmp_path / "run"),
             ),
-            *("--labels", "footing", "--no-photometric", "--no-validate", "--steps", "1"),
+            *("--labels", "contact", "--no-photometric", "--no-validate", "--steps", "1"),
         ],
     )
     assert result.exit_code == 0, result.output

@@ -26,7 +26,7 @@ from uav_bt.types import CameraModel
 
 __all__ = ["Look", "PerceiveOptions"]
 
-_FOOTING: Final = "footing"
+_CONTACT: Final = "contact"
 _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
 
 
@@ -38,7 +38,7 @@ class PerceiveOptions:
     height_m: float = 1.5  # of the camera above the carpet, where no telemetry tells
     gimbal_pitch_rad: float = math.radians(-30)  # 0 level, where no telemetry tells
     telemetry: Path | None = None  # record of the same flight
-    model: str = "depth"  # a shipped one's name, an ONNX file, or "footing" (no network)
+    model: str = "depth"  # a shipped one's name, an ONNX file, or "contact" (no network)
     segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
     classes: Path | None = None  # class-mapping file of a foreign segmentation
     every: int = 1  # images a step; 1 looks at all
@@ -187,9 +187,9 @@ def _segmenter(options: PerceiveOptions) -> Segmenter:
 
 
 def _network(options: PerceiveOptions) -> DepthEstimator | None:
-    if options.model == _FOOTING:
+    if options.model == _CONTACT:
         return None
     if options.model not in SHIPPED_DEPTHS and not options.model.lower().endswith(".onnx"):
-        known = (*SHIPPED_DEPTHS, _FOOTING, "FILE.onnx")
+        known = (*SHIPPED_DEPTHS, _CONTACT, "FILE.onnx")
         raise UnknownNameError("depth model", options.model, known)
     return load_depth_estimator(options.model, threads=options.threads)

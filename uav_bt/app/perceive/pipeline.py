@@ -46,7 +46,7 @@ STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "
 class PipelineConfig:
     """How the stages work; the defaults are those of the leaves."""
 
-    source: str = "fused"  # of metric depth, where there is a network; footing without one
+    source: str = "fused"  # of metric depth, where there is a network; contact without one
     corridor: CorridorConfig = field(default_factory=CorridorConfig)
     carried_s: float = 12.0  # a helipad that was not seen for longer is lost
 
@@ -77,7 +77,7 @@ class Pipeline:
 
     Args:
         segmenter: frame in, class map out.
-        network: frame in, relative depth out; None perceives depth by footing alone.
+        network: frame in, relative depth out; None perceives depth by ground contact alone.
         camera: intrinsics at the frames' size; with distortion where the frames are distorted.
         generator: draws the carpet's pixels for the scale.
         config: how the stages work.
@@ -101,7 +101,7 @@ class Pipeline:
         self._segmenter = segmenter
         self._undistorter = Undistorter(camera)
         maker = MetricDepthMaker(
-            source="footing" if network is None else self._config.source,
+            source="contact" if network is None else self._config.source,
             generator=generator,
         )
         self._depth = DepthStage(network, maker)
@@ -128,7 +128,7 @@ class Pipeline:
             ShapeError: the frame has another size than the camera.
         """
         spent: dict[str, float] = {}
-        frame = replace(frame, image=self._undistorter.picture(frame.image))
+        frame = replace(frame, image=self._undistorter.undistort(frame.image))
         for state in states:
             self._finder.predict(state)
             self._state = state

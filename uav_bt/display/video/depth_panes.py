@@ -95,24 +95,24 @@ def _draw_bar(image: Image, farthest_m: float) -> None:
 
 
 def draw_corridor(
-    picture: Image | None,
+    shown: Image | None,
     corridor: Corridor | None,
     intruding: NDArray[np.bool_] | None,
     size_px: tuple[int, int],
 ) -> Image:
-    """Return the picture, darkened, with what is inside the corridor marked, and words.
+    """Return the image, darkened, with what is inside the corridor marked, and words.
 
     Args:
-        picture: (H, W, 3) RGB, of any size.
-        corridor: of that picture; None draws an empty pane.
+        shown: (H, W, 3) RGB, of any size.
+        corridor: of that image; None draws an empty pane.
         intruding: (h, w) pixels inside the corridor, of any size; None marks none.
         size_px: width and height of the pane.
     """
-    if picture is None or corridor is None:
+    if shown is None or corridor is None:
         return empty_pane("no corridor", size_px)
-    # Nearest: on a darkened picture nobody sees the difference, and it costs a tenth.
+    # Nearest: on a darkened image nobody sees the difference, and it costs a tenth.
     image: Image = np.asarray(
-        cv2.resize(picture, size_px, interpolation=cv2.INTER_NEAREST) // 2, dtype=np.uint8
+        cv2.resize(shown, size_px, interpolation=cv2.INTER_NEAREST) // 2, dtype=np.uint8
     )
     if intruding is not None and intruding.any():
         whole = cv2.resize(intruding.view(np.uint8), size_px, interpolation=cv2.INTER_NEAREST) > 0

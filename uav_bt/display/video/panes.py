@@ -42,7 +42,7 @@ __all__ = [
     "draw_rows",
     "mark_fix",
     "project_fix",
-    "resize_picture",
+    "resize_image",
 ]
 
 _PAD_RADIUS_M: Final = 0.3
@@ -68,7 +68,7 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
 
     Args:
         fix: where the helipad lies.
-        frame: the picture with its telemetry.
+        frame: the image with its telemetry.
         camera: how far ahead of the body's centre the lens sits.
 
     Returns:
@@ -82,12 +82,12 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
 
 
 def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:
-    """Return the camera's picture with the helipad's mark and the policy's word."""
+    """Return the camera's image with the helipad's mark and the policy's reason."""
     record = readings.record
     frame = record.observation.frame
     if frame is None:
-        return _empty("no picture yet", size_px)
-    image = resize_picture(frame.image, size_px)
+        return _empty("no image yet", size_px)
+    image = resize_image(frame.image, size_px)
     if readings.fix.value is not None:
         mark_fix(image, readings.fix.value, frame, camera)
     age_ms = 1000.0 * (record.time_s - frame.captured_s)
@@ -98,16 +98,16 @@ def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int
     return image
 
 
-def resize_picture(picture: Image, size_px: tuple[int, int]) -> Image:
-    """Return a picture as large as its pane."""
+def resize_image(image: Image, size_px: tuple[int, int]) -> Image:
+    """Return an image as large as its pane."""
     # Shrinking by much needs averaging, which costs four times as much.
-    shrinks = picture.shape[1] > 1.5 * size_px[0]
+    shrinks = image.shape[1] > 1.5 * size_px[0]
     interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(picture, size_px, interpolation=interpolation), dtype=np.uint8)
+    return np.asarray(cv2.resize(image, size_px, interpolation=interpolation), dtype=np.uint8)
 
 
 def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -> None:
-    """Ring the helipad on a frame's picture, or point to where it is beyond the border."""
+    """Ring the helipad on a frame's image, or point to where it is beyond the border."""
     if frame.height_above_carpet_m < PAD_HEIGHT_M + _NEAR_M:
         return  # on the pad or about to be: it fills the view
     height_px, width_px = image.shape[:2]
@@ -129,7 +129,7 @@ def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -
 
 
 def _arrow(image: Image, angle_rad: float, words: str, colour: Colour) -> None:
-    """Point from the picture's middle to something outside; the angle is clockwise from right."""
+    """Point from the image's middle to something outside; the angle is clockwise from right."""
     height_px, width_px = image.shape[:2]
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     half_x, half_y = width_px / 2 - 16, height_px / 2 - 16
@@ -160,7 +160,7 @@ def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> No
 def draw_class_map(
     readings: Readings, colours: NDArray[np.uint8], size_px: tuple[int, int]
 ) -> Image:
-    """Return the class map in its colours, as large as the camera's picture.
+    """Return the class map in its colours, as large as the camera's image.
 
     Args:
         readings: of this tick.

@@ -1,4 +1,4 @@
-"""The video of perception at work: picture and helipad, class map, metric depth, corridor."""
+"""The video of perception at work: image and helipad, class map, metric depth, corridor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uav_bt.display.canvas import ACCENT, BACKDROP, DIM, Image, tag
 from uav_bt.display.phrases import describe_fix
 from uav_bt.display.video.depth_panes import draw_corridor, draw_depth
-from uav_bt.display.video.panes import colour_class_map, mark_fix, resize_picture
+from uav_bt.display.video.panes import colour_class_map, mark_fix, resize_image
 from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
@@ -24,7 +24,7 @@ _FLATTEST: Final = 4.0  # panes are at most this many times as wide as high, or 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """What one picture of the video shows."""
+    """What one image of the video shows."""
 
     frame: Frame
     class_map: ClassMap
@@ -39,8 +39,8 @@ class PerceptionPanes:
     """Composes the four panes.
 
     Args:
-        camera: intrinsics at the frames' size. They tell the pictures' true aspect, which a
-            resized picture has lost.
+        camera: intrinsics at the frames' size. They tell the images' true aspect, which a
+            resized image has lost.
         class_colours: (N, 3) uint8 RGB by class id.
 
     Raises:
@@ -63,7 +63,7 @@ class PerceptionPanes:
         return self._size_px
 
     def draw(self, seen: Seen) -> Image:
-        """Return one picture of the video, (H, W, 3) RGB."""
+        """Return one image of the video, (H, W, 3) RGB."""
         (width_px, height_px), (wide, high) = self._size_px, self._pane_px
         image: Image = np.full((height_px, width_px, 3), BACKDROP, dtype=np.uint8)
         image[:high, :wide] = self._draw_frame(seen)
@@ -76,7 +76,7 @@ class PerceptionPanes:
 
     def _draw_frame(self, seen: Seen) -> Image:
         frame, fix = seen.frame, seen.helipad
-        image = resize_picture(frame.image, self._pane_px)
+        image = resize_image(frame.image, self._pane_px)
         if fix is not None:
             mark_fix(image, fix, frame, self._camera)
         tag(image, f"{frame.captured_s:.1f} s", (10, 10), colour=DIM)

@@ -69,7 +69,7 @@ class FlightVideoConfig:
 
     def __post_init__(self) -> None:
         if not 1 <= self.pictures_per_s <= 60:
-            raise ValueRangeError(f"pictures a second must be 1 to 60, got {self.pictures_per_s}")
+            raise ValueRangeError(f"images a second must be 1 to 60, got {self.pictures_per_s}")
         if not 0.1 <= self.speed <= 100.0:
             raise ValueRangeError(f"a video's speed must be 0.1 to 100 times, got {self.speed}")
 
@@ -80,7 +80,7 @@ class FlightVideoConfig:
 
 
 class Panes:
-    """Composes the panes into one picture of 1280x720.
+    """Composes the panes into one image of 1280x720.
 
     The panes of depth and corridor appear with the first metric depth, or when asked for.
 
@@ -125,7 +125,7 @@ class Panes:
         self._intruding = intruding
 
     def draw(self, record: TickRecord, flown: FlownPath) -> Image:
-        """Return the picture of a tick; it is drawn over by the next call."""
+        """Return the image of a tick; it is drawn over by the next call."""
         readings = Readings(
             record=record,
             fix=self._board.read(HELIPAD),
@@ -193,7 +193,7 @@ class FlightVideo:
 
     Args:
         path: the mp4 file; it appears when the video is closed.
-        panes: draws the pictures; may be given later, with `begin`.
+        panes: draws the images; may be given later, with `begin`.
         config: rate, speed and title.
 
     Raises:
@@ -220,24 +220,24 @@ class FlightVideo:
         return self._file.path
 
     def begin(self, panes: Panes) -> None:
-        """Say what draws the pictures, once the drone is connected."""
+        """Say what draws the images, once the drone is connected."""
         self._panes = panes
 
     def on_tick(self, record: TickRecord) -> None:
-        """Draw and write a tick; ticks that come faster than pictures only lengthen the path."""
+        """Draw and write a tick; ticks that come faster than images only lengthen the path."""
         self._flown.add(record)
         if self._panes is None or self._failure is not None:
             return
         if self._first_s is None:
             self._first_s = record.time_s
-        # A hair of tolerance: times are sums of ticks.
+        # With a tolerance: times are sums of ticks.
         slot = math.floor((record.time_s - self._first_s) * self._config.pictures_per_s + 1e-6)
         if slot > self._slot:
             self._last = self._panes.draw(record, self._flown)
             self._write(self._last, slot)
 
     def conclude(self, headline: str, lines: Sequence[str] = (), *, good: bool = True) -> None:
-        """Lay the outcome over the last picture and hold it for a moment."""
+        """Lay the outcome over the last image and hold it for a moment."""
         if self._last is None or self._failure is not None:
             return
         image = _with_outcome(self._last, headline, lines, ACCENT if good else ALARM)
@@ -278,8 +278,8 @@ class FlightVideo:
             error.add_note(f"and the video: {failure}")  # what ended the flight matters more
 
 
-def _with_outcome(picture: Image, headline: str, lines: Sequence[str], colour: Colour) -> Image:
-    image = picture.copy()
+def _with_outcome(last: Image, headline: str, lines: Sequence[str], colour: Colour) -> Image:
+    image = last.copy()
     high = 68 + 26 * len(lines)
     top = (_HEIGHT - high) // 2
     # Over the camera and the class map: the map shows the path, the text how it ended.

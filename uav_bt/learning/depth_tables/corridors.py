@@ -53,12 +53,12 @@ def corridor_table(
 
     Args:
         images: what is looked at.
-        masks: whose masks separate things from carpet and background, and give footing.
+        masks: whose masks separate things from carpet and background, and give the ground contacts.
         advance: called after every setting.
     """
     settings = [CorridorConfig(front_m=front_m) for front_m in FRONTS_M]
     settings += [CorridorConfig(focal_factor=factor) for factor in FOCAL_FACTORS]
-    names = ("adaptive", "fused", "footing")
+    names = ("adaptive", "fused", "contact")
     maps = {
         method.name: metric_maps(method, images, masks)
         for method in methods_for(images)

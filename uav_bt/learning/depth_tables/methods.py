@@ -132,7 +132,7 @@ METHODS: Final = (
     Method(name="least_squares", source="network", collects="least_squares"),
     Method(name="adaptive", source="network"),
     Method(name="fused", source="fused"),
-    Method(name="footing", source="footing"),
+    Method(name="contact", source="contact"),
     Method(name="lowest_pixel", source=None),
     # What the questions give away: edges look as long as they are at about the right distance.
     Method(name="flat", source="network", flat=True),

@@ -211,7 +211,7 @@ def sensitivity_table(
     methods = [
         method
         for method in methods_for(questions.images)
-        if method.name in ("adaptive", "fused", "footing")
+        if method.name in ("adaptive", "fused", "contact")
     ]
     rows = []
     for done, (change, whose, error) in enumerate(changes, start=1):

@@ -1,4 +1,4 @@
-"""Labels without truth: dense flow triangulated, footings, and the exact ones to compare with."""
+"""Labels without truth: triangulated flow, ground contacts, and the exact ones to compare with."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -81,8 +81,8 @@ def test_a_frame_of_another_size_is_refused(known: KnownFlight) -> None:
 # --- labels ---------------------------------------------------------------------------------------
 
 
-def test_footings_label_carpet_and_boxes(known: KnownFlight) -> None:
-    labels = labelling.footing_labels(known.footage, _Exact(known), labelling.LabelConfig(every=5))
+def test_ground_contacts_label_carpet_and_boxes(known: KnownFlight) -> None:
+    labels = labelling.contact_labels(known.footage, _Exact(known), labelling.LabelConfig(every=5))
     assert labels.depth_m.shape == (12, 128, 160)
     big = cv2.resize(
         labels.depth_m[5].astype(np.float32), (320, 256), interpolation=cv2.INTER_NEAREST
@@ -95,7 +95,7 @@ def test_footings_label_carpet_and_boxes(known: KnownFlight) -> None:
 
 def test_low_frames_get_no_labels(known: KnownFlight) -> None:
     config = labelling.LabelConfig(least_height_m=9.0)
-    labels = labelling.footing_labels(known.footage, _Exact(known), config)
+    labels = labelling.contact_labels(known.footage, _Exact(known), config)
     assert np.isnan(labels.depth_m).all()
 
 

@@ -177,7 +177,7 @@ def test_a_picture_that_stands_still_while_the_drone_flies_is_frozen() -> None:
     again = replace(first, index=1, captured_s=0.1)
     assert flying.perceive(first, [state(0.0)]).refusal == ""
     frozen = flying.perceive(again, [state(0.1)])
-    assert (frozen.refusal, frozen.depth) == ("the picture is frozen", None)
+    assert (frozen.refusal, frozen.depth) == ("the image is frozen", None)
     assert "relative_depth" not in frozen.stage_s
 
 

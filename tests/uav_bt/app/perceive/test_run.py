@@ -24,7 +24,7 @@ from uav_bt.app.perceive import PerceiveOptions
 from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.errors import FileError, InputError, ShapeError, UnknownNameError, ValueRangeError
 
-FOOTING = PerceiveOptions(model="footing")
+CONTACT = PerceiveOptions(model="contact")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list
     told: list[tuple[int, int]] = []
     summary = perceive.perceive(
         str(source),
-        FOOTING,
+        CONTACT,
         out=tmp_path / "seen.mp4",
         lines=tmp_path / "seen.jsonl",
         advance=lambda _text, done, total: told.append((done, total)),
@@ -76,7 +76,7 @@ def test_a_video_becomes_a_film_lines_and_a_summary(tmp_path: Path, images: list
 def test_a_record_brings_its_camera_and_its_telemetry(tmp_path: Path, images: list[Image]) -> None:
     source = write_flight(tmp_path / "flight.mcap", images)
     summary = perceive.perceive(
-        str(source), FOOTING, out=tmp_path / "seen.mp4", lines=tmp_path / "seen.jsonl"
+        str(source), CONTACT, out=tmp_path / "seen.mp4", lines=tmp_path / "seen.jsonl"
     )
     assert summary.camera == summary.telemetry == f"of {source}"
     assert facts(tmp_path / "seen.mp4")[0] == (1280, 720)
@@ -90,7 +90,7 @@ def test_a_video_is_looked_at_with_the_telemetry_of_its_flight(
 ) -> None:
     source = write_video(tmp_path / "flight.mp4", images)
     flown = write_flight(tmp_path / "flight.mcap", images[:2])
-    options = replace(FOOTING, telemetry=flown, height_m=9.0)
+    options = replace(CONTACT, telemetry=flown, height_m=9.0)
     summary = perceive.perceive(str(source), options, lines=tmp_path / "seen.jsonl")
     assert summary.camera == f"of {flown}"
     first, *_, last = rows(tmp_path / "seen.jsonl")
@@ -102,7 +102,7 @@ def test_a_video_is_looked_at_with_the_telemetry_of_its_flight(
 def test_moments_without_telemetry_have_no_depth(tmp_path: Path, images: list[Image]) -> None:
     source = write_video(tmp_path / "flight.mp4", images * 2)
     flown = write_flight(tmp_path / "flight.mcap", images[:2])
-    summary = perceive.perceive(str(source), replace(FOOTING, telemetry=flown))
+    summary = perceive.perceive(str(source), replace(CONTACT, telemetry=flown))
     assert summary.without_depth == {"telemetry is not finite": 4}
 
 
@@ -112,15 +112,15 @@ def test_a_folder_needs_as_many_images_as_its_telemetry_has_entries(
     folder = write_images(tmp_path / "views", images)
     whole = write_flight(tmp_path / "whole.mcap", images)
     half = write_flight(tmp_path / "half.mcap", images[:2])
-    assert perceive.perceive(str(folder), replace(FOOTING, telemetry=whole)).without_depth == {}
+    assert perceive.perceive(str(folder), replace(CONTACT, telemetry=whole)).without_depth == {}
     with pytest.raises(ShapeError, match="2, as many as the telemetry has entries, got 4"):
-        perceive.perceive(str(folder), replace(FOOTING, telemetry=half))
+        perceive.perceive(str(folder), replace(CONTACT, telemetry=half))
 
 
 def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", [np.zeros_like(images[0]), images[1]])
     (folder / "2.png").write_bytes(b"no image")
-    summary = perceive.perceive(str(folder), FOOTING, lines=tmp_path / "seen.jsonl")
+    summary = perceive.perceive(str(folder), CONTACT, lines=tmp_path / "seen.jsonl")
     assert summary.frames == 2
     assert summary.without_depth == {"the frame is black": 1}
     assert summary.skipped == ("2.png: is not a readable image",)
@@ -129,7 +129,7 @@ def test_what_cannot_be_seen_is_counted_and_named(tmp_path: Path, images: list[I
 
 def test_every_second_frame_of_the_first_moments(tmp_path: Path, images: list[Image]) -> None:
     source = write_video(tmp_path / "flight.mp4", images * 3)
-    options = replace(FOOTING, every=2, longest_s=0.5)
+    options = replace(CONTACT, every=2, longest_s=0.5)
     summary = perceive.perceive(str(source), options, out=tmp_path / "seen.mp4")
     assert summary.frames == 3
     assert facts(tmp_path / "seen.mp4")[1] == pytest.approx([0.0, 0.2, 0.4])
@@ -148,7 +148,7 @@ def test_a_break_keeps_what_was_written(
     monkeypatch.setattr(Pipeline, "perceive", interrupted)
     folder = write_images(tmp_path / "views", images)
     out, lines = tmp_path / "seen.mp4", tmp_path / "seen.jsonl"
-    summary = perceive.perceive(str(folder), FOOTING, out=out, lines=lines)
+    summary = perceive.perceive(str(folder), CONTACT, out=out, lines=lines)
     assert (summary.frames, summary.interrupted) == (2, True)
     assert len(facts(out)[1]) == len(rows(lines)) == 2
 
@@ -156,13 +156,13 @@ def test_a_break_keeps_what_was_written(
 def test_a_camera_file_is_for_images_of_its_aspect(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", images[:1])
     file = camera_file(tmp_path / "camera.yaml", 640, 360)
-    summary = perceive.perceive(str(folder), replace(FOOTING, camera=file))
+    summary = perceive.perceive(str(folder), replace(CONTACT, camera=file))
     assert summary.camera == f"of {file}"
     wrong = camera_file(tmp_path / "wrong.yaml", 640, 480)
     with pytest.raises(
         ValueRangeError, match=r"640x480 \(aspect 1.333\), the pictures are 320x180"
     ):
-        perceive.perceive(str(folder), replace(FOOTING, camera=wrong))
+        perceive.perceive(str(folder), replace(CONTACT, camera=wrong))
 
 
 def camera_file(path: Path, width_px: int, height_px: int) -> Path:
@@ -178,14 +178,14 @@ def camera_file(path: Path, width_px: int, height_px: int) -> Path:
 def test_images_of_another_aspect_need_a_camera_file(tmp_path: Path) -> None:
     folder = write_images(tmp_path / "views", [np.full((240, 320, 3), 90, np.uint8)])
     with pytest.raises(ValueRangeError, match=r"320x240 \(aspect 1.333\); without a camera file"):
-        perceive.perceive(str(folder), FOOTING)
+        perceive.perceive(str(folder), CONTACT)
 
 
 def test_images_cropped_out_of_the_flight_are_refused(tmp_path: Path, images: list[Image]) -> None:
     folder = write_images(tmp_path / "views", [image[:, 40:280] for image in images])
     flown = write_flight(tmp_path / "flight.mcap", images)
     with pytest.raises(ValueRangeError, match="whole, not cropped"):
-        perceive.perceive(str(folder), replace(FOOTING, telemetry=flown))
+        perceive.perceive(str(folder), replace(CONTACT, telemetry=flown))
 
 
 def test_a_record_and_a_camera_file_contradict_each_other(
@@ -194,13 +194,13 @@ def test_a_record_and_a_camera_file_contradict_each_other(
     source = write_flight(tmp_path / "flight.mcap", images[:1])
     file = camera_file(tmp_path / "camera.yaml", 640, 360)
     with pytest.raises(InputError, match="knows its own camera"):
-        perceive.perceive(str(source), replace(FOOTING, camera=file))
+        perceive.perceive(str(source), replace(CONTACT, camera=file))
 
 
 def test_a_folder_of_unreadable_images_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(b"no image")
     with pytest.raises(InputError, match=r"can be read: a\.png: is not a readable"):
-        perceive.perceive(str(tmp_path), FOOTING)
+        perceive.perceive(str(tmp_path), CONTACT)
 
 
 @pytest.mark.parametrize("what", ["out", "lines"])
@@ -208,7 +208,7 @@ def test_what_is_read_is_never_written_over(tmp_path: Path, images: list[Image],
     source = write_video(tmp_path / "flight.mp4", images)
     before = source.read_bytes()
     with pytest.raises(InputError, match="would be written over what is read"):
-        perceive.perceive(str(source), FOOTING, **{what: source})
+        perceive.perceive(str(source), CONTACT, **{what: source})
     assert source.read_bytes() == before
 
 
@@ -216,13 +216,13 @@ def test_a_file_in_a_missing_folder_is_refused(tmp_path: Path, images: list[Imag
     folder = write_images(tmp_path / "views", images[:1])
     for given in ({"out": tmp_path / "no" / "a.mp4"}, {"lines": tmp_path / "no" / "a.jsonl"}):
         with pytest.raises(FileError, match="cannot be written"):
-            perceive.perceive(str(folder), FOOTING, **given)
+            perceive.perceive(str(folder), CONTACT, **given)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"model": "foting"}, "unknown depth model 'foting'; did you mean 'footing'"),
+        ({"model": "contct"}, "unknown depth model 'contct'; did you mean 'contact'"),
         ({"segmentation": "u-net"}, "unknown segmentation 'u-net'; did you mean 'unet'"),
     ],
 )
@@ -231,7 +231,7 @@ def test_an_unknown_network_is_refused_with_a_suggestion(
 ) -> None:
     folder = write_images(tmp_path / "views", images[:1])
     with pytest.raises(UnknownNameError, match=words):
-        perceive.perceive(str(folder), replace(FOOTING, **options))
+        perceive.perceive(str(folder), replace(CONTACT, **options))
 
 
 @pytest.mark.parametrize(

@@ -190,7 +190,7 @@ def test_the_flat_world_ignores_the_network(
 
 def test_without_a_network_only_the_ways_that_need_none_remain(known: list[SampleImage]) -> None:
     blind = [replace(image, relative=None) for image in known]
-    assert [method.name for method in methods_for(blind)] == ["footing", "lowest_pixel", "flat"]
+    assert [method.name for method in methods_for(blind)] == ["contact", "lowest_pixel", "flat"]
     assert len(methods_for(known)) == len(METHODS)
 
 
@@ -220,10 +220,10 @@ def test_pairs_are_questions_with_every_patch_and_across_faces_without(
 
 def test_points_are_split_into_obstacles_and_carpet(questions: DepthQuestions) -> None:
     rows = {(row.method, row.what): row.error for row in distance_table(questions, "exact")}
-    both, obstacles, carpet = (rows["footing", what] for what in ("both", "obstacles", "carpet"))
+    both, obstacles, carpet = (rows["contact", what] for what in ("both", "obstacles", "carpet"))
     assert both.total == obstacles.total + carpet.total == sum(map(len, questions.points))
     assert carpet.max_m < 0.05
-    assert rows["lowest_pixel", "obstacles"].mean_m > rows["footing", "obstacles"].mean_m
+    assert rows["lowest_pixel", "obstacles"].mean_m > rows["contact", "obstacles"].mean_m
 
 
 def test_wrong_height_costs_in_proportion_and_masks_make_rows(questions: DepthQuestions) -> None:
@@ -234,7 +234,7 @@ def test_wrong_height_costs_in_proportion_and_masks_make_rows(questions: DepthQu
     assert right < five < ten
     # Ten centimetres of 1.5 m are a fifteenth of every distance.
     assert rows["height +0.10 m", "adaptive"].bias_m == pytest.approx(2.0 * five, rel=0.25)
-    assert rows["pitch +2 deg", "footing"].mean_m > rows["pitch +1 deg", "footing"].mean_m
+    assert rows["pitch +2 deg", "contact"].mean_m > rows["pitch +1 deg", "contact"].mean_m
 
 
 # --- corridor -------------------------------------------------------------------------------------
