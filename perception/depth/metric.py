@@ -62,9 +62,7 @@ class MetricDepth:
     """Metric depth, or why there is none or less than asked for."""
 
     depth: DepthMap | None
-    refusal: str = (
-        ""  # for the status line and the records; without a scale ground contact may remain
-    )
+    refusal: str = ""  # for the status line and the records; ground contact may remain
     scale: Scale | None = None  # of the network's depth; None where none went in
     relative: DepthMap | None = None  # the network's own depth, where it was asked here
 

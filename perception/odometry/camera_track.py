@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from perception.odometry.footage import Footage
 from perception.odometry.planar_flow import GroundView, OdometryConfig, ground_motion
@@ -77,7 +78,7 @@ def camera_track(footage: Footage, config: TrackConfig | None = None) -> CameraT
     yaw_rad = _local_parabola(times, headings, footage.captured_s, config.yaw_window_s)
     state_yaw_rad = _local_parabola(times, headings, footage.state_s, config.yaw_window_s)
 
-    flown_m = _integrated(footage.state_s, _levelled(state_yaw_rad, footage.velocity_mps))
+    flown_m = _integrated(footage.state_s, _about_down(state_yaw_rad).apply(footage.velocity_mps))
     centre_m = np.stack(
         [np.interp(footage.captured_s, footage.state_s, flown_m[:, axis]) for axis in range(3)],
         axis=1,
@@ -91,8 +92,8 @@ def camera_track(footage: Footage, config: TrackConfig | None = None) -> CameraT
     )
     level = np.stack([camera_axes(float(pitch)) for pitch in footage.gimbal_pitch_rad])
     return CameraTrack(
-        rotation=_turns(yaw_rad) @ level,
-        position_m=centre_m + _levelled(yaw_rad, lever),
+        rotation=_about_down(yaw_rad).as_matrix() @ level,
+        position_m=centre_m + _about_down(yaw_rad).apply(lever),
         yaw_rad=yaw_rad,
         height_m=-lever[:, 2]
         + _local_parabola(
@@ -123,7 +124,7 @@ def measured_motion(
     Returns:
         (3, 4), metres; None where the images do not show enough carpet.
     """
-    apart = _turns(track.yaw_rad[origin : origin + 1])[0].T @ (
+    apart = _about_down(-track.yaw_rad[origin]).apply(
         track.position_m[target] - track.position_m[origin]
     )
     guess = Pose2D(
@@ -148,7 +149,7 @@ def measured_motion(
     found = ground_motion(first, second, guess, config=config)
     if found is None:
         return None
-    back = _turns(np.array([-found.yaw_rad]))[0]
+    back = _about_down(-found.yaw_rad).as_matrix()
     axes = [camera_axes(view.gimbal_pitch_rad) for view in (first, second)]
     moved = np.array([found.x_m, found.y_m, apart[2]])
     rotation = axes[1].T @ back @ axes[0]
@@ -156,20 +157,9 @@ def measured_motion(
     return np.concatenate([rotation, translation[:, None]], axis=1)
 
 
-def _turns(yaw_rad: Floats) -> Floats:
-    """Return rotations about the downward axis, (N, 3, 3): clockwise seen from above."""
-    c, s, zero, one = (
-        np.cos(yaw_rad),
-        np.sin(yaw_rad),
-        np.zeros_like(yaw_rad),
-        np.ones_like(yaw_rad),
-    )
-    return np.stack([c, -s, zero, s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
-
-
-def _levelled(yaw_rad: Floats, vectors: Floats) -> Floats:
-    """Turn heading-aligned vectors, (N, 3), into the flight's frame."""
-    return np.asarray(np.einsum("nij,nj->ni", _turns(yaw_rad), vectors))
+def _about_down(yaw_rad: float | Floats) -> Rotation:
+    """Return the rotation of each angle about the downward axis, clockwise seen from above."""
+    return Rotation.from_rotvec(np.multiply.outer(yaw_rad, (0.0, 0.0, 1.0)))
 
 
 def _integrated(times_s: Floats, rates: Floats) -> Floats:
