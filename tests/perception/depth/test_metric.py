@@ -199,8 +199,6 @@ def test_a_map_of_nothing_is_no_depth(drawn: View, source: str, word: str) -> No
 def test_unknown_sources_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="fused"):
         maker("fusd")
-    with pytest.raises(UnknownNameError, match="adaptive"):
-        maker("network", "adaptiv")
 
 
 # --- what is remembered ---------------------------------------------------------------------------
