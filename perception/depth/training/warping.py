@@ -1,8 +1,11 @@
-"""See one picture from another camera: through its depth, the movement and the intrinsics.
+"""See one image from another camera: through its depth, the movement and the intrinsics.
 
 Pixel centres are at integer coordinates, as in OpenCV and in `CameraModel`, so the sampling grid
 is normalised by the size less one and sampled with corners aligned: the two belong together, and
 mixing them up shifts everything by up to half a pixel.
+
+kornia's `warp_frame_depth` gives the same values (to 4e-6) in twice the time, and neither the depth
+nor the mask that the losses need; its SSIM has a Gaussian window where SC-Depth's has a mean.
 
 Importing this module imports torch.
 """
@@ -15,6 +18,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from uav_bt.errors import ShapeError
+
 __all__ = ["Warped", "invert_motion", "pixel_rays", "warp"]
 
 _NEAREST = 1e-3  # depth below which a point counts as behind the camera
@@ -26,7 +31,7 @@ class Warped:
 
     values: Tensor  # (N, C, H, W): what the source shows where the target's points fall
     depth: Tensor  # (N, 1, H, W): of those points along the source camera's optical axis
-    valid: Tensor  # (N, 1, H, W) bool: the point falls into the source's picture
+    valid: Tensor  # (N, 1, H, W) bool: the point falls into the source's image
 
 
 def pixel_rays(intrinsics: Tensor, height: int, width: int) -> Tensor:
@@ -59,8 +64,15 @@ def warp(source: Tensor, depth: Tensor, motion: Tensor, intrinsics: Tensor) -> W
         depth: (N, 1, H, W) of the target's pixels along its optical axis.
         motion: (N, 3, 4), from the target camera's frame to the source camera's.
         intrinsics: (N, 4): fx, fy, cx, cy of both, in pixels of that size.
+
+    Raises:
+        ShapeError: depth, motion or intrinsics do not belong to the source.
     """
     count, _, height, width = source.shape
+    expected = {(count, 1, height, width): depth, (count, 3, 4): motion, (count, 4): intrinsics}
+    for shape, tensor in expected.items():
+        if tensor.shape != shape:
+            raise ShapeError("warping", expected="x".join(map(str, shape)), actual=tensor.shape)
     rays = pixel_rays(intrinsics, height, width)
     rotated = motion[:, :, :3] @ rays
     points = rotated * depth.reshape(count, 1, -1) + motion[:, :, 3:]

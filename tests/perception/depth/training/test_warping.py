@@ -8,6 +8,7 @@ from perception.depth.training.losses import photometric_error
 from perception.depth.training.pose_network import motion_matrix
 from perception.depth.training.warping import invert_motion, pixel_rays, warp
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
+from uav_bt.errors import ShapeError
 
 SMALL = torch.tensor([[20.0, 18.0, 7.5, 5.5]], dtype=torch.float64)  # of 16x12 pixels
 STAY = torch.eye(3, 4, dtype=torch.float64)[None]
@@ -106,3 +107,9 @@ def test_gradients_of_depth_and_movement_are_right() -> None:
         return warped.values * warped.valid
 
     assert torch.autograd.gradcheck(seen, (depth, numbers), eps=1e-7, atol=1e-4)
+
+
+def test_a_depth_of_another_size_than_the_image_is_refused() -> None:
+    source = torch.rand(1, 2, 12, 16, dtype=torch.float64)
+    with pytest.raises(ShapeError, match="warping must be 1x1x12x16, got 1x1x6x8"):
+        warp(source, torch.ones(1, 1, 6, 8, dtype=torch.float64), STAY, SMALL)
