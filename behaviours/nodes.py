@@ -18,8 +18,6 @@ from behaviours.perceive.depth import BuildCorridor, EstimateDepth
 from behaviours.perceive.recent_views import RememberViews
 from uav_bt.tree import Leaf
 
-__all__ = ["NODES"]
-
 NODES: Final[tuple[type[Leaf], ...]] = (
     Advise,
     Avoid,

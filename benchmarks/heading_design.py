@@ -25,17 +25,6 @@ from behaviours.fly.heading import HeadingController, HeadingGains
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.plugins import need
 
-__all__ = [
-    "Margins",
-    "StepMetrics",
-    "StepResponse",
-    "YawResponse",
-    "identify",
-    "margins",
-    "step_metrics",
-    "step_response",
-]
-
 _FLOAT = NDArray[np.float64]
 
 # The search for dead time and lag: a grid over all that a drone may show, then ever finer ones.

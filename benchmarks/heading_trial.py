@@ -19,8 +19,6 @@ from uav_bt.errors import DroneError
 from uav_bt.protocols import Drone
 from uav_bt.types import Command, FlyingState, Hover, TakeOff, Velocity, wrap_angle
 
-__all__ = ["YawRecording", "fly_step", "hover", "record_yaw"]
-
 _FLOAT = NDArray[np.float64]
 
 _TAKE_OFF_LIMIT_S = 15.0

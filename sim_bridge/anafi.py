@@ -5,8 +5,6 @@ from __future__ import annotations
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
 
-__all__ = ["CAMERA_FORWARD_M", "FOCAL_SHARE", "anafi_camera"]
-
 CAMERA_FORWARD_M = CameraModel.forward_offset_m  # the lens ahead of the body's centre
 FOCAL_SHARE = 0.7275  # focal length over image width: 69 degrees wide, the video's field of view
 

@@ -15,29 +15,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
 
-__all__ = [
-    "BACKGROUND",
-    "BOXES",
-    "CARPET",
-    "CLASS_COLOURS",
-    "CLASS_COUNT",
-    "CLASS_NAMES",
-    "CLASS_TO_GROUP",
-    "GROUP_BACKGROUND",
-    "GROUP_CARPET",
-    "GROUP_COUNT",
-    "GROUP_HELIPAD",
-    "GROUP_NAMES",
-    "GROUP_OBSTACLE",
-    "HELIPAD_BOX",
-    "HELIPAD_H",
-    "OBSTACLES",
-    "ROOFS",
-    "class_id",
-    "colourise",
-    "group_of",
-]
-
 BACKGROUND: Final = 0
 CARPET: Final = 1
 HELIPAD_H: Final = 2

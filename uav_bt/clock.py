@@ -7,8 +7,6 @@ import time
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Clock
 
-__all__ = ["ManualClock", "TickClock", "WallClock"]
-
 
 class ManualClock:
     """A clock that moves only when told to; for tests and for anything that is simulated."""

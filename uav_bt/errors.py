@@ -24,25 +24,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-__all__ = [
-    "BoardAccessError",
-    "DroneError",
-    "FileError",
-    "InputError",
-    "MissingDependencyError",
-    "MissionError",
-    "NodeFailedError",
-    "ProposalConflictError",
-    "SceneError",
-    "ShapeError",
-    "TreeError",
-    "UavBtError",
-    "UnknownNameError",
-    "ValueRangeError",
-    "WeightsError",
-    "did_you_mean",
-]
-
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the closest known name, or an empty string."""

@@ -9,8 +9,6 @@ from pathlib import Path
 
 from uav_bt.errors import FileError
 
-__all__ = ["reading", "whole_file", "write_whole", "writing"]
-
 
 @contextmanager
 def reading(path: Path, error: type[FileError] = FileError) -> Iterator[None]:

@@ -10,8 +10,6 @@ from typing import Any, Final
 from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 from uav_bt.protocols import LeafPolicy
 
-__all__ = ["BEHAVIOURS", "DRONES", "POLICIES", "load", "make_policy", "names", "need"]
-
 BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
 POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
 DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["Advance", "silent"]
-
 Advance = Callable[[str, int, int], None]
 """Called with the stage's name, the steps done and the steps in all."""
 

@@ -21,20 +21,6 @@ from uav_bt.types import (
     Truth,
 )
 
-__all__ = [
-    "Advice",
-    "Clock",
-    "Decision",
-    "DepthEstimator",
-    "Drone",
-    "DroneConfig",
-    "LeafPolicy",
-    "PolicyView",
-    "Referee",
-    "Scene",
-    "Segmenter",
-]
-
 
 @runtime_checkable
 class Clock(Protocol):

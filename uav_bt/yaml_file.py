@@ -26,8 +26,6 @@ from pydantic_core import ErrorDetails
 from uav_bt.errors import FileError, did_you_mean
 from uav_bt.files import reading
 
-__all__ = ["YamlFile", "read_yaml"]
-
 T = TypeVar("T")
 Steps = tuple[str | int, ...]  # keys of mappings and indices of lists that lead to a value
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from behaviours.fly.steering import SteeringLeaf
 from uav_bt.tree import Status
 
-__all__ = ["Avoid"]
-
 
 class Avoid(SteeringLeaf):
     """Turn away until the policy finds the way free; SUCCESS at once when it is already."""

@@ -12,8 +12,6 @@ from uav_bt.classes import group_of
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
 
-__all__ = ["CorridorClear"]
-
 _RULE = CorridorRuleConfig()
 _AHEAD_RAD = math.radians(20)
 _ABOVE_M = 0.5  # the last of an approach is flown without seeing the pad

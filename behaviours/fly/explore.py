@@ -7,8 +7,6 @@ from uav_bt.board import PHASE
 from uav_bt.tree import Status
 from uav_bt.types import MissionPhase
 
-__all__ = ["Explore"]
-
 
 class Explore(SteeringLeaf):
     """Advance under a leaf policy; FAILURE when the way is blocked (Avoid's turn)."""

@@ -16,8 +16,6 @@ from simple_pid import PID
 
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["HeadingController", "HeadingGains"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingGains:

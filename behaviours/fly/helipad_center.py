@@ -13,8 +13,6 @@ from uav_bt.board import CAMERA, FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Port, Status
 from uav_bt.types import CameraModel, DroneState, GimbalTo, HelipadFix, MissionPhase
 
-__all__ = ["HelipadCenter"]
-
 _STRAIGHT_DOWN = GimbalTo(pitch_rad=-math.pi / 2)
 _LOOKS_DOWN_RAD = math.radians(-85)
 # Without a detection for this long at one height the drone climbs to see more.

@@ -15,8 +15,6 @@ from uav_bt.types import CameraModel, ClassMap, FlyingState, Frame, GimbalTo, Mi
 from uav_bt.types import Land as LandCommand
 from uav_bt.types.projection import ground_points
 
-__all__ = ["EmergencyLand", "Land", "LandingSpot", "nearest_landing_spot"]
-
 _STRAIGHT_DOWN = GimbalTo(pitch_rad=-math.pi / 2)
 _LOOKS_DOWN_RAD = math.radians(-85)
 

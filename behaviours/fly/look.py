@@ -9,8 +9,6 @@ from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import GimbalTo, Hover, MissionPhase
 
-__all__ = ["HelipadKnown", "HoverFor", "Hovering", "PointCamera", "Turn"]
-
 _PITCH_SLACK_RAD = math.radians(2)
 
 

@@ -10,8 +10,6 @@ from uav_bt.board.proposals import Proposals
 from uav_bt.tree import Leaf, Status
 from uav_bt.types import DroneState, MoveBy, MovementState
 
-__all__ = ["Mover", "MovingLeaf", "Progress"]
-
 # Slower than any drone this flies: what takes longer than this was lost on the way.
 _SLOWEST_MPS = 0.1
 _SLOWEST_RADPS = 0.2

@@ -16,8 +16,6 @@ from uav_bt.protocols import Decision
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, GimbalTo, HelipadFix, MissionPhase, Velocity
 
-__all__ = ["ReturnToBase"]
-
 # The pad counts as out of view after this long without a detection: the paper's 15 frames.
 _OUT_OF_VIEW_S = 0.5
 # It can only leave view through the image's lower edge this close; further away it was just missed.

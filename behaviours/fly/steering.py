@@ -22,8 +22,6 @@ from uav_bt.protocols import Decision, LeafPolicy
 from uav_bt.tree import Port
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
 
-__all__ = ["FLOWING", "POLICY", "SteeringLeaf"]
-
 POLICY = Port("policy", str, default="segmentation", doc="leaf policy that chooses the way")
 FLOWING = Port(
     "flowing", bool, default=False, doc="look ahead during a step: lengthen it, or break it off"

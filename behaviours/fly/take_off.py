@@ -10,8 +10,6 @@ from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, GimbalTo, MissionPhase
 from uav_bt.types import TakeOff as TakeOffCommand
 
-__all__ = ["TakeOff"]
-
 _AIRBORNE = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 _HEIGHT_SLACK_M = 0.1
 _PITCH_SLACK_RAD = math.radians(2)

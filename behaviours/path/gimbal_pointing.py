@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import PAD_HEIGHT_M, DroneState, HelipadFix, ObstaclePoints
 
-__all__ = ["GimbalPointing", "GimbalPointingConfig", "shows_unplaced"]
-
 _MIN_BEARINGS = 2  # degrees that must show something of unknown range; fewer are specks of the mask
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Cell", "Floats", "Grid", "costs_to_go", "descent"]
-
 Floats = NDArray[np.float64]
 Cell = tuple[int, int]
 _NEIGHBOURS = tuple(

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from behaviours.path.planner import PathConfig, first_segment
 from uav_bt.types import DroneState, HelipadFix, ObstaclePoints
 
-__all__ = ["PathToPad", "PathToPadConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PathToPadConfig:

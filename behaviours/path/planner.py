@@ -18,8 +18,6 @@ from behaviours.path.straight_edges import EdgeConfig, straight_edges
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import ObstaclePoints, rotate_points
 
-__all__ = ["PathConfig", "first_segment"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PathConfig:

@@ -13,8 +13,6 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EdgeConfig", "straight_edges"]
-
 Floats = NDArray[np.float64]
 
 

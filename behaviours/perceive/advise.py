@@ -16,8 +16,6 @@ from uav_bt.protocols import Advice, Decision, LeafPolicy
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
 
-__all__ = ["Advise"]
-
 
 class Advise(Leaf):
     """Ask a leaf policy about each new view, and write what it says; SUCCESS always.

@@ -11,8 +11,6 @@ from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import PAD_HEIGHT_M
 
-__all__ = ["FindHelipad", "RememberObstacles", "Segment", "StageTimer"]
-
 
 class StageTimer:
     """Adds the wall time of one perception stage to the mission's figures."""

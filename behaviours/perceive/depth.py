@@ -22,8 +22,6 @@ from uav_bt.classes import CARPET
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 
-__all__ = ["BuildCorridor", "EstimateDepth"]
-
 _CONTACT = "contact"
 
 

@@ -11,8 +11,6 @@ from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import PastView, RecentViews
 from uav_bt.types.dead_reckoning import Odometry
 
-__all__ = ["RememberViews"]
-
 
 class RememberViews(Leaf):
     """Keep the frames of the last seconds and where they were captured; SUCCESS always."""

@@ -24,8 +24,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types.projection import project
 
-__all__ = ["CorridorRule", "CorridorRuleConfig", "carpet_reach"]
-
 _ACROSS: int = 9  # samples of the carpet's width at each range
 _RANGE_STEP_M = 0.05
 

@@ -35,8 +35,6 @@ from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import ground_range_to_row
 
-__all__ = ["Rectangle", "SegmentationRule", "SegmentationRuleConfig"]
-
 _REFERENCE_PIXELS = 224 * 112  # the map size that the paper's pixel counts refer to
 
 

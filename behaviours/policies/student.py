@@ -21,8 +21,6 @@ from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import PastView
 
-__all__ = ["StudentPolicy", "StudentPolicyConfig"]
-
 _KEPT: Final = 48  # pictures at the network's size: those of 4 s at 10 frames a second, and more
 
 

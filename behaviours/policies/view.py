@@ -18,8 +18,6 @@ from uav_bt.protocols import PolicyView
 from uav_bt.tree import Leaf
 from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
 
-__all__ = ["VIEW_KEYS", "current_view", "policy_view"]
-
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
     *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, OBSTACLES, RECENT_VIEWS, HELD_TURN),
 )

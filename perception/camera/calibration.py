@@ -23,8 +23,6 @@ from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
 from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel
 
-__all__ = ["Calibration", "CalibrationConfig", "LayoutTrial", "calibrate"]
-
 Photographs = Mapping[str, Callable[[], Grey]]
 
 

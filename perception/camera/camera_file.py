@@ -30,8 +30,6 @@ from uav_bt.files import write_whole
 from uav_bt.types import CameraModel
 from uav_bt.yaml_file import read_yaml
 
-__all__ = ["fitted_camera", "load_camera", "write_camera"]
-
 _DISTORTIONS: Final = (0, 4, 5, 8, 12, 14)  # how many numbers OpenCV's models have
 _ASPECT_SLACK: Final = 0.01  # of the aspect: 1280x720 and 854x480 are both 16:9
 

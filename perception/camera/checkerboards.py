@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError
 
-__all__ = ["MIN_CORNERS", "Corners", "Grey", "find_any_board", "find_board"]
-
 Grey = NDArray[np.uint8]  # (H, W)
 Corners = NDArray[np.float32]  # (rows, columns, 2): column and row in the image of each corner
 

@@ -25,8 +25,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel, Frame
 from uav_bt.types.projection import camera_axes
 
-__all__ = ["CameraView", "GroundPlane", "ground_depth", "level_rays", "ray_lengths", "view_of"]
-
 _LEVEL = 1e-6  # rays that descend less than this per unit of depth never meet the ground
 
 

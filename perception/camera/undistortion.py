@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel
 
-__all__ = ["Undistorter"]
-
 
 class Undistorter:
     """Undistorts images of one camera; keeps the map from image to image.

@@ -8,8 +8,6 @@ from typing import Any, Final
 
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["OUTPUTS", "VERSION", "ControlNetConfig"]
-
 VERSION: Final = 2  # of layers' names, inputs and outputs; files of another one are refused
 
 OUTPUTS: Final = ("advance", "clockwise", "step_m", "carpet_ends", "free_m")

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from uav_bt.types.dead_reckoning import OdometryPose
 
-__all__ = ["EgoState", "mirrored", "state_size", "state_vector"]
-
 # Where the vector is zero: the mission's usual height and camera pitch.
 _HEIGHT_M: Final = 1.5
 _PITCH_RAD: Final = math.radians(-30.0)

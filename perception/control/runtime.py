@@ -17,8 +17,6 @@ from perception.networks.onnx_runtime import compile_model, read_model, shrunk
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
 
-__all__ = ["SHIPPED_STUDENT", "ControlEstimate", "OnnxControlStudent", "decode"]
-
 SHIPPED_STUDENT: Final = SHIPPED_WEIGHTS / "student.onnx"
 
 _COMMAND: Final = "`uav-bt net train student`"

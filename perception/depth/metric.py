@@ -31,15 +31,6 @@ from uav_bt.types import (
     rotate_points,
 )
 
-__all__ = [
-    "SOURCES",
-    "MetricDepth",
-    "MetricDepthConfig",
-    "MetricDepthMaker",
-    "Source",
-    "remembered_bases",
-]
-
 Source = Literal["network", "contact", "fused"]
 SOURCES: Final[tuple[Source, ...]] = ("network", "contact", "fused")
 

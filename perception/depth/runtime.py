@@ -19,8 +19,6 @@ from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import DepthMap, Frame
 
-__all__ = ["SHIPPED_DEPTHS", "OnnxDepthEstimator", "load_depth_estimator"]
-
 SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
 """The depth networks that come with the package: in 8-bit integers, and in floats."""
 

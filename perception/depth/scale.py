@@ -23,15 +23,6 @@ from perception.depth.scale_filter import ScaleFilter
 from uav_bt.classes import CARPET
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = [
-    "AdaptiveScale",
-    "CarpetSample",
-    "Scale",
-    "ScaleConfig",
-    "ScaleEstimator",
-    "sample_carpet",
-]
-
 Floats = NDArray[np.float32]
 
 

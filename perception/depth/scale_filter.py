@@ -14,8 +14,6 @@ from filterpy.kalman import KalmanFilter
 
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["ScaleFilter", "ScaleFilterConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleFilterConfig:

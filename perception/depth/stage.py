@@ -15,8 +15,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
 
-__all__ = ["DepthStage", "DepthStageConfig"]
-
 Timed = Callable[[str], AbstractContextManager[object]]
 
 

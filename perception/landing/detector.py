@@ -19,8 +19,6 @@ from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.projection import ground_points
 
-__all__ = ["HelipadDetection", "HelipadDetector", "HelipadDetectorConfig", "locate"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class HelipadDetectorConfig:

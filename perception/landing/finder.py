@@ -8,8 +8,6 @@ from perception.landing.detector import HelipadDetection, HelipadDetector, locat
 from perception.landing.tracker import HelipadTracker
 from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, DroneState, Frame, HelipadFix
 
-__all__ = ["HelipadFinder"]
-
 
 class HelipadFinder:
     """Finds the helipad in class maps and carries it through misses by dead reckoning.

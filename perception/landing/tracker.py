@@ -17,8 +17,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import DroneState, HelipadFix, rotation
 from uav_bt.types.dead_reckoning import Odometry
 
-__all__ = ["HelipadTracker", "HelipadTrackerConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class HelipadTrackerConfig:

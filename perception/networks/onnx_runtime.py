@@ -15,16 +15,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import WeightsError
 
-__all__ = [
-    "class_numbers",
-    "compile_model",
-    "input_size",
-    "model_of_bytes",
-    "read_model",
-    "shrunk",
-    "taking_pictures",
-]
-
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # oneDNN's, today's and the older name
 

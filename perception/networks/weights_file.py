@@ -15,8 +15,6 @@ from safetensors.numpy import save
 from uav_bt.errors import WeightsError
 from uav_bt.files import write_whole
 
-__all__ = ["SHIPPED_WEIGHTS", "read_weights", "write_weights"]
-
 SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the weights that come with the package."""
 

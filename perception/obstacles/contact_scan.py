@@ -13,8 +13,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import CameraModel
 from uav_bt.types.projection import project
 
-__all__ = ["Bases", "ContactScanConfig", "find_bases"]
-
 _OUTSIDE = 255  # no group: what lies below the image
 
 

@@ -32,15 +32,6 @@ from perception.camera.ground_plane import CameraView, level_rays
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import BODY_SIZE_M, BodyVelocity, Corridor, DepthMap
 
-__all__ = [
-    "SIDES",
-    "CorridorBuilder",
-    "CorridorConfig",
-    "CorridorPlanes",
-    "build_corridor",
-    "intruding_pixels",
-]
-
 Side = Literal["left", "right", "front", "up", "down"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right", "front", "up", "down")
 

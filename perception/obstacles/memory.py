@@ -23,8 +23,6 @@ from uav_bt.classes import GROUP_CARPET, group_of
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
 from uav_bt.types.projection import project
 
-__all__ = ["ObstacleMemory", "ObstacleMemoryConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ObstacleMemoryConfig:

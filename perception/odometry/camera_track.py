@@ -20,8 +20,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 from uav_bt.types.projection import camera_axes
 
-__all__ = ["CameraTrack", "TrackConfig", "camera_track", "measured_motion"]
-
 Floats = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
-__all__ = ["FOOTAGE_SIZE_PX", "Footage", "shrink"]
-
 FOOTAGE_SIZE_PX: Final = (320, 256)  # width, height: SC-Depth's size for indoor video
 
 Floats = NDArray[np.float64]

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from uav_bt.types import CameraModel, Pose2D, rotate_points, rotation
 from uav_bt.types.projection import ground_points, project
 
-__all__ = ["GroundView", "OdometryConfig", "ground_motion"]
-
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
 

@@ -19,8 +19,6 @@ from uav_bt.classes import CARPET
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, Pose2D, rotate
 from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
-__all__ = ["CarpetOdometry", "CarpetOdometryConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CarpetOdometryConfig:

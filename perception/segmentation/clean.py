@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from uav_bt.classes import BACKGROUND, CARPET, CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["dilated_grid", "drop_small_components", "filled_holes", "keep_largest_components"]
-
 _WITHOUT_COMPONENTS: Final = (BACKGROUND, CARPET)  # many separate pieces of these are normal
 
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from uav_bt.classes import CLASS_COUNT, CLASS_TO_GROUP, GROUP_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["SegmentationScore", "confusion", "score_segmentation"]
-
 
 def confusion(predicted: NDArray[np.uint8], exact: NDArray[np.uint8]) -> NDArray[np.int64]:
     """Return the (17, 17) counts of pixels by exact class (row) and predicted class (column).

@@ -18,19 +18,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = [
-    "FEATURE_COUNT",
-    "HUE_BINS",
-    "SATURATION_BINS",
-    "VALUE_BINS",
-    "WindowMeans",
-    "channel_tables",
-    "hsv_of",
-    "patch_features",
-    "patch_slices",
-    "spread_to_border",
-]
-
 HUE_BINS: Final = 90
 SATURATION_BINS: Final = 64
 VALUE_BINS: Final = 36

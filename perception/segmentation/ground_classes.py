@@ -11,8 +11,6 @@ from uav_bt.classes import CARPET, class_id
 from uav_bt.protocols import Segmenter
 from uav_bt.types import ClassMap, Frame
 
-__all__ = ["CountedAsCarpet"]
-
 
 class CountedAsCarpet:
     """A segmenter whose classes of ground all become carpet, by which missions fly.

@@ -32,8 +32,6 @@ from uav_bt.classes import BACKGROUND, BOXES, CARPET, CLASS_NAMES, HELIPAD_BOX, 
 from uav_bt.errors import ValueRangeError
 from uav_bt.yaml_file import read_yaml
 
-__all__ = ["GROUP_ALIASES", "ClassMapping", "InputFormat", "read_mapping"]
-
 GROUP_ALIASES: Final[Mapping[str, int]] = MappingProxyType(
     {
         "background": BACKGROUND,

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from uav_bt.classes import CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["COLOUR_COUNT", "colour_codes", "count_colours", "palette_of_counts"]
-
 _BITS: Final = 5  # of each of red, green, blue; measured a little better than four
 _SIDE: Final = 1 << _BITS
 COLOUR_COUNT: Final = _SIDE**3

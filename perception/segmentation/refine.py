@@ -22,8 +22,6 @@ from perception.segmentation.teacher import Teacher
 from uav_bt.classes import HELIPAD_H, OBSTACLES
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["RefineConfig", "refined_ids", "sharpened"]
-
 _MIN_SHARE = 1e-4  # of the neighbourhood; keeps the prior's logarithm finite
 
 

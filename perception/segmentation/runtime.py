@@ -24,14 +24,6 @@ from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import ClassMap, Frame
 
-__all__ = [
-    "SHIPPED_UNETS",
-    "OnnxSegmenter",
-    "TeacherSegmenter",
-    "shipped_teacher",
-    "shipped_unet",
-]
-
 SHIPPED_UNETS: Final = ("unet", "unet-fp32")
 """The U-Nets that come with the package: in 8-bit integers, and in floats."""
 

@@ -31,8 +31,6 @@ from perception.segmentation.training.picks import PickedPatches
 from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
 
-__all__ = ["Teacher", "TeacherConfig", "fit_teacher", "load_teacher", "save_teacher"]
-
 _KIND: Final = "hsv-histogram-svm"
 
 

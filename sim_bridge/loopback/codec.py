@@ -11,8 +11,6 @@ from typing import Any, Final
 from sim_bridge.loopback.messages import Argument, Kind, MessageTable, MessageType
 from uav_bt.errors import InputError, UavBtError, ValueRangeError
 
-__all__ = ["Received", "WireError", "decode", "encode"]
-
 _HEADER: Final = struct.Struct("<BBH")
 _LENGTH: Final = struct.Struct("<I")
 

@@ -18,8 +18,6 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from uav_bt.clock import WallClock
 
-__all__ = ["DroneSetup", "LoopbackDrone"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class DroneSetup:

@@ -14,22 +14,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = [
-    "ACK_OFFSET",
-    "EVENTS",
-    "EVENTS_WITHOUT_ACK",
-    "MAX_PACK_BYTES",
-    "PING",
-    "PONG",
-    "SEQUENCES",
-    "FrameType",
-    "WireFrame",
-    "fits",
-    "pack",
-    "parse",
-    "unpack",
-]
-
 PING: Final = 0  # buffer of pings
 PONG: Final = 1  # buffer of their answers, which have the same payload
 ACK_OFFSET: Final = 128  # an acknowledgement's buffer is the acknowledged one's plus this

@@ -14,17 +14,6 @@ from typing import Any, Final
 
 from sim_bridge.loopback.codec import WireError
 
-__all__ = [
-    "MAX_REQUEST_BYTES",
-    "ConnectionRequest",
-    "Identity",
-    "accepted",
-    "announcement",
-    "parse_request",
-    "read_request",
-    "refused",
-]
-
 MAX_REQUEST_BYTES: Final = 8192  # a client's request has some 200
 _MODEL: Final = "0x0914"  # the ANAFI 4K
 _BUSY: Final = -1

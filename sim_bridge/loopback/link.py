@@ -20,8 +20,6 @@ from sim_bridge.loopback.frames import (
     WireFrame,
 )
 
-__all__ = ["Link", "LinkTiming"]
-
 _BEHIND: Final = 10  # a sequence so far behind is not late: its sender has restarted
 
 

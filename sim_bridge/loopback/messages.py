@@ -15,8 +15,6 @@ from typing import Final
 
 from uav_bt.errors import FileError, UnknownNameError
 
-__all__ = ["Argument", "Buffer", "Kind", "Memory", "MessageTable", "MessageType", "message_table"]
-
 Number = tuple[int, int, int]  # project or feature, class, message
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from uav_bt.errors import InputError
 
-__all__ = ["PortTakenError", "Ports", "port_error"]
-
 
 class PortTakenError(InputError):
     """A port of the drone is taken, or may not be used."""

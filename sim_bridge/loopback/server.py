@@ -26,8 +26,6 @@ from sim_bridge.loopback.ports import Ports, port_error
 from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
 from uav_bt.errors import DroneError, InputError
 
-__all__ = ["LoopbackServer", "ServerOptions"]
-
 _LOG = logging.getLogger(__name__)
 
 _MAX_CONNECTIONS: Final = 64  # open at once on a port; more are closed at once

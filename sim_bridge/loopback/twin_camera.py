@@ -20,8 +20,6 @@ from sim_bridge.twin.simulation import Capture
 from uav_bt.protocols import Clock
 from uav_bt.types import Attitude
 
-__all__ = ["TwinCamera"]
-
 # s that rendering, encoding and sending take; the rest of the profile's latency is added.
 _PIPELINE_S: Final = 0.03
 

@@ -32,8 +32,6 @@ from sim_bridge.twin.airframe import CONTROL_STEP_S  # noqa: E402  (after load_m
 from sim_bridge.twin.model import LabModel, build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 
-__all__ = ["TwinWorld"]
-
 _PERIOD_S: Final = 0.02  # s between two updates: two of the twin's control steps
 _MAX_LAG_S: Final = 0.25  # s that physics may be late before the lost time is left out
 _LIFTED_M: Final = 0.03  # m above where it stood: it flies

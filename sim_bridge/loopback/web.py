@@ -14,8 +14,6 @@ import struct
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["MAX_HEAD_BYTES", "WEBSOCKET_PATH", "serve_web"]
-
 MAX_HEAD_BYTES: Final = 16_384
 WEBSOCKET_PATH: Final = "/api/v1/media/notifications"
 _MEDIA_PATH: Final = "/api/v1/media/medias"

@@ -13,19 +13,6 @@ from typing import Final, Protocol
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, BodyVelocity, FlyingState, Movement, MovementStatus
 
-__all__ = [
-    "HOME",
-    "SATELLITES",
-    "Location",
-    "World",
-    "WorldLimits",
-    "WorldState",
-    "location",
-    "offset_m",
-    "to_body",
-    "to_earth",
-]
-
 SATELLITES: Final = 14  # of its position fix, as clients are shown
 _EQUATOR_M: Final = 6_378_137.0  # WGS84's semi-major axis
 _ECCENTRICITY_2: Final = 0.00669437999014  # WGS84's first eccentricity, squared

@@ -12,8 +12,6 @@ from uav_bt.errors import InputError, ValueRangeError
 if TYPE_CHECKING:
     from sim_bridge.olympe.drone import OlympeDrone
 
-__all__ = ["DISCOVERY_PORT", "SKYCONTROLLER_HOST", "AnafiConfig", "OlympeConfig", "SphinxConfig"]
-
 SKYCONTROLLER_HOST: Final = "192.168.53.1"
 
 DISCOVERY_PORT: Final = 44445

@@ -33,8 +33,6 @@ from uav_bt.types import (
     Velocity,
 )
 
-__all__ = ["CommandQueue", "OlympeDrone"]
-
 _SAME_PITCH_RAD: Final = 1e-3  # smaller changes of the gimbal are not sent
 _MIN_PITCH_RAD: Final = -math.pi / 2
 # States in which a take-off or a landing need not be ordered (again).

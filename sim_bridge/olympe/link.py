@@ -19,8 +19,6 @@ from sim_bridge.olympe.video import DecodedFrame
 from uav_bt.errors import DroneError
 from uav_bt.types import MoveBy
 
-__all__ = ["OlympeLink", "probe"]
-
 _LOG: Final = logging.getLogger(__name__)
 
 _HINTS: Final = {

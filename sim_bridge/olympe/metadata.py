@@ -14,8 +14,6 @@ from typing import Any
 
 from uav_bt.types import Attitude
 
-__all__ = ["FrameMetadata", "frame_metadata"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FrameMetadata:

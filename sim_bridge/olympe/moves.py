@@ -14,8 +14,6 @@ from typing import Final
 
 from uav_bt.types import MoveBy, MovementState, MovementStatus
 
-__all__ = ["Displacement", "MoveLedger"]
-
 Displacement = tuple[float, float, float, float]  # forward, right, down in metres; yaw in radians
 
 _REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})

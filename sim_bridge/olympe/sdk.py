@@ -24,8 +24,6 @@ from typing import Any, Final
 from sim_bridge.olympe.config import DISCOVERY_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
-__all__ = ["Sdk", "load_sdk"]
-
 _NEW_API: Final = 8
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
 _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}

@@ -9,8 +9,6 @@ from typing import Final
 from sim_bridge.olympe.config import OlympeConfig
 from uav_bt.types import BodyVelocity, Velocity
 
-__all__ = ["SpeedHolder", "Sticks"]
-
 _GRAVITY_MPS2: Final = 9.81
 _MAX_STEP_S: Final = 0.3  # between two orders of one manoeuvre
 _STANDING_MPS: Final = 0.1  # a slower drone holds its position by itself

@@ -12,8 +12,6 @@ from typing import Any, Final
 from sim_bridge.olympe.moves import MoveLedger
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState
 
-__all__ = ["STANDING_M", "Telemetry"]
-
 STANDING_M: Final = 0.05  # the body's centre above what the drone stands on
 
 _LOG: Final = logging.getLogger(__name__)

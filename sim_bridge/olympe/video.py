@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from sim_bridge.olympe.metadata import FrameMetadata
 from uav_bt.types import DroneState, Frame
 
-__all__ = ["CaptureTimes", "DecodedFrame", "FrameClock", "NewestFrame"]
-
 # Two quartz clocks drift apart by some 20 parts in a million; ten times that is allowed.
 _DRIFT: Final = 2e-4
 _RESTARTED_S: Final = 10.0  # no frame is so late: a clock that was set back began anew

@@ -15,8 +15,6 @@ import mujoco
 from sim_bridge.twin.model import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
 from uav_bt.types import Pose, rotate
 
-__all__ = ["CONTROL_STEP_S", "Airframe", "Motion"]
-
 STEPS_PER_CONTROL = 2
 CONTROL_STEP_S = STEPS_PER_CONTROL * PHYSICS_STEP_S
 

@@ -24,8 +24,6 @@ from uav_bt.types import (
     rotate,
 )
 
-__all__ = ["Autopilot", "Demand"]
-
 # Gains of the position loop: critically damped at 2 rad/s, well below the thrust's lag.
 _POSITION_GAIN = 4.0  # 1/s2
 _VELOCITY_GAIN = 4.0  # 1/s

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from uav_bt.types import Pose
 
-__all__ = ["CameraPose"]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CameraPose(Pose):

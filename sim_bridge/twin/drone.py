@@ -21,8 +21,6 @@ from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.start import start_pose  # noqa: E402  (after load_mujoco)
 
-__all__ = ["TwinDrone"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class _Flight:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from uav_bt.types import Pose2D
 
-__all__ = ["Footprint"]
-
 Point = tuple[float, float]
 
 

@@ -18,8 +18,6 @@ from typing import Any
 
 from uav_bt.errors import MissingDependencyError, UnknownNameError
 
-__all__ = ["choose_gl", "context_class", "load_mujoco", "no_gl"]
-
 _ADVICE = (
     "the twin needs OpenGL to draw what the drone sees, and this machine has none that works. "
     "Install one of: `pip install --no-deps lavavu-osmesa` (no root needed), "

@@ -27,8 +27,6 @@ from sim_bridge.twin.scene import (
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.types import BODY_SIZE_M
 
-__all__ = ["HULL_HALF_M", "HULL_MASS_KG", "PHYSICS_STEP_S", "LabModel", "build_model"]
-
 HULL_HALF_M = tuple(side / 2 for side in BODY_SIZE_M)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # the ANAFI's
 PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 
-__all__ = ["NormalStream", "OrnsteinUhlenbeck", "child_seed"]
-
 _BLOCK = 4096
 
 

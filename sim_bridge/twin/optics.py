@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
 
-__all__ = ["Optics"]
-
 _REFERENCE_WIDTH_PX = 640  # the width at which `Profile.blur_sigma_px` is meant
 _SLACK = 1 << 17  # how far the noise may be shifted from frame to frame
 _SCATTER = 2654435761  # Knuth's multiplicative hash: neighbouring frames get unlike noise

@@ -7,8 +7,6 @@ from dataclasses import dataclass, fields, replace
 
 from uav_bt.errors import UnknownNameError, ValueRangeError
 
-__all__ = ["Profile"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:

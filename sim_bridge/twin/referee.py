@@ -16,8 +16,6 @@ from sim_bridge.twin.simulation import Capture, Simulation
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Frame, Pose, Truth
 
-__all__ = ["TwinReferee"]
-
 _FAR_M = 20.0  # beyond the room
 
 

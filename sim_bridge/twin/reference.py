@@ -7,8 +7,6 @@ import math
 from sim_bridge.twin.profile import Profile
 from uav_bt.types import wrap_angle
 
-__all__ = ["Reference"]
-
 # Braking is planned with this share of the acceleration limit, so that the limit is kept.
 _BRAKE_SHARE = 0.7
 _ARRIVE_PER_S = 3.0  # 1/s: close to the goal the speed falls with the distance

@@ -20,8 +20,6 @@ from sim_bridge.twin.gl import context_class, no_gl
 from sim_bridge.twin.model import LabModel
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["Renderer"]
-
 _ASPECT = 9.0 / 16.0
 
 

@@ -12,17 +12,6 @@ from uav_bt.classes import BOXES, ROOFS
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import PAD_SIZE_M
 
-__all__ = [
-    "CARPET_SIZE_M",
-    "ROOM_SIZE_M",
-    "BoxSpec",
-    "Helipad",
-    "Lighting",
-    "Scene",
-    "TakeOffSpec",
-    "layout_problem",
-]
-
 CARPET_SIZE_M = (5.0, 4.0)  # along x and y, centred on the origin
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # centred on the origin, the floor at z = 0
 PATTERN_COUNT = len(BOXES)

@@ -22,8 +22,6 @@ from sim_bridge.twin.scene import (
 from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
 from uav_bt.yaml_file import read_yaml
 
-__all__ = ["load_scene", "scene_names", "scene_text"]
-
 
 def _shipped() -> dict[str, Path]:
     folder = Path(str(resources.files("sim_bridge.twin") / "scenes"))

@@ -9,8 +9,6 @@ from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
 from uav_bt.types import Attitude, BodyVelocity, Pose, rotate, wrap_angle
 
-__all__ = ["Estimate", "Sensors", "Telemetry"]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Estimate(Pose):

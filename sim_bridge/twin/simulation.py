@@ -17,8 +17,6 @@ from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
 from uav_bt.types import Command, DroneState, MoveBy, Pose
 
-__all__ = ["Capture", "Simulation"]
-
 _REMEMBERED_FRAMES = 900  # half a minute of video, for referees that look back
 _CONTACT_MEMORY_S = 0.1  # a tick: who looks once a tick misses no touch
 _TIME_SLACK_S = 1e-6

@@ -12,8 +12,6 @@ from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose
 
-__all__ = ["start_pose"]
-
 _EDGE_M = 0.5  # from the carpet's edge
 _BOX_M = 0.5  # from the body's centre to the nearest box or pad
 _TRIES = 10_000

@@ -15,8 +15,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TILE_M", "carpet", "helipad_top", "plain", "roof", "side", "stripes"]
-
 Image = NDArray[np.uint8]  # (H, W, 3), RGB
 Place = tuple[float, float, float]  # x and y in tile units, and a turn in radians
 

@@ -11,8 +11,6 @@ import numpy as np
 from sim_bridge.twin.scene import CARPET_SIZE_M, BoxSpec, Helipad, Lighting, Scene, layout_problem
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["varied_light", "varied_scene"]
-
 _FROM_EDGE_M: Final = 0.4  # of a box's centre: a drone does not fly round it there
 # Between the centres of two boxes, so that most gaps let the drone through, and from box to pad.
 _APART_M: Final = 1.05

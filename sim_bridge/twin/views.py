@@ -24,8 +24,6 @@ load_mujoco()  # before the modules below do: how it draws is settled at its imp
 from sim_bridge.twin.model import HULL_HALF_M, build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 
-__all__ = ["CameraPose", "View", "render_views", "sample_flight_poses"]
-
 _HULL_RADIUS_M = math.hypot(HULL_HALF_M[0], HULL_HALF_M[1])
 _MARGIN_M = 0.15  # of the hull to boxes, and of the body's centre to the carpet's edge
 _TRIES = 10_000

@@ -15,18 +15,6 @@ from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, Status
 from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, MovementStatus
 
-__all__ = [
-    "ADVANCE",
-    "TURN_LEFT",
-    "TURN_RIGHT",
-    "Says",
-    "carpet",
-    "halted_proposals",
-    "live",
-    "show",
-    "steering_bench",
-]
-
 ADVANCE = Decision(forward_m=0.3, reason="clear")
 TURN_RIGHT = Decision(yaw_rad=0.5, reason="obstacle")
 TURN_LEFT = Decision(yaw_rad=-0.5, reason="obstacle")

@@ -22,8 +22,8 @@ from uav_bt.errors import (
 
 
 def classes() -> list[type[UavBtError]]:
-    found = [getattr(errors, name) for name in errors.__all__]
-    return [thing for thing in found if isinstance(thing, type)]
+    found = vars(errors).values()
+    return [one for one in found if isinstance(one, type) and issubclass(one, UavBtError)]
 
 
 @pytest.mark.parametrize("error", classes())

@@ -20,24 +20,14 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import InputError
-from uav_bt.mission.arbiter import Limits
 from uav_bt.mission.judge import Judge, JudgeConfig
 from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
+from uav_bt.mission.safety import Limits
 from uav_bt.protocols import Drone, DroneConfig, Referee, Segmenter
 from uav_bt.record.config import Quality
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types import ClassMap, Frame
-
-__all__ = [
-    "ExactSegmenter",
-    "Flight",
-    "FlightOptions",
-    "assemble",
-    "drone_settings",
-    "load_mission",
-    "make_drone",
-]
 
 
 @dataclass(frozen=True, kw_only=True)

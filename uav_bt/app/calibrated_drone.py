@@ -11,8 +11,6 @@ from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock, Drone, Referee, Scene
 from uav_bt.types import CameraModel, Command, Frame, Observation
 
-__all__ = ["CalibratedDrone"]
-
 
 class CalibratedDrone:
     """Flies another drone, with a camera file in place of the intrinsics that it tells itself."""

@@ -15,8 +15,6 @@ from uav_bt import __version__, plugins
 from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check
 
-__all__ = ["examine"]
-
 _PACKAGE: Final = "uav-bt"
 _NEEDED: Final = (3, 11)
 _SDK: Final = "parrot-olympe"

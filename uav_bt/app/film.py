@@ -35,17 +35,6 @@ from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
-__all__ = [
-    "VideoListeners",
-    "corridor_marker",
-    "corridor_of",
-    "flight_video",
-    "lab_map_of",
-    "live_status",
-    "makes_depth",
-    "map_of_scene",
-]
-
 
 def map_of_scene(scene: Scene) -> LabMap:
     """Return the map of a scene of the twin, boxes in the colours of their class."""

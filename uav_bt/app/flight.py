@@ -21,8 +21,6 @@ from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.shipped import resolve_tree
 
-__all__ = ["Listeners", "check", "fly"]
-
 Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
 """Makes what follows a flight tick by tick, once its drone is connected and its tree set up."""
 

@@ -33,8 +33,6 @@ from uav_bt.record.record_file import Attachment, RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
 from uav_bt.tree import MissionTree
 
-__all__ = ["FlightRecord", "attached_files", "flight_facts", "recorded_options"]
-
 _TREE_FOLDER: Final = "tree/"  # attachments below are the tree's files, as they lie beside it
 _SCENE_FILE: Final = "scene.yaml"
 

@@ -15,8 +15,6 @@ import uav_bt
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.tree import MissionTree
 
-__all__ = ["commit", "package_versions", "sha256_of", "weights_of"]
-
 # What decides over a flight's numbers, ours first.
 _PACKAGES: Final = (
     *("uav-bt", "numpy", "py_trees", "opencv-python-headless", "openvino", "mujoco"),

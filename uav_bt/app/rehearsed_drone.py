@@ -30,8 +30,6 @@ from uav_bt.types import (
     Velocity,
 )
 
-__all__ = ["RehearsedDrone"]
-
 _TAKE_OFF_S: Final = 3.0  # what an ANAFI takes to hover a metre up
 _TAKE_OFF_M: Final = 1.0
 _LANDING_S: Final = 3.0

@@ -29,8 +29,6 @@ from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.mission.safety import Limits
 from uav_bt.yaml_file import read_yaml
 
-__all__ = ["Site", "load_site"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Site:

@@ -14,8 +14,6 @@ from typing import Any, Generic, TypeVar, cast
 from uav_bt.errors import BoardAccessError, did_you_mean
 from uav_bt.protocols import Clock
 
-__all__ = ["Blackboard", "BoardView", "Key", "Reading"]
-
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 

@@ -12,8 +12,6 @@ from uav_bt.board.proposals import Proposals
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter
 
-__all__ = ["MissionContext"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class MissionContext:

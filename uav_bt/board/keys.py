@@ -19,26 +19,6 @@ from uav_bt.types import (
     RecentViews,
 )
 
-__all__ = [
-    "ADVICE",
-    "CAMERA",
-    "CLASS_MAP",
-    "CORRIDOR",
-    "ELAPSED",
-    "FLIGHT_HEIGHT",
-    "FRAME",
-    "HEIGHT",
-    "HELD_TURN",
-    "HELIPAD",
-    "METRIC_DEPTH",
-    "MISSION_KEYS",
-    "OBSTACLES",
-    "PHASE",
-    "RECENT_VIEWS",
-    "RELATIVE_DEPTH",
-    "STATE",
-]
-
 # A frame is old when the drone has flown blind for longer than one 30 cm step takes to start.
 _FRAME_MAX_AGE_S = 0.7
 # Telemetry comes many times a second; without it for half a second nothing is known.

@@ -13,8 +13,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["plain"]
-
 _MAX_DEPTH: Final = 6  # of values inside values
 _MAX_ITEMS: Final = 64  # of a list or a mapping
 _MAX_CHARS: Final = 500  # of a text

@@ -5,8 +5,6 @@ from __future__ import annotations
 from uav_bt.errors import ProposalConflictError
 from uav_bt.types import GimbalTo, Movement
 
-__all__ = ["Proposals"]
-
 
 class Proposals:
     """What the leaves of one tick asked for; emptied before each tick."""

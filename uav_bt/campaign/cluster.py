@@ -23,8 +23,6 @@ from uav_bt.campaign.worker_process import FAILED
 from uav_bt.campaign.workers import Pilots
 from uav_bt.errors import InputError, UavBtError
 
-__all__ = ["DaskBackend"]
-
 _CONNECT_S: Final = 10.0  # to reach a scheduler, and for a worker to come up
 
 _lock = threading.Lock()

@@ -13,8 +13,6 @@ from uav_bt import app
 from uav_bt.campaign.path_keeper import PathKeeper
 from uav_bt.campaign.plan import FlightTask
 
-__all__ = ["fly_task"]
-
 
 def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
     """Fly one flight of a campaign in this process and return its line.

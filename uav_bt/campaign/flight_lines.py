@@ -13,16 +13,6 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
 from uav_bt.mission.judge import Outcome
 
-__all__ = [
-    "METRICS",
-    "FlightKey",
-    "FlightLines",
-    "comparable",
-    "key_of",
-    "parse_flight",
-    "read_flights",
-]
-
 FlightKey = tuple[str, str | None, int]
 """Tree, scene, seed: what tells the flights of a campaign apart."""
 

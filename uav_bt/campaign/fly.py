@@ -17,8 +17,6 @@ from uav_bt.campaign.plan import CampaignPlan, FlightTask
 from uav_bt.campaign.runner import Backend, LocalBackend, flown_line
 from uav_bt.campaign.store import RECORDS_FOLDER, CampaignStore, read_plan
 
-__all__ = ["FLY_FUNCTION", "CampaignResult", "Progress", "run"]
-
 FLY_FUNCTION: Final = "uav_bt.campaign.flight:fly_task"
 
 Progress = Callable[[Mapping[str, Any], bool], None]

@@ -6,8 +6,6 @@ from typing import Final
 
 from uav_bt.mission.runner import TickRecord
 
-__all__ = ["PathKeeper"]
-
 _INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre: maps need no more
 
 

@@ -9,8 +9,6 @@ from typing import Any
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import InputError, ValueRangeError
 
-__all__ = ["CampaignPlan", "FlightTask", "PlannedFile"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedFile:

@@ -20,8 +20,6 @@ from uav_bt.errors import UnknownNameError
 from uav_bt.tree import MissionTree
 from uav_bt.tree.shipped import shipped_trees
 
-__all__ = ["make_plan", "plan_of"]
-
 
 def make_plan(
     trees: Sequence[str | Path],

@@ -15,8 +15,6 @@ from uav_bt.campaign.workers import Pilots
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import Outcome
 
-__all__ = ["Answers", "Backend", "LocalBackend", "flown_line"]
-
 Answers = Generator[tuple[FlightTask, dict[str, Any]], None, None]
 """To be closed by whoever takes them, which stops all that still flies."""
 

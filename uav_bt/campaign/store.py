@@ -15,8 +15,6 @@ from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading, write_whole, writing
 
-__all__ = ["FLIGHTS_FILE", "PLAN_FILE", "RECORDS_FOLDER", "CampaignStore", "read_plan"]
-
 PLAN_FILE: Final = "campaign.json"
 FLIGHTS_FILE: Final = "flights.jsonl"
 RECORDS_FOLDER: Final = "records"

@@ -21,8 +21,6 @@ from typing import Any, Final
 
 from uav_bt.errors import InputError, UavBtError
 
-__all__ = ["FAILED", "FLOWN", "REFUSED", "main"]
-
 FLOWN: Final = "flown"  # answer: the flight's line
 REFUSED: Final = "refused"  # answer: why the task cannot be flown, nor any like it
 FAILED: Final = "failed"  # answer: what was raised

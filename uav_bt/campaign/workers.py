@@ -22,8 +22,6 @@ from typing import Any, Final
 
 from uav_bt.campaign.worker_process import FAILED
 
-__all__ = ["Pilot", "Pilots"]
-
 _LAST_WORDS: Final = 4000  # characters of what a dead process wrote to its standard error stream
 _STOPPED: Final = "the campaign was stopped"
 _CHUNK: Final = 65536

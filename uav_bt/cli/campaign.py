@@ -26,8 +26,6 @@ from uav_bt.cli.options import (
 from uav_bt.cli.progress import campaign_progress
 from uav_bt.errors import MissionError
 
-__all__ = ["campaign", "report"]
-
 
 @click.command()
 @click.argument("trees", metavar="TREE...", nargs=-1)

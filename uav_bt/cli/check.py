@@ -16,8 +16,6 @@ from uav_bt.tree.loading.palette import read_palette, with_palette
 from uav_bt.tree.shipped import tree_files
 from uav_bt.tree.starter import STARTERS, write_starter
 
-__all__ = ["check", "new", "palette_option"]
-
 
 def _with_palette(ctx: click.Context, param: click.Parameter, value: Path | None) -> NodeRegistry:
     """Return the installed nodes and those of a palette.

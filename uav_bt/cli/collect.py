@@ -21,8 +21,6 @@ from uav_bt.errors import MissionError
 from uav_bt.learning import collecting
 from uav_bt.plugins import need
 
-__all__ = ["collect"]
-
 _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
 
 

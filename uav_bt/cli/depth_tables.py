@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, Final
 
-__all__ = ["depth_report"]
-
 _Row = Mapping[str, Any]
 
 # The paper's Table of point pairs by side of the patch: mean, median, RMSE, std, correlation.

@@ -12,8 +12,6 @@ from uav_bt.app.doctor import examine
 from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check, check_drone
 
-__all__ = ["doctor"]
-
 
 @click.command()
 @click.option(

@@ -38,8 +38,6 @@ from uav_bt.learning.views import ViewPlan
 from uav_bt.plugins import need
 from uav_bt.types import Frame
 
-__all__ = ["depth", "segmentation", "student"]
-
 _scores_option = output_option("--out", "Write the scores there too, as JSON.")
 
 

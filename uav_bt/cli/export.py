@@ -15,8 +15,6 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.learning.exporting import CALIBRATION_VIEWS, Network, Precision, export_network
 from uav_bt.plugins import need
 
-__all__ = ["depth", "segmentation", "student"]
-
 
 def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in (

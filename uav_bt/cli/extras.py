@@ -6,8 +6,6 @@ from typing import Final
 
 from uav_bt.errors import MissingDependencyError
 
-__all__ = ["missing_extra"]
-
 _EXTRAS: Final = {
     "distributed": "dask",
     "foxglove": "record",

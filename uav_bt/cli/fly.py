@@ -31,8 +31,6 @@ from uav_bt.errors import MissionError
 from uav_bt.groot import GrootConfig, watched_live
 from uav_bt.mission.judge import Outcome
 
-__all__ = ["fly"]
-
 _GROOT_PORT: Final = 1667  # the default of Groot2
 _MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
 

@@ -13,8 +13,6 @@ from contextlib import contextmanager
 
 from uav_bt.mission.runner import MissionRunner
 
-__all__ = ["obey", "pilot_keys"]
-
 
 def obey(key: str, runner: MissionRunner) -> None:
     """Do what a key stands for; other keys do nothing.

@@ -22,8 +22,6 @@ from uav_bt.display.lab_map import draw_path_map
 from uav_bt.errors import FileError
 from uav_bt.files import reading, writing
 
-__all__ = ["calibrate", "scenes"]
-
 _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach it are in their way
 _IMAGES: Final = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"}
 

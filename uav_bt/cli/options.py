@@ -10,24 +10,6 @@ from typing import Any, Final
 
 import click
 
-__all__ = [
-    "FOLDER",
-    "INPUT",
-    "RUNS",
-    "format_option",
-    "image_size_option",
-    "output_option",
-    "policy_option",
-    "profile_option",
-    "records_argument",
-    "run_option",
-    "seed_option",
-    "steps_option",
-    "threads_option",
-    "views_option",
-    "workers_option",
-]
-
 INPUT: Final = click.Path(dir_okay=False, path_type=Path)
 FOLDER: Final = click.Path(file_okay=False, path_type=Path)
 RUNS: Final = Path("runs")  # the folder of results; git ignores it

@@ -13,8 +13,6 @@ from uav_bt.cli.options import INPUT, output_option, threads_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.errors import MissionError
 
-__all__ = ["perceive"]
-
 
 @click.command()
 @click.argument("source")

@@ -19,8 +19,6 @@ from rich.progress import (
 )
 from rich.text import Text
 
-__all__ = ["CampaignProgress", "campaign_progress", "progress_bars"]
-
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, int, int], None]]:

@@ -19,8 +19,6 @@ from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
 
-__all__ = ["info", "replay", "view"]
-
 _METADATA: Final = (
     *("tree", "scene", "seed", "drone", "profile", "record_quality", "started", "uav_bt", "git"),
 )

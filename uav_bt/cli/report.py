@@ -9,8 +9,6 @@ import click
 from uav_bt.cli.options import output_option
 from uav_bt.plugins import need
 
-__all__ = ["report"]
-
 
 @click.command()
 @click.argument(

@@ -19,8 +19,6 @@ import uav_bt as package
 from uav_bt.cli.extras import missing_extra
 from uav_bt.errors import InputError, UavBtError, did_you_mean
 
-__all__ = ["LazyGroup", "check_packages", "uav_bt"]
-
 _PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 
 

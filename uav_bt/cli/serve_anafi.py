@@ -17,8 +17,6 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.cli.options import image_size_option, profile_option, seed_option
 
-__all__ = ["serve_anafi"]
-
 
 def _port(name: str, default: int, what: str) -> click.Option:
     return click.Option(

@@ -16,8 +16,6 @@ from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
 from uav_bt.tree.shipped import resolve_tree
 
-__all__ = ["simulate"]
-
 
 @click.command()
 @click.argument("tree")

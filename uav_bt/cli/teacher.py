@@ -15,8 +15,6 @@ from uav_bt.learning import segmentation as training
 from uav_bt.learning.scenes import TRAINING_SCENES
 from uav_bt.learning.views import ViewPlan
 
-__all__ = ["pick", "teacher"]
-
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))

@@ -31,8 +31,6 @@ from uav_bt.learning.scenes import TRAINING_SCENES
 from uav_bt.learning.views import ViewPlan
 from uav_bt.plugins import need
 
-__all__ = ["depth", "segmentation"]
-
 
 @click.command()
 @click.argument("flights", nargs=-1, metavar="[FLIGHTS]...", type=click.Path(path_type=Path))

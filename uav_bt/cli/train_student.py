@@ -26,8 +26,6 @@ from uav_bt.learning.diary import Diary
 from uav_bt.learning.segmentation import UNET_WEIGHTS
 from uav_bt.plugins import need
 
-__all__ = ["student"]
-
 
 @click.command()
 @records_argument

@@ -17,8 +17,6 @@ from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
 
-__all__ = ["nodes", "render", "schema"]
-
 
 @click.command()
 @click.argument("names", metavar="[NODE]...", nargs=-1)

@@ -14,26 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "ACCENT",
-    "ALARM",
-    "BACKDROP",
-    "DIM",
-    "INK",
-    "PANEL",
-    "Colour",
-    "Image",
-    "Point",
-    "blend_polygon",
-    "circle",
-    "hull",
-    "line",
-    "polygon",
-    "put",
-    "tag",
-    "text_width_px",
-]
-
 Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 Point = tuple[float, float]

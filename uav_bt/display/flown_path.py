@@ -9,8 +9,6 @@ from uav_bt.mission.runner import TickRecord
 from uav_bt.types import Pose
 from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
-__all__ = ["FlownPath", "PathPoint"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PathPoint:

@@ -28,16 +28,6 @@ from uav_bt.display.flown_path import PathPoint
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 
-__all__ = [
-    "LabMap",
-    "MapFrame",
-    "MapItem",
-    "draw_lab",
-    "draw_legend",
-    "draw_path_map",
-    "phase_colours",
-]
-
 _CARPET: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)
 _FLOOR_GRID: Final[Colour] = (30, 33, 40)

@@ -23,8 +23,6 @@ from uav_bt.display.lab_map import LabMap, MapFrame, draw_lab, draw_legend, phas
 from uav_bt.types import CameraModel, HelipadFix, Pose
 from uav_bt.types.projection import pixel_rays
 
-__all__ = ["LiveMap", "ground_view"]
-
 _VIEW_OPACITY: Final = 0.25
 _VIEW_REACH_M: Final = 1.8  # how far ahead the camera's view is drawn
 _VIEW_COLOUR: Final[Colour] = (200, 220, 255)

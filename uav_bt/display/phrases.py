@@ -17,8 +17,6 @@ from uav_bt.types import (
     Velocity,
 )
 
-__all__ = ["describe_corridor", "describe_fix", "describe_free", "describe_movement"]
-
 _NOTHING = 5e-3  # metres, metres a second: smaller parts are not worth a word
 _NO_TURN_RAD = math.radians(0.5)
 _WHOLE: dict[type[Movement], str] = {

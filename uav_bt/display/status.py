@@ -19,8 +19,6 @@ from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickRecord
 
-__all__ = ["LiveStatus", "summary"]
-
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster than this nobody reads
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
 

@@ -22,8 +22,6 @@ from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.files import reading, writing
 from uav_bt.groot.transitions import RECORD_BYTES, Transition, pack, unpack
 
-__all__ = ["MAX_LOG_BYTES", "MAX_XML_BYTES", "SUFFIX", "BtlogReader", "BtlogWriter"]
-
 SUFFIX: Final = ".btlog"  # Groot2 opens no other
 MAX_XML_BYTES: Final = 32 * 1024 * 1024  # a tree of all 65,535 nodes has half of that
 MAX_LOG_BYTES: Final = 1024**3  # weeks of a large tree at ten ticks a second

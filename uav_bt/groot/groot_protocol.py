@@ -16,17 +16,6 @@ from uuid import UUID
 
 from uav_bt.errors import InputError
 
-__all__ = [
-    "DEFAULT_PORT",
-    "HEADER_BYTES",
-    "PROTOCOL",
-    "ProtocolError",
-    "Request",
-    "RequestType",
-    "error_reply",
-    "parse_request",
-]
-
 PROTOCOL: Final = 2
 DEFAULT_PORT: Final = 1667  # of the requests; notifications have the next one
 

@@ -24,8 +24,6 @@ from uav_bt.plugins import need
 if TYPE_CHECKING:
     import zmq
 
-__all__ = ["GrootConfig", "GrootPublisher"]
-
 _LOG: Final = logging.getLogger(__name__)
 
 _MAX_PORT: Final = 65_534  # the next one must exist

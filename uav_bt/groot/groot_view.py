@@ -20,8 +20,6 @@ from uav_bt.groot.transitions import NEWLY_IDLE, Transition, pack
 from uav_bt.groot.tree_xml import tree_xml
 from uav_bt.tree.status import Status
 
-__all__ = ["MAX_RECORDED", "GrootView"]
-
 # Between two questions of a client that records; what is older is lost, as with the engine, which
 # keeps a thousand.
 MAX_RECORDED: Final = 10_000

@@ -9,8 +9,6 @@ from uav_bt.errors import InputError
 from uav_bt.tree import MissionTree, Node, Variables
 from uav_bt.tree.nodes.subtree import SubTree
 
-__all__ = ["MAX_UID", "TreeInstance", "TreeNumbering"]
-
 MAX_UID: Final = 0xFFFF  # a uid has two bytes
 
 

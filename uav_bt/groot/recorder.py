@@ -18,8 +18,6 @@ from uav_bt.tree import Node
 from uav_bt.tree.observer import NodeEvent, observe, unobserve
 from uav_bt.tree.status import FAILURE, IDLE, SUCCESS, Status
 
-__all__ = ["TransitionRecorder"]
-
 _ROOT_UID: Final = 1
 
 

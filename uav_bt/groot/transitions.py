@@ -13,15 +13,6 @@ from typing import Final, NamedTuple
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree.status import Status
 
-__all__ = [
-    "MAX_TIME_US",
-    "NEWLY_IDLE",
-    "RECORD_BYTES",
-    "Transition",
-    "pack",
-    "unpack",
-]
-
 NEWLY_IDLE: Final = 10  # added to the status that a now idle node had before
 
 # The time's lower four bytes and its upper two, then uid and status.

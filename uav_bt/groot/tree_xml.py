@@ -12,8 +12,6 @@ from uav_bt.tree.describe import add_model
 from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.port import port_text
 
-__all__ = ["tree_xml"]
-
 # XML cannot write these; a node composed in Python may be named with them.
 _UNWRITABLE: Final = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 

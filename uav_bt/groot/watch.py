@@ -20,8 +20,6 @@ from uav_bt.groot.tree_xml import tree_xml
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.tree import MissionTree
 
-__all__ = ["LiveListeners", "TreeWatch", "watched_live"]
-
 
 class TreeWatch:
     """Watches one tree, from now until `finish`.

@@ -23,8 +23,6 @@ from uav_bt.campaign.runner import Backend
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.scenes import TRAINING_SCENES
 
-__all__ = ["CollectionPlan", "collect"]
-
 _ADVISER: Final = "Advise"  # the leaf that writes the rule's advice
 
 

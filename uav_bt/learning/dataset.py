@@ -17,8 +17,6 @@ from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.types import Attitude, DroneState
 
-__all__ = ["fingerprint", "footage_of", "image_of", "records_of", "spaced", "split_records"]
-
 _FOOTAGE_EVERY_S: Final = 0.1  # a tick
 _END_BYTES: Final = 64 * 1024  # of either end: a finished record tells there what is in it
 

@@ -31,17 +31,6 @@ from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Segmenter
 from uav_bt.types import CameraModel
 
-__all__ = [
-    "CURVES",
-    "DepthViewPlan",
-    "DepthViews",
-    "depth_strip",
-    "depth_views",
-    "read_flights",
-    "score_depth_on",
-    "train_depth",
-]
-
 CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "carpet_error_m")
 """What a run's diary draws."""
 

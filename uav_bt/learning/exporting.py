@@ -17,8 +17,6 @@ from uav_bt.errors import UnknownNameError
 from uav_bt.learning.views import ViewPlan, twin_views
 from uav_bt.progress import Advance, silent
 
-__all__ = ["CALIBRATION_VIEWS", "NETWORKS", "PRECISIONS", "Network", "Precision", "export_network"]
-
 Network = Literal["segmentation", "depth", "student"]
 Precision = Literal["int8", "fp32"]
 PRECISIONS: Final[tuple[Precision, ...]] = ("int8", "fp32")

@@ -20,8 +20,6 @@ from uav_bt.progress import Advance, silent
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 
-__all__ = ["label_flights"]
-
 
 def label_flights(
     teacher_path: Path,

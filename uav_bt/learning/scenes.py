@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["TESTING_SCENES", "TRAINING_SCENES", "VALIDATION_SCENES"]
-
 TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
 VALIDATION_SCENES: Final = ("val-a", "val-b")  # to choose and tune on
 TESTING_SCENES: Final = ("test-a", "test-b")  # to report on, never to choose by

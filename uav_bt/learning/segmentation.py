@@ -26,18 +26,6 @@ from uav_bt.files import whole_file
 from uav_bt.learning.views import Image, ViewPlan, twin_views
 from uav_bt.progress import Advance, silent
 
-__all__ = [
-    "SHIPPED_TEACHER",
-    "UNET_WEIGHTS",
-    "UNetPlan",
-    "draw_twin_picks",
-    "evaluate_segmentation",
-    "label_pictures",
-    "train_segmentation",
-    "train_teacher",
-    "train_teacher_on_photographs",
-]
-
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 

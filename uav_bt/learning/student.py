@@ -32,14 +32,6 @@ from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import CameraModel
 
-__all__ = [
-    "CURVES",
-    "evaluate_student",
-    "first_weights",
-    "read_advised_flights",
-    "train_student",
-]
-
 CURVES: Final = ("loss", "missed", "stopped", "wrong_side", "step_error_m", "free_error_m")
 """What a run's diary draws."""
 

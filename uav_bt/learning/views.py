@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from uav_bt.errors import ValueRangeError
 from uav_bt.learning.scenes import TRAINING_SCENES
 
-__all__ = ["Image", "ViewPlan", "twin_views"]
-
 Image = NDArray[np.uint8]
 
 

@@ -13,8 +13,6 @@ from uav_bt.board.proposals import Proposals
 from uav_bt.mission.safety import Circumstances, Limits, Override, rule_in_force
 from uav_bt.types import Command, DroneState, Hover, MoveBy, Movement, Velocity
 
-__all__ = ["Arbiter", "Limits", "Override"]
-
 
 class Arbiter:
     """Turns proposals and circumstances into the one command of the tick."""

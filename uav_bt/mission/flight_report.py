@@ -16,8 +16,6 @@ from uav_bt.mission.judge import Verdict
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
 
-__all__ = ["FlightLog", "FlightReport", "Percentiles", "write_report"]
-
 _EXPLORE_S = 90.0  # the span of `explore_distance_m`, from the take-off command
 
 

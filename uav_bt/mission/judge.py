@@ -9,8 +9,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, FlyingState, Truth
 
-__all__ = ["Judge", "JudgeConfig", "Outcome", "Verdict"]
-
 
 class Outcome(enum.Enum):
     """What a flight ends as."""

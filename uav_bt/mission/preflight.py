@@ -10,8 +10,6 @@ from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.protocols import Drone
 from uav_bt.types import DroneState, FlyingState, Frame, Observation
 
-__all__ = ["Check", "PreflightConfig", "check_drone", "refuse_faults"]
-
 _STEP_S: Final = 0.1
 _FRAMES: Final = 3  # of a video that moves on
 _OLD_S: Final = 1.0  # for telemetry and frames alike

@@ -18,8 +18,6 @@ from typing import Final
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import CutMotors, DroneState, FlyingState, Hover, Land, Movement, Release
 
-__all__ = ["SAFETY", "Circumstances", "Limits", "Override", "SafetyRule", "rule_in_force"]
-
 _AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 
 

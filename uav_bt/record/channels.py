@@ -14,35 +14,6 @@ from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote, Tr
 from uav_bt.record.values import dump, json_schema
 from uav_bt.types import Corridor, DroneState, HelipadFix, ObstaclePoints, Truth
 
-__all__ = [
-    "ADVICE",
-    "BOARD",
-    "CALIBRATION",
-    "CAMERA_FRAME",
-    "CAMERA_IMAGE",
-    "CHANNELS",
-    "CLASS_MAP",
-    "COMMANDS",
-    "CORRIDOR",
-    "END",
-    "HELIPAD",
-    "LOG",
-    "METRIC_DEPTH",
-    "OBSTACLES",
-    "POSE",
-    "RELATIVE_DEPTH",
-    "SCHEMA_VERSION",
-    "START",
-    "STATE",
-    "TICK",
-    "TRANSFORM",
-    "TREE",
-    "TREE_STATUS",
-    "TRUTH",
-    "Channel",
-    "schema_of",
-]
-
 SCHEMA_VERSION: Final = 1  # of the whole record; readers refuse a newer one
 
 # Names of the two metadata records: what was known when the flight began, and when it had ended.

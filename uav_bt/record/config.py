@@ -7,8 +7,6 @@ from typing import Literal
 
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["Quality", "RecordConfig"]
-
 Quality = Literal["lossless", "high", "small"]
 
 

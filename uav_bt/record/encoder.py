@@ -20,8 +20,6 @@ from uav_bt.record.worker import Encoded
 from uav_bt.tree.status import Status
 from uav_bt.types import CameraModel, ClassMap, DepthMap, GimbalTo, Movement
 
-__all__ = ["LogLine", "MomentEncoder", "RawMoment"]
-
 # The board's values that have a channel of their own, whenever there is a new one.
 _VALUES: Final = {
     keys.CORRIDOR.name: channels.CORRIDOR,

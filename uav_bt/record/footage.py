@@ -21,8 +21,6 @@ from uav_bt.record.reader import RecordReader
 from uav_bt.record.values import decode
 from uav_bt.types import DroneState
 
-__all__ = ["FLIGHT_SUFFIXES", "flight_record", "footage"]
-
 FLIGHT_SUFFIXES: Final = (".mcap", ".npz")  # the latter is refused with what to do
 
 _DECODED: Final[dict[str, type[Any]]] = {

@@ -12,8 +12,6 @@ from uav_bt.record import channels
 from uav_bt.record.channels import CHANNELS
 from uav_bt.record.reader import RecordReader
 
-__all__ = ["ChannelInfo", "RecordInfo", "record_info"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelInfo:

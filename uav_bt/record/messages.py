@@ -13,16 +13,6 @@ from uav_bt.record.config import Quality
 from uav_bt.record.images import encode_image, encoding_of
 from uav_bt.types import Attitude, CameraModel, Pose
 
-__all__ = [
-    "CAMERA_FRAME_ID",
-    "calibration",
-    "camera_image",
-    "log_line",
-    "pose",
-    "raw",
-    "transforms",
-]
-
 WORLD: Final = "world"  # z up, origin in the carpet's middle
 BODY: Final = "drone"  # x forward, y left, z up: what viewers draw arrows and axes for
 CAMERA_FRAME_ID: Final = "camera"  # OpenCV's: x right, y down, z forward

@@ -25,8 +25,6 @@ from uav_bt.types import (
     Truth,
 )
 
-__all__ = ["Moment", "StoredFrame", "moment_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StoredFrame:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import Attitude, Command, Frame, GimbalTo, Movement
 
-__all__ = ["CommandNote", "FrameNote", "NodeNote", "StatusNote", "TickNote", "TreeNote"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class TickNote:

@@ -13,14 +13,12 @@ from typing import Any, Final
 from uav_bt import board as keys
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
-from uav_bt.mission.arbiter import Override
 from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.safety import Override
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree.status import Status
 from uav_bt.types import Frame, Observation
-
-__all__ = ["Playback"]
 
 # What has a channel of its own, by its name in `Moment` and on the board.
 _VALUES: Final[tuple[Key[Any], ...]] = (

@@ -23,8 +23,6 @@ from uav_bt.record.record_file import Attachment, Timeline
 from uav_bt.record.values import decode
 from uav_bt.types import CameraModel
 
-__all__ = ["RecordReader", "StoredMessage"]
-
 _NS: Final = 1_000_000_000
 
 

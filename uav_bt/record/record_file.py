@@ -12,8 +12,6 @@ from uav_bt.files import writing
 from uav_bt.plugins import need
 from uav_bt.record.channels import Channel, schema_of
 
-__all__ = ["Attachment", "RecordFile", "RecordSink", "Timeline"]
-
 _NS: Final = 1_000_000_000
 # Chunks are closed by `flush`; this only bounds how much of a burst is held in memory.
 _CHUNK_BYTES: Final = 4 * 1024 * 1024

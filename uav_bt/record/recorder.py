@@ -23,8 +23,6 @@ from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, CutMotors, Land, Movement, Release, TakeOff
 
-__all__ = ["FlightFacts", "FlightRecorder", "RecordLosses"]
-
 _LOG: Final = logging.getLogger(__name__)
 _LEVELS: Final = {logging.ERROR: "Error", logging.WARNING: "Warning"}
 _RUNNER: Final = "runner"

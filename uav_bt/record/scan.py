@@ -31,8 +31,6 @@ from mcap.stream_reader import breakup_chunk
 from uav_bt.errors import FileError
 from uav_bt.files import reading
 
-__all__ = ["Damage", "RecordScan", "is_finished"]
-
 _MAGIC: Final = bytes((0x89, 0x4D, 0x43, 0x41, 0x50, 0x30, 0x0D, 0x0A))
 _HEAD_BYTES: Final = 9  # kind, and length
 _FOOTER_BYTES: Final = _HEAD_BYTES + 20

@@ -21,8 +21,6 @@ import numpy as np
 
 from uav_bt.errors import InputError
 
-__all__ = ["decode", "dump", "encode", "finite", "json_schema"]
-
 T = TypeVar("T")
 
 _TYPE: Final = "type"  # distinguishes the members of a union

@@ -17,8 +17,6 @@ from uav_bt.record.channels import Channel
 from uav_bt.record.config import RecordConfig
 from uav_bt.record.record_file import RecordSink
 
-__all__ = ["Encoded", "RecordWorker"]
-
 T = TypeVar("T")
 
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from uav_bt.testing.board import BenchBoard, StrictBlackboard
 from uav_bt.testing.world import BenchWorld
 from uav_bt.tree import Leaf, MissionTree, Status
-
-__all__ = ["BenchBoard", "LeafBench", "StrictBlackboard"]
 
 
 class LeafBench(BenchWorld):

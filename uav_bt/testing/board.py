@@ -10,8 +10,6 @@ from uav_bt.board.blackboard import Blackboard, Key, Reading
 from uav_bt.errors import BoardAccessError, did_you_mean
 from uav_bt.protocols import Clock
 
-__all__ = ["BenchBoard", "StrictBlackboard"]
-
 T = TypeVar("T")
 
 

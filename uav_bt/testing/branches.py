@@ -19,8 +19,6 @@ from uav_bt.tree.loading.elements import label, node_id_of, walk
 from uav_bt.tree.loading.findings import Findings, Position
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 
-__all__ = ["NodeBranches", "Outcome", "tree_branches"]
-
 
 class Outcome(enum.Enum):
     """What can come of a node's activation."""

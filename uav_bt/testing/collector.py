@@ -10,8 +10,6 @@ import pytest
 
 from uav_bt.tree.loading.loader import check_file
 
-__all__ = ["TreeFile", "is_tree_file"]
-
 # The root element with its format stands at the beginning; a long comment may come before.
 _HEAD_BYTES: Final = 20_000
 _MARK: Final = b"BTCPP_format"

@@ -13,8 +13,6 @@ from uav_bt.testing.branches import NodeBranches, Outcome, tree_branches
 from uav_bt.tree import MissionTree, Node, NodeKind, NodeRegistry
 from uav_bt.tree.observer import NodeEvent, observe
 
-__all__ = ["FileCoverage", "TreeCoverage", "percentage"]
-
 _OUTCOMES: Final = {
     NodeEvent.STARTED: "TICKED",
     NodeEvent.RAN: "TICKED",

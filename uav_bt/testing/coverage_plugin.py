@@ -14,8 +14,6 @@ from uav_bt.testing.coverage import FileCoverage, TreeCoverage, percentage
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.shipped import tree_files
 
-__all__ = ["CoveragePlugin", "coverage_plugin"]
-
 _OUTPUT: Final = "uav_bt_tree_coverage"  # what a worker process hands over
 
 

@@ -28,8 +28,6 @@ from uav_bt.types import (
     wrap_angle,
 )
 
-__all__ = ["ScriptedDrone", "ScriptedDroneConfig", "blank_frame", "pinhole"]
-
 
 def pinhole(
     width_px: int = 64, height_px: int = 36, fov_rad: float = math.radians(69)

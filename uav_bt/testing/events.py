@@ -11,8 +11,6 @@ from uav_bt.protocols import Clock
 from uav_bt.tree import MissionTree, Node
 from uav_bt.tree.observer import NodeEvent, observe
 
-__all__ = ["Event", "EventLog"]
-
 # A failure message shows at most so many events, the last ones.
 _SHOWN: Final = 200
 _LOGGED: Final = (

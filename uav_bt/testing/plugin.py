@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from uav_bt.testing.drone import ScriptedDrone  # see the module's docstring
     from uav_bt.testing.tree_bench import TreeBench
 
-__all__ = ["leaf_bench", "manual_clock", "scripted_drone", "strict_board", "tree_bench"]
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare the options of the test kit."""

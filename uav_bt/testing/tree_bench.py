@@ -15,8 +15,6 @@ from uav_bt.tree import load_tree as load_mission
 from uav_bt.tree import parse_tree as parse_mission
 from uav_bt.types import DroneState, GimbalTo, Movement
 
-__all__ = ["TickOutcome", "TreeBench", "load_tree", "parse_tree"]
-
 _SHOWN: Final = 40  # answers in a failure message
 
 

@@ -24,8 +24,6 @@ from uav_bt.types import (
     MovementStatus,
 )
 
-__all__ = ["BenchWorld"]
-
 
 class BenchWorld:
     """A tree with everything it needs to be ticked, all in the test's hands.

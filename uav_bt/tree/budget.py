@@ -17,8 +17,6 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.observer import NodeEvent, observe
 
-__all__ = ["BudgetWatch", "SlowLeaf"]
-
 _LOG = logging.getLogger(__name__)
 _BEGINNINGS = (NodeEvent.STARTED, NodeEvent.RAN, NodeEvent.HALTING)
 

@@ -9,8 +9,6 @@ from uav_bt.tree.script import Environment, Script, ScriptError, parse_script
 from uav_bt.tree.script.values import truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = ["CONDITION_ATTRIBUTES", "Conditions", "check_condition"]
-
 # In the order in which the engine asks them, with what a true one makes of the node.
 _FORESTALLING: Final = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED))
 _WHILE: Final = "_while"

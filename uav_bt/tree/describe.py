@@ -14,8 +14,6 @@ from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.port import PORT_TYPES, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["NodeInfo", "PortInfo", "add_model", "describe", "describe_all", "palette_xml"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PortInfo:

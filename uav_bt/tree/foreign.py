@@ -18,8 +18,6 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.port import Port, Reference, parse_reference
 from uav_bt.tree.status import RUNNING, SKIPPED, Status
 
-__all__ = ["ForeignLeaf", "leaf_of"]
-
 _TYPES: Final = (str, int, float, bool)
 _EXPECTED: Final = "annotate it with str, int, float, bool or an enumeration"
 

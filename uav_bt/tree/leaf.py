@@ -12,8 +12,6 @@ from uav_bt.tree.observer import Observer
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
 
-__all__ = ["Leaf"]
-
 T = TypeVar("T")
 
 

@@ -17,8 +17,6 @@ from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 
-__all__ = ["MissionTree", "Place", "child_paths"]
-
 
 @dataclass(frozen=True)
 class Place:

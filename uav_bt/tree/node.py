@@ -40,11 +40,9 @@ if TYPE_CHECKING:
         feedback_message: str
 
         def __init__(self, name: str) -> None: ...  # noqa: B027
-        def iterate(self) -> Iterator[Node]: ...  # noqa: B027
+        def iterate(self) -> Iterator[Node]: ...  # noqa: B027, D102
 else:
     from py_trees.behaviour import Behaviour
-
-__all__ = ["Node", "NodeKind"]
 
 _ANSWERED: Final = {
     RUNNING.value: NodeEvent.CONTINUES,

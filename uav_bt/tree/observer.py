@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from uav_bt.tree.node import Node
 
-__all__ = ["NodeEvent", "Observer", "observe", "unobserve"]
-
 
 class NodeEvent(enum.Enum):
     """What can happen to a node."""

@@ -13,18 +13,6 @@ from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
 
-__all__ = [
-    "PORT_TYPES",
-    "REFERENCE_KEY",
-    "RESERVED_ATTRIBUTES",
-    "Port",
-    "PortType",
-    "Reference",
-    "bind_ports",
-    "parse_reference",
-    "port_text",
-]
-
 T = TypeVar("T")
 
 RESERVED_ATTRIBUTES: Final = frozenset({"ID", "name"})

@@ -15,8 +15,6 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
 
-__all__ = ["NodeRegistry"]
-
 
 class NodeRegistry:
     """Node classes by their id. Holds the format's own from the start.

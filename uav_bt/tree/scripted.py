@@ -13,8 +13,6 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import RUNNING, SUCCESS, Status
 
-__all__ = ["AnswerScript", "ScriptedLeaf", "mock_class"]
-
 _LETTERS: Final = {status.letter: status for status in Status if status is not Status.IDLE}
 _SCRIPT: Final = re.compile(r"(?P<once>[RSFK]*)(?:\((?P<again>[RSFK]+)\))?")
 

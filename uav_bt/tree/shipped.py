@@ -6,8 +6,6 @@ from pathlib import Path
 
 from uav_bt.errors import FileError
 
-__all__ = ["resolve_tree", "shipped_trees", "tree_files"]
-
 
 def shipped_trees() -> Path:
     """Return the folder of the missions that ship with uav-bt."""

@@ -10,8 +10,6 @@ from uav_bt.errors import FileError, UnknownNameError
 from uav_bt.files import writing
 from uav_bt.tree.shipped import shipped_trees
 
-__all__ = ["STARTERS", "starter_mission", "write_starter"]
-
 STARTERS: Final = {
     "hover": "hover_and_look",
     "land": "land_only",

@@ -11,8 +11,6 @@ from typing import Final
 
 from py_trees import common
 
-__all__ = ["ANSWER_NAMES", "FAILURE", "IDLE", "RUNNING", "SKIPPED", "SUCCESS", "Status"]
-
 
 class Status(enum.Enum):
     """The status of a node; the values are the engine's numbers, which Groot2 and logs use."""

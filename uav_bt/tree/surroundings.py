@@ -13,8 +13,6 @@ from uav_bt.tree.port import Port, Reference, bind_ports
 from uav_bt.tree.script import Environment
 from uav_bt.tree.variables import Variables
 
-__all__ = ["Surroundings"]
-
 T = TypeVar("T")
 
 _NO_LITERAL: Final = object()

@@ -8,8 +8,6 @@ from typing import Any
 
 from uav_bt.errors import BoardAccessError, did_you_mean
 
-__all__ = ["Entry", "Variables"]
-
 
 @dataclass(slots=True)
 class Entry:

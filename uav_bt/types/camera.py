@@ -11,8 +11,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types.shapes import check_shape
 from uav_bt.types.telemetry import Attitude
 
-__all__ = ["CameraModel", "Frame"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CameraModel:

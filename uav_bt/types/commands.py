@@ -7,20 +7,6 @@ from dataclasses import dataclass
 
 from uav_bt.errors import ValueRangeError
 
-__all__ = [
-    "HOVER",
-    "Command",
-    "CutMotors",
-    "GimbalTo",
-    "Hover",
-    "Land",
-    "MoveBy",
-    "Movement",
-    "Release",
-    "TakeOff",
-    "Velocity",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class TakeOff:

@@ -10,8 +10,6 @@ from typing import Generic, TypeVar
 from uav_bt.types.pose import Pose2D
 from uav_bt.types.telemetry import BodyVelocity, DroneState
 
-__all__ = ["Odometry", "OdometryPose", "PoseHistory"]
-
 SomePose = TypeVar("SomePose", bound=Pose2D)
 
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from uav_bt.errors import ShapeError
 from uav_bt.types.shapes import check_shape
 
-__all__ = ["ClassMap", "Corridor", "DepthMap"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ClassMap:

@@ -9,8 +9,6 @@ from uav_bt.types.camera import Frame
 from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.telemetry import DroneState
 
-__all__ = ["Observation", "PastView", "RecentViews"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:

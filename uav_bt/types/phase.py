@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["MissionPhase", "Phase"]
-
 
 class Phase(enum.StrEnum):
     """Base of all phases; a plug-in derives an enumeration with members of its own from it.

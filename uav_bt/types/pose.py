@@ -19,8 +19,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Pose", "Pose2D", "rotate", "rotate_points", "rotation", "wrap_angle"]
-
 Floats = NDArray[np.float64]
 
 

@@ -22,15 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
-__all__ = [
-    "camera_axes",
-    "elevation_to_row",
-    "ground_points",
-    "ground_range_to_row",
-    "pixel_rays",
-    "project",
-]
-
 _BESIDE_RAD = math.pi / 2 - 1e-6  # from the optical axis; beyond, rays do not meet the image plane
 
 

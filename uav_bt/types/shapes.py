@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError
 
-__all__ = ["check_shape"]
-
 
 def check_shape(name: str, array: NDArray[np.generic], ndim: int, last: int | None = None) -> None:
     """Raise ShapeError unless the array has so many dimensions, and so many channels."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["BODY_SIZE_M", "PAD_HEIGHT_M", "PAD_SIZE_M"]
-
 BODY_SIZE_M: Final = (0.24, 0.32, 0.10)
 """The ANAFI's body: forward, sideways, up."""
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError
 
-__all__ = ["HeldTurn", "HelipadFix", "ObstaclePoints"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class HelipadFix:

@@ -5,15 +5,6 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-__all__ = [
-    "Attitude",
-    "BodyVelocity",
-    "DroneState",
-    "FlyingState",
-    "MovementState",
-    "MovementStatus",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Attitude:

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from uav_bt.types.pose import Pose
 
-__all__ = ["Truth"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:

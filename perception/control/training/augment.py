@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from perception.control.ego_state import mirrored
 from perception.control.training.samples import Batch
 
-__all__ = ["ControlAugmentConfig", "augmented"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ControlAugmentConfig:

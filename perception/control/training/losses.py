@@ -8,8 +8,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812 - everybody's name for it
 
-__all__ = ["choice_loss"]
-
 # A free way taken for blocked costs a turn; the other way round it costs the drone.
 _CAUTION: Final = 1.5
 # Of metres, the quantile that is learnt: a step too short costs a stop, one too long more.

@@ -17,8 +17,6 @@ from perception.control.ego_state import state_size
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from perception.segmentation.training.unet import UNet, UNetConfig
 
-__all__ = ["STUDENT_FILES", "ControlNet"]
-
 
 class ControlNet(nn.Module):
     """Views and ego state in, the next movement out.

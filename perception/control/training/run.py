@@ -26,8 +26,6 @@ from perception.networks.training.loop import (
 )
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["ControlTrainingConfig", "predict_control", "train_control"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ControlTrainingConfig(LoopConfig):

@@ -19,17 +19,6 @@ from uav_bt.files import whole_file
 from uav_bt.protocols import Advice, Decision
 from uav_bt.types.dead_reckoning import OdometryPose
 
-__all__ = [
-    "LABELS",
-    "Batch",
-    "ControlFlight",
-    "ControlSamples",
-    "FlightBuilder",
-    "SampleConfig",
-    "read_flight",
-    "write_flight",
-]
-
 LABELS: Final = ("forward_m", "yaw_rad", "carpet_ends", "free_m")
 """The columns of a label: the rule's decision."""
 

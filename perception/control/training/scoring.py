@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from perception.control.runtime import ControlEstimate
 from perception.control.training.samples import Batch, ControlSamples
 
-__all__ = ["ControlScore", "score_control"]
-
 _AT_ONCE: Final = 32  # windows
 
 Predict = Callable[[Batch], Sequence[ControlEstimate]]

@@ -12,8 +12,6 @@ from perception.depth.contact.lines import BaseLine, LineConfig, fit_base
 from perception.depth.contact.panorama import OUTSIDE, Panorama
 from uav_bt.classes import CARPET
 
-__all__ = ["Base", "BaseConfig", "Remembered", "find_base", "rows_above"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

@@ -28,8 +28,6 @@ from uav_bt.classes import BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.errors import ShapeError
 from uav_bt.types import PAD_HEIGHT_M
 
-__all__ = ["ContactDepth", "ContactDepthConfig", "contact_depth"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from uav_bt.types import rotate_points
 
-__all__ = ["BaseLine", "LineConfig", "fit_base"]
-
 Array = NDArray[np.float64]
 
 

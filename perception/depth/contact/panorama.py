@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from perception.camera.ground_plane import CameraView
 from uav_bt.types.projection import camera_axes, pixel_rays, project
 
-__all__ = ["OUTSIDE", "Panorama"]
-
 OUTSIDE = 255  # in the panorama: not in the image
 _ROWS_PER_PX = 2.0  # finer than the image, so that the borders between its pixels are found
 _NO_FRACTIONS = np.empty(0, dtype=np.uint16)  # cells lie on whole pixels

@@ -13,8 +13,6 @@ from uav_bt.classes import CLASS_TO_GROUP, GROUP_CARPET, GROUP_OBSTACLE
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
-__all__ = ["MeasuredPoints", "PointConfig", "draw_points", "ranges_at"]
-
 Floats = NDArray[np.float32]
 
 

@@ -24,8 +24,6 @@ from uav_bt.classes import CARPET, OBSTACLES
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
-__all__ = ["PairConfig", "PointPairs", "pair_distances", "patch_depths", "pick_pairs"]
-
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.uint8]

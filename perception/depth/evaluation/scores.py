@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from uav_bt.classes import CLASS_TO_GROUP, GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["DepthSample", "DepthScore", "ErrorSummary", "score_depth", "summarise_errors"]
-
 _NEAREST_M, _FURTHEST_M = 0.3, 5.0  # the paper's range of distances
 _LEAST_CARPET = 50  # pixels; with fewer there is no scale
 

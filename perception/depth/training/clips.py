@@ -13,8 +13,6 @@ from perception.odometry.camera_track import CameraTrack, camera_track, measured
 from perception.odometry.footage import Footage
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["ClipConfig", "ClipSource", "DepthLabels", "Flight"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ClipConfig:

@@ -30,17 +30,6 @@ from uav_bt.files import whole_file
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
 
-__all__ = [
-    "LABEL_SIZE_PX",
-    "LabelConfig",
-    "add_parallax",
-    "contact_labels",
-    "exact_labels",
-    "frames_of",
-    "read_labels",
-    "write_labels",
-]
-
 LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
 
 Image = NDArray[np.uint8]

@@ -20,16 +20,6 @@ from torch.nn import functional
 
 from perception.depth.training.warping import warp
 
-__all__ = [
-    "ConsistencyMaps",
-    "best_of",
-    "consistency_maps",
-    "label_loss",
-    "masked_mean",
-    "photometric_error",
-    "smoothness_loss",
-]
-
 _SSIM_SHARE: Final = 0.85
 _C1, _C2 = 0.01**2, 0.03**2  # Wang et al. (2004), for values from 0 to 1
 _LEAST_PIXELS: Final = 100.0  # a mask with fewer says nothing; its mean is drawn towards nought

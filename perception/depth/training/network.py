@@ -23,8 +23,6 @@ from torch.nn import functional
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["DEPTH_FILES", "DepthNet", "DepthNetConfig"]
-
 _DISPARITY_RANGE: Final = 10.0  # SC-Depth's: depth lies within 0.1 and 100
 _DISPARITY_FLOOR: Final = 0.01
 

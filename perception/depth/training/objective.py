@@ -20,8 +20,6 @@ from perception.depth.training.losses import (
 from perception.depth.training.pose_network import PoseNet
 from perception.depth.training.warping import invert_motion
 
-__all__ = ["Batch", "consistency_terms", "supervision_terms"]
-
 
 class Batch:
     """Clips as tensors: frame by frame, so that all targets come first.

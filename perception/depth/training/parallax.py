@@ -23,8 +23,6 @@ from numpy.typing import NDArray
 from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel
 
-__all__ = ["Parallax", "ParallaxConfig", "parallax_depth"]
-
 Floats = NDArray[np.float64]
 Map = NDArray[np.float32]
 Image = NDArray[np.uint8]

@@ -13,8 +13,6 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-__all__ = ["PoseNet", "motion_matrix"]
-
 _WIDTHS: Final = (16, 32, 64, 128, 128)  # by level, from half size downwards
 _GAIN: Final = 0.01
 

@@ -33,8 +33,6 @@ from perception.networks.training.loop import (
 )
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 
-__all__ = ["DepthTrainingConfig", "predict_depth", "train_depth"]
-
 _POSES: Final = ("telemetry", "network")
 
 

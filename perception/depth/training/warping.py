@@ -20,8 +20,6 @@ from torch.nn import functional
 
 from uav_bt.errors import ShapeError
 
-__all__ = ["Warped", "invert_motion", "pixel_rays", "warp"]
-
 _NEAREST = 1e-3  # depth below which a point counts as behind the camera
 
 

@@ -19,8 +19,6 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from perception.networks.weights_file import read_weights, write_weights
 from uav_bt.errors import ValueRangeError, WeightsError
 
-__all__ = ["LoopConfig", "Objective", "Progress", "channels_last", "ignore_progress", "train"]
-
 _REMEDY: Final = "delete the file to start the run anew"
 
 Net = TypeVar("Net", bound=nn.Module)

@@ -29,8 +29,6 @@ from perception.networks.weights_file import read_weights, write_weights
 from uav_bt.errors import ShapeError, WeightsError
 from uav_bt.files import write_whole
 
-__all__ = ["NetworkFiles", "OnnxPorts", "parameter_count"]
-
 _OPSET: Final = 18
 # All but convolutions computes in floats: integers cost accuracy there and save next to no time.
 _FLOAT_OPS: Final = ("Add", "Gemm", "Mul", "Reciprocal", "Resize", "Sub")

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ShapeError, ValueRangeError
 
-__all__ = ["AugmentConfig", "augmented"]
-
 _HUE_LEVEL_DEG: Final = 2.0  # OpenCV's 8-bit hue counts in steps of two degrees
 
 

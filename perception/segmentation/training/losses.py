@@ -13,8 +13,6 @@ from typing import Final
 from torch import Tensor
 from torch.nn import functional
 
-__all__ = ["LOSSES", "bce_dice", "cross_entropy"]
-
 _SMOOTHING: Final = 1.0  # pixels; keeps an absent class from giving 0 / 0 in the Dice term
 
 

@@ -18,8 +18,6 @@ from perception.segmentation.training.picks import Pick, read_picks, write_picks
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES, class_id
 from uav_bt.errors import FileError, UavBtError, ValueRangeError
 
-__all__ = ["PickSession", "make_pick_server"]
-
 _MEDIA: Final = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 _LONGEST_REQUEST: Final = 4096  # bytes; a click takes a hundred
 

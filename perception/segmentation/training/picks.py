@@ -28,16 +28,6 @@ from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
 from uav_bt.files import reading, write_whole
 
-__all__ = [
-    "Origin",
-    "Pick",
-    "PickedPatches",
-    "draw_picks",
-    "gather_patches",
-    "read_picks",
-    "write_picks",
-]
-
 Origin = Literal["hand", "simulated"]
 _COLUMNS: Final = ("image", "x", "y", "class", "origin")
 

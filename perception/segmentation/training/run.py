@@ -25,8 +25,6 @@ from perception.segmentation.training.unet import UNet, UNetConfig
 from uav_bt.classes import CLASS_COUNT
 from uav_bt.errors import ShapeError, UnknownNameError, ValueRangeError
 
-__all__ = ["IGNORED", "LabelledImages", "TrainingConfig", "predict", "train_unet"]
-
 IGNORED: Final = 255  # the label of an unknown pixel, which does not enter the loss
 
 

@@ -20,8 +20,6 @@ from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["UNET_FILES", "UNet", "UNetConfig"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class UNetConfig:

@@ -24,8 +24,6 @@ from sim_bridge.loopback.messages import MessageTable
 from sim_bridge.loopback.world import World, WorldState
 from uav_bt.types import FlyingState, Hover
 
-__all__ = ["Anafi"]
-
 _LOG = logging.getLogger(__name__)
 
 

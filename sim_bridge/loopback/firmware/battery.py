@@ -11,8 +11,6 @@ from sim_bridge.loopback.world import WorldState
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import FlyingState
 
-__all__ = ["Battery", "BatteryOptions"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class BatteryOptions:

@@ -13,8 +13,6 @@ from sim_bridge.loopback.firmware.publisher import Handler, Values
 from sim_bridge.loopback.firmware.settings import Setting, setting
 from sim_bridge.loopback.world import WorldState
 
-__all__ = ["CAMERA_SETTINGS", "Camera"]
-
 _PHOTO_S: Final = 0.5  # s that a photo takes
 _ISO: Final = ("iso_100", "iso_200", "iso_400", "iso_800", "iso_1600", "iso_3200")
 _SHUTTER: Final = ("shutter_1_over_1000", "shutter_1_over_500", "shutter_1_over_60")

@@ -10,8 +10,6 @@ from sim_bridge.loopback.firmware.publisher import Handler, Values
 from sim_bridge.loopback.world import WorldState
 from uav_bt.types import CutMotors, FlyingState, Land, TakeOff
 
-__all__ = ["AIRBORNE", "Flight"]
-
 AIRBORNE: Final = (FlyingState.HOVERING, FlyingState.FLYING)
 
 _EVENT: Final = "ardrone3.PilotingState.FlyingStateChanged"

@@ -10,8 +10,6 @@ from sim_bridge.loopback.firmware.part import Core, Part
 from sim_bridge.loopback.firmware.publisher import Handler, Values
 from sim_bridge.loopback.world import WorldState
 
-__all__ = ["Gimbal"]
-
 _MIN_DEG: Final = -90.0  # the ANAFI's range, which the twin's camera has, too
 _MAX_DEG: Final = 90.0
 _BOUNDS: Final = {

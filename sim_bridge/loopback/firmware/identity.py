@@ -6,8 +6,6 @@ from sim_bridge.loopback.firmware.publisher import Publisher
 from sim_bridge.loopback.handshake import Identity
 from sim_bridge.loopback.world import SATELLITES
 
-__all__ = ["publish_identity"]
-
 _SENSORS = ("IMU", "barometer", "ultrasound", "GPS", "magnetometer", "vertical_camera")
 _CALIBRATED = ("xAxisCalibration", "yAxisCalibration", "zAxisCalibration")
 _FLIGHTS = ("nbFlights", "lastFlightDuration", "totalFlightDuration")

@@ -14,8 +14,6 @@ from sim_bridge.loopback.firmware.travel import Outcome, Step, Travelled
 from sim_bridge.loopback.world import WorldState
 from uav_bt.types import FlyingState
 
-__all__ = ["MoveBy"]
-
 _RESULTS: Final = {  # of moveByChanged and of moveByEnd
     Outcome.DONE: ("DONE", "ok"),
     Outcome.INTERRUPTED: ("CANCELED", "interrupted"),

@@ -14,8 +14,6 @@ from sim_bridge.loopback.firmware.travel import Outcome, Step, Travelled, step_t
 from sim_bridge.loopback.world import WorldState, offset_m
 from uav_bt.types import wrap_angle
 
-__all__ = ["MoveTo"]
-
 _NEAR_M: Final = 0.3  # so near a goal its direction is not worth a turn
 _STATUS: Final = {
     Outcome.DONE: "DONE",

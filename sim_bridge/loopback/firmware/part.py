@@ -10,8 +10,6 @@ from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.firmware.travel import Travel
 from sim_bridge.loopback.world import World, WorldState
 
-__all__ = ["Core", "Part"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Core:

@@ -14,8 +14,6 @@ from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from uav_bt.types import Hover, Velocity
 
-__all__ = ["EXPIRY_S", "Piloting", "Sticks", "velocity_of"]
-
 EXPIRY_S: Final = 0.5  # s after which old stick positions count as centred; clients send at 20 Hz
 # m/s of steady flight at 45 degrees of tilt: at 40 degrees it makes the ANAFI's 15 m/s.
 _SPEED_PER_TILT_MPS: Final = 15.0 / math.tan(math.radians(40.0))

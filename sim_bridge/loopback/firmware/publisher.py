@@ -9,8 +9,6 @@ from sim_bridge.loopback.codec import encode
 from sim_bridge.loopback.messages import Memory, MessageTable, MessageType
 from sim_bridge.loopback.world import WorldState
 
-__all__ = ["Handler", "Publisher", "Sink", "Values"]
-
 Values = Mapping[str, Any]
 Handler = Callable[[Values, WorldState], None]  # carries one command out
 Sink = Callable[[MessageType, bytes], None]

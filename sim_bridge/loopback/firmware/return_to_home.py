@@ -14,8 +14,6 @@ from sim_bridge.loopback.firmware.travel import Outcome, Travelled, step_to
 from sim_bridge.loopback.world import WorldState, location, offset_m
 from uav_bt.types import FlyingState
 
-__all__ = ["ReturnToHome"]
-
 _UNKNOWN: Final = 500.0  # ARSDK's value for an unknown latitude or longitude
 _NEAR_M: Final = 0.5  # so near home it lands without a climb
 # The names of rth.state, in ardrone3's NavigateHomeStateChanged.

@@ -10,8 +10,6 @@ from typing import Any, Final
 from sim_bridge.loopback.firmware.publisher import Handler, Publisher, Values
 from sim_bridge.loopback.world import WorldState
 
-__all__ = ["SETTINGS", "Setting", "Settings", "setting"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:

@@ -9,8 +9,6 @@ from sim_bridge.loopback.firmware.gimbal import Gimbal
 from sim_bridge.loopback.firmware.part import Core, Part
 from sim_bridge.loopback.world import WorldState, location, to_earth
 
-__all__ = ["Telemetry"]
-
 _PERIOD_S: Final = 0.2  # s between two attitudes, as the ANAFI has it
 _PILOTING: Final = "ardrone3.PilotingState"
 

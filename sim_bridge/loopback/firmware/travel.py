@@ -11,8 +11,6 @@ from typing import Final
 from sim_bridge.loopback.world import World, WorldState, to_body
 from uav_bt.types import Hover, MoveBy, MovementState, wrap_angle
 
-__all__ = ["Outcome", "Step", "Travel", "Travelled", "step_to"]
-
 _STUCK_S: Final = 3.0  # s without progress after which something is in the way
 _PROGRESS_M: Final = 0.05
 _PROGRESS_RAD: Final = 0.05

@@ -23,8 +23,6 @@ from sim_bridge.loopback.video.transport import (
     Transport,
 )
 
-__all__ = ["MAX_CONNECTIONS", "Connection", "ServerState"]
-
 _LOG: Final = logging.getLogger(__name__)
 
 MAX_CONNECTIONS: Final = 32  # a drone serves a handful; more is a fault or malice

@@ -15,8 +15,6 @@ from urllib.parse import urlsplit
 from sim_bridge.loopback.video.rtsp_message import Request, RtspError, answer
 from sim_bridge.loopback.video.transport import Transport, choose_transport
 
-__all__ = ["CONTROL", "PATH", "Dialogue", "SessionActions"]
-
 PATH: Final = "live"
 CONTROL: Final = "stream=0"
 

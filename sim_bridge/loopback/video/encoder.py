@@ -19,19 +19,6 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import DroneError, MissingDependencyError, ValueRangeError
 
-__all__ = [
-    "CLOCK_HZ",
-    "IDR",
-    "EncodedFrame",
-    "Encoder",
-    "EncoderConfig",
-    "ParameterSets",
-    "find_parameter_sets",
-    "nal_type",
-    "parameter_sets",
-    "split_nals",
-]
-
 CLOCK_HZ: Final = 90_000  # of the time stamps of video in RTP
 IDR: Final = 5  # NAL unit: a slice of a key frame
 _SPS: Final = 7

@@ -12,8 +12,6 @@ from sim_bridge.loopback.world import Location
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import Attitude, FlyingState
 
-__all__ = ["FrameSource", "NorthEastDown", "VideoFrame"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class NorthEastDown:

@@ -20,8 +20,6 @@ from sim_bridge.loopback.world import SATELLITES, Location
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, FlyingState
 
-__all__ = ["EXTENSION_ID", "MAX_METADATA_BYTES", "extension", "quaternion", "timed_metadata"]
-
 EXTENSION_ID: Final = 0x5062
 MAX_METADATA_BYTES: Final = 300  # what Parrot's sender puts on one packet
 

@@ -12,8 +12,6 @@ from typing import Final
 
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["double", "float32", "message", "signed", "unsigned"]
-
 _VARINT: Final = 0  # wire types
 _FIXED64: Final = 1
 _LENGTH_DELIMITED: Final = 2

@@ -18,15 +18,6 @@ from sim_bridge.loopback.video.encoder import CLOCK_HZ, EncodedFrame
 from sim_bridge.loopback.video.metadata import extension
 from uav_bt.errors import ValueRangeError
 
-__all__ = [
-    "MIN_PAYLOAD_BYTES",
-    "MTU_BYTES",
-    "PAYLOAD_TYPE",
-    "FramePackets",
-    "RtpStream",
-    "packetize",
-]
-
 PAYLOAD_TYPE: Final = 96  # the only one that Parrot's receiver takes
 MTU_BYTES: Final = 1400  # of a packet with its RTP header; Parrot's receiver wants less than 1500
 

@@ -11,16 +11,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-__all__ = [
-    "MAX_BODY_BYTES",
-    "MAX_HEAD_BYTES",
-    "Interleaved",
-    "Request",
-    "RequestReader",
-    "RtspError",
-    "answer",
-]
-
 MAX_HEAD_BYTES: Final = 8192
 MAX_BODY_BYTES: Final = 8192
 

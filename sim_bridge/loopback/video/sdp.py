@@ -12,8 +12,6 @@ import base64
 from sim_bridge.loopback.video.encoder import CLOCK_HZ, ParameterSets
 from sim_bridge.loopback.video.rtp import PAYLOAD_TYPE
 
-__all__ = ["describe"]
-
 
 def describe(sets: ParameterSets, *, serial: str, host: str, session: int, control: str) -> str:
     """Return the SDP.

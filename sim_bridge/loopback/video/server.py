@@ -17,8 +17,6 @@ from sim_bridge.loopback.video.streamer import Streamer, VideoStats
 from sim_bridge.loopback.video.transport import open_datagram_pair
 from uav_bt.errors import ValueRangeError
 
-__all__ = ["VideoServer", "serve_video"]
-
 _MAX_PORT: Final = 65_535
 
 

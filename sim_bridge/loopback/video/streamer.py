@@ -17,8 +17,6 @@ from sim_bridge.loopback.video.metadata import timed_metadata
 from sim_bridge.loopback.video.rtp import FramePackets, RtpStream
 from sim_bridge.loopback.video.transport import Sink
 
-__all__ = ["Counters", "Player", "Streamer", "VideoStats"]
-
 _LOG: Final = logging.getLogger(__name__)
 
 # As in Parrot's sender; its receivers tell the capture time from the second report on.

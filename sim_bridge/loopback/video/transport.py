@@ -12,16 +12,6 @@ from typing import Final, Protocol
 from sim_bridge.loopback.ports import PortTakenError
 from sim_bridge.loopback.video.rtsp_message import RtspError
 
-__all__ = [
-    "DatagramPair",
-    "DatagramSink",
-    "InterleavedSink",
-    "Sink",
-    "Transport",
-    "choose_transport",
-    "open_datagram_pair",
-]
-
 # What may wait in a client's buffer; with more, whole frames are left out until it has caught up.
 MAX_WAITING_BYTES: Final = 256 * 1024
 

@@ -14,8 +14,6 @@ from uav_bt.protocols import PolicyView
 from uav_bt.types import CameraModel, ClassMap
 from uav_bt.types.projection import ground_points, pixel_rays
 
-__all__ = ["CAMERA", "FOR_EVER", "HEIGHT_M", "HIGH_M", "PITCH_RAD", "Box", "cast", "view"]
-
 # The ANAFI's video, resized to the network's size.
 CAMERA = CameraModel(
     width_px=640, height_px=360, fx_px=465.6, fy_px=465.6, cx_px=319.5, cy_px=179.5

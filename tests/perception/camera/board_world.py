@@ -17,8 +17,6 @@ load_mujoco()
 from sim_bridge.twin import model as twin_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 
-__all__ = ["board_poses", "photograph"]
-
 _CENTRE_M = (0.0, 0.0, 1.5)
 _SQUARE_PX = 32
 

@@ -13,8 +13,6 @@ from perception.control.config import ControlNetConfig
 from perception.control.training.samples import ControlFlight, FlightBuilder
 from uav_bt.protocols import Advice, Decision
 
-__all__ = ["TINY", "advice", "made_up_flight", "picture"]
-
 TINY = ControlNetConfig(
     width_px=32, height_px=16, channels=(4, 8), bottleneck=4, embedding=12, hidden=8
 )

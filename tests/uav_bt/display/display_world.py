@@ -10,9 +10,9 @@ from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, MI
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
-from uav_bt.mission.arbiter import Override
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.safety import Override
 from uav_bt.testing import blank_frame, pinhole
 from uav_bt.tree import Status
 from uav_bt.types import (

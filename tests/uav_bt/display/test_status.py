@@ -7,8 +7,8 @@ from rich.console import Console
 
 from tests.uav_bt.display.display_world import World, flight_report
 from uav_bt.display.status import LiveStatus, summary
-from uav_bt.mission.arbiter import Override
 from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.safety import Override
 from uav_bt.types import Pose
 
 

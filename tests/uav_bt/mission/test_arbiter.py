@@ -9,7 +9,8 @@ import pytest
 
 from uav_bt.board.proposals import Proposals
 from uav_bt.errors import ProposalConflictError, ValueRangeError
-from uav_bt.mission.arbiter import Arbiter, Limits, Override
+from uav_bt.mission.arbiter import Arbiter
+from uav_bt.mission.safety import Limits, Override
 from uav_bt.types import (
     Command,
     CutMotors,

@@ -15,9 +15,9 @@ from uav_bt.board.context import MissionContext
 from uav_bt.board.proposals import Proposals
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError, ValueRangeError
-from uav_bt.mission.arbiter import Override
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome
 from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener, TickRecord
+from uav_bt.mission.safety import Override
 from uav_bt.testing import ScriptedDrone, blank_frame
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.types import (

@@ -24,8 +24,6 @@ from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record
 from uav_bt.types import CameraModel
 
-__all__ = ["Look", "PerceiveOptions"]
-
 _CONTACT: Final = "contact"
 _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
 

@@ -21,8 +21,6 @@ from uav_bt.display.video.video_file import VideoFile
 from uav_bt.mission.flight_report import Percentiles
 from uav_bt.types import CameraModel, Corridor, HelipadFix
 
-__all__ = ["Film", "PerceiveSummary", "Tally", "as_json"]
-
 _FASTEST: Final = 60.0  # images a second of a video that is written
 _ALL: Final = "all"  # the stages of a frame together
 

@@ -37,8 +37,6 @@ from uav_bt.types import (
     HelipadFix,
 )
 
-__all__ = ["STAGES", "Perceived", "Pipeline", "PipelineConfig"]
-
 STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "helipad")
 
 

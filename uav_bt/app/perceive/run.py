@@ -15,8 +15,6 @@ from uav_bt.errors import InputError
 from uav_bt.files import writing
 from uav_bt.progress import Advance, silent
 
-__all__ = ["perceive"]
-
 _Write = Callable[[TimedImage, Perceived], None]
 
 

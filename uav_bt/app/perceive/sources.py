@@ -28,8 +28,6 @@ from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
 
-__all__ = ["IMAGE_SUFFIXES", "FolderSource", "RecordSource", "open_source"]
-
 IMAGE_SUFFIXES: Final = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")
 
 

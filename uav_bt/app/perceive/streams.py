@@ -16,17 +16,6 @@ from numpy.typing import NDArray
 from uav_bt.errors import FileError, InputError
 from uav_bt.protocols import Clock
 
-__all__ = [
-    "CAMERA",
-    "FOLDER_RATE",
-    "CameraSource",
-    "Image",
-    "ImageSource",
-    "TimedImage",
-    "TimedImages",
-    "VideoSource",
-]
-
 Image = NDArray[np.uint8]
 
 FOLDER_RATE: Final = 10.0  # images a second where nothing tells: a mission's tick

@@ -20,8 +20,6 @@ from uav_bt.record.notes import FrameNote
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import Attitude, DroneState, Frame
 
-__all__ = ["FixedTelemetry", "FlightTelemetry", "Telemetry"]
-
 _SLACK_S: Final = 0.25  # a frame this long before the first or after the last entry still has one
 
 

@@ -15,8 +15,6 @@ from uav_bt.record.notes import TreeNote
 from uav_bt.tree import MissionTree
 from uav_bt.types import Command, GimbalTo, MoveBy, Movement
 
-__all__ = ["LOSSY_NUMBERS", "LOSSY_TICKS", "Comparison", "Difference", "ReplayReport"]
-
 # A lossy record replays as the recorded flight when commands agree to this (metres, radians, or
 # those a second), and all but this share of the ticks agree in statuses and commands.
 LOSSY_NUMBERS: Final = 0.05

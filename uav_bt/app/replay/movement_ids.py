@@ -10,8 +10,6 @@ from dataclasses import replace
 
 from uav_bt.types import DroneState, MoveBy, Movement
 
-__all__ = ["MovementIds"]
-
 
 class MovementIds:
     """Pairs movements that were commanded at the same time."""

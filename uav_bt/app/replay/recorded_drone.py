@@ -10,8 +10,6 @@ from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import CameraModel, ClassMap, Command, Frame, Observation
 
-__all__ = ["RecordedDrone", "RecordedSegmenter"]
-
 
 class RecordedClock:
     """Jumps from tick to tick, however long somebody means to sleep."""

@@ -6,14 +6,12 @@ from typing import Any, Final
 
 from uav_bt.app.replay.differences import Comparison
 from uav_bt.app.replay.recorded_drone import RecordedDrone
-from uav_bt.mission.arbiter import Override
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner, TickRecord
+from uav_bt.mission.safety import Override
 from uav_bt.record.moment import Moment
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, Truth
-
-__all__ = ["ComparingListener", "ReplayJudge", "ReplayRunner"]
 
 _OVER: Final = frozenset({"SUCCESS", "FAILURE"})
 _AS_RECORDED: Final = "stopped, as in the recording"

@@ -16,9 +16,6 @@ from uav_bt.app.replay.replay_runner import ComparingListener, ReplayJudge, Repl
 from uav_bt.errors import FileError, NodeFailedError
 from uav_bt.record.reader import RecordReader
 
-__all__ = ["ReplayOptions", "assemble_recorded", "replay"]
-
-
 Masks = Literal["network", "recorded"]
 
 

@@ -27,8 +27,6 @@ from uav_bt.types import CameraModel
 if TYPE_CHECKING:
     import rerun as rr
 
-__all__ = ["ViewListeners", "live_view", "saved_view", "setting_of"]
-
 
 class ViewListeners:
     """Draws a flight into a Rerun recording; one of the `listeners` of `app.fly`.

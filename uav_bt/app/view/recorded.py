@@ -32,8 +32,6 @@ from uav_bt.tree import MissionTree, load_tree
 if TYPE_CHECKING:
     import rerun as rr
 
-__all__ = ["WITHOUT_DISPLAY", "RecordedFlight", "Span", "known_tree"]
-
 Stopped = Callable[[], bool]
 
 

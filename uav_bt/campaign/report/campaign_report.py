@@ -23,8 +23,6 @@ from uav_bt.display.lab_map import LabMap
 from uav_bt.errors import InputError
 from uav_bt.files import write_whole
 
-__all__ = ["WrittenReport", "default_page", "write_campaign_report", "write_report"]
-
 _ABOUT_SCENES: Final = (
     "Above, where every flight went, from the referee; a dot where it began, a cross where it "
     "failed. Below, which share of the flights came by. Numbers on boxes are their heights in "

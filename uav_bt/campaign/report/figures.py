@@ -18,17 +18,6 @@ from uav_bt.campaign.report.statistics import bandwidth, density, summarise
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "DENSITIES",
-    "OUTCOME_COLOURS",
-    "SET_COLOURS",
-    "densities",
-    "new_figure",
-    "outcomes",
-    "png",
-    "style",
-]
-
 # Okabe and Ito's, distinguishable to everybody; darker first, for they lie on white.
 SET_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#555555")
 OUTCOME_COLOURS: Final = {

@@ -11,8 +11,6 @@ from jinja2 import Environment, StrictUndefined
 
 from uav_bt.campaign.report.tables import Cell, Link, Table
 
-__all__ = ["Image", "Section", "page"]
-
 _PAGE: Final = """\
 <!DOCTYPE html>
 <html lang="en">

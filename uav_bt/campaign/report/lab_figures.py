@@ -17,8 +17,6 @@ from uav_bt.display.lab_map import LabMap, MapItem
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["covered_shares", "free_cells", "scene_figure", "visited_cells"]
-
 CELL_M: Final = 0.25  # divides the carpet's 5 m and 4 m
 REACH_M: Final = 0.25  # half the drone's width and a bit: what it has been over
 _STEP_M: Final = 0.05  # between points of the path that are looked at

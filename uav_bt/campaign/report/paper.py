@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["PAPER", "PAPER_SUCCESS", "PaperFigure"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PaperFigure:

@@ -14,8 +14,6 @@ from uav_bt.campaign.report.statistics import by_tree
 from uav_bt.campaign.store import FLIGHTS_FILE, PLAN_FILE, read_plan
 from uav_bt.errors import FileError
 
-__all__ = ["FlightSet", "Provenance", "Sources", "read_sources"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:

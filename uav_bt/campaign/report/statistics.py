@@ -15,16 +15,6 @@ from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import Outcome
 
-__all__ = [
-    "Distribution",
-    "FlightsSummary",
-    "bandwidth",
-    "by_tree",
-    "density",
-    "summarise",
-    "wilson",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Distribution:

@@ -19,8 +19,6 @@ from uav_bt.campaign.report.sources import FlightSet, Sources
 from uav_bt.campaign.report.statistics import summarise
 from uav_bt.mission.judge import Outcome
 
-__all__ = ["Link", "Table", "tables_of"]
-
 _SUCCESS: Final = Outcome.SUCCESS.value
 
 

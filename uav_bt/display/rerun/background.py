@@ -14,8 +14,6 @@ from uav_bt.clock import ManualClock
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.tree import Status
 
-__all__ = ["BackgroundFollower", "Statuses"]
-
 _LOG = logging.getLogger(__name__)
 _WAITING_TICKS: Final = 32  # their frames are in memory: 22 MB at 640x360
 

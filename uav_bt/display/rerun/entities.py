@@ -4,26 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = [
-    "BODY",
-    "CORRIDOR",
-    "DEPTH_LENS",
-    "FIX",
-    "FREE_DISTANCE",
-    "HEADING",
-    "HEIGHT",
-    "LAB",
-    "LENS",
-    "MASK",
-    "OBSTACLES",
-    "PATH",
-    "TICK_TIME",
-    "TIMELINE",
-    "TREE",
-    "WORDS",
-    "WORLD",
-]
-
 TIMELINE: Final = "flight"  # seconds since the first tick
 
 WORLD: Final = "world"  # z up, the origin in the carpet's middle, metres

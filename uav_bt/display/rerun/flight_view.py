@@ -19,8 +19,6 @@ from uav_bt.display.rerun.world import WorldView
 from uav_bt.mission.runner import TickRecord
 from uav_bt.tree import Status
 
-__all__ = ["FlightView"]
-
 
 class FlightView:
     """Draws a flight into a Rerun recording, live or from a record.

@@ -19,8 +19,6 @@ from uav_bt.display.video.panes import project_fix
 from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
-__all__ = ["ImageView", "jpeg", "outlines"]
-
 _JPEG_QUALITY: Final = 88  # a tenth of the raw image; the record keeps the lossless one
 _EDGE_PX: Final = 1.2  # half the width of drawn lines, in pixels of the image
 _PAD_RADIUS_M: Final = 0.3

@@ -23,8 +23,6 @@ from uav_bt.display.rerun.entities import (
 )
 from uav_bt.display.rerun.setting import ViewSetting
 
-__all__ = ["layout"]
-
 _FLOOR: Final[Colour] = (60, 64, 72)
 
 

@@ -13,8 +13,6 @@ from uav_bt.display.rerun.entities import FREE_DISTANCE, HEADING, HEIGHT, TICK_T
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import Corridor, HelipadFix, MoveBy, ObstaclePoints, wrap_angle
 
-__all__ = ["FlightPlots", "TurnLeft"]
-
 _BLUE: Final[Colour] = (94, 205, 255)
 
 

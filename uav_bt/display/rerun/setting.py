@@ -13,8 +13,6 @@ from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
-__all__ = ["CorridorSize", "Intruding", "TreeNode", "ViewSetting", "tree_nodes"]
-
 Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
 """Tells which pixels of a depth map are inside the corridor, (H, W)."""
 

@@ -22,8 +22,6 @@ from uav_bt.plugins import need
 if TYPE_CHECKING:
     import rerun as rr
 
-__all__ = ["Viewer", "has_display", "need_display", "saved", "viewer_command"]
-
 _APPLICATION: Final = "uav_bt"
 _LOOPBACK: Final = "127.0.0.1"
 _FOOTER: Final = b"RRF2FOOT"  # near the end of a whole file

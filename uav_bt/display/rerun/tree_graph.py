@@ -12,8 +12,6 @@ from uav_bt.display.rerun.entities import TREE
 from uav_bt.display.rerun.setting import TreeNode
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 
-__all__ = ["STATUS_COLOURS", "TreeGraph", "places"]
-
 STATUS_COLOURS: Final[Mapping[Status, Colour]] = {
     RUNNING: (255, 196, 0),
     SUCCESS: (80, 200, 120),

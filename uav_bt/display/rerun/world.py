@@ -39,8 +39,6 @@ from uav_bt.types import (
 )
 from uav_bt.types.dead_reckoning import PoseHistory
 
-__all__ = ["WorldView", "camera_axes", "corridor_planes"]
-
 _CARPET: Final[Colour] = (52, 66, 54)
 _PLANE: Final = (120, 170, 255, 26)
 _INTRUDED: Final = (*ALARM, 110)

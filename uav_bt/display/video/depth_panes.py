@@ -16,8 +16,6 @@ from uav_bt.display.canvas import text_width_px as wide_px
 from uav_bt.display.phrases import describe_corridor, describe_free
 from uav_bt.types import Corridor, DepthMap
 
-__all__ = ["FARTHEST_M", "corridor_rows", "draw_corridor", "draw_depth", "empty_pane"]
-
 FARTHEST_M: Final = 5.0  # of the scale: the carpet's length
 _UNKNOWN: Final[Colour] = (70, 74, 84)  # grey: no colour of the scale
 _BAR_WIDTH_PX: Final = 10

@@ -33,18 +33,6 @@ from uav_bt.mission.runner import TickRecord
 from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
 from uav_bt.types.projection import camera_axes
 
-__all__ = [
-    "Readings",
-    "colour_class_map",
-    "draw_camera",
-    "draw_class_map",
-    "draw_readings",
-    "draw_rows",
-    "mark_fix",
-    "project_fix",
-    "resize_image",
-]
-
 _PAD_RADIUS_M: Final = 0.3
 _NEAR_M: Final = 0.3  # closer to the pad than this, a mark says nothing
 _BRANCH_ROW_PX: Final = 22

@@ -15,8 +15,6 @@ from uav_bt.display.video.panes import colour_class_map, mark_fix, resize_image
 from uav_bt.errors import ShapeError
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
-__all__ = ["PerceptionPanes", "Seen"]
-
 _WIDTH_PX: Final = 1280
 _GAP_PX: Final = 2
 _FLATTEST: Final = 4.0  # panes are at most this many times as wide as high, or as high as wide

@@ -46,8 +46,6 @@ from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
-__all__ = ["FlightVideo", "FlightVideoConfig", "Intruding", "Panes"]
-
 Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
 """Tells which pixels of a depth map are inside the corridor, (H, W)."""
 

@@ -15,8 +15,6 @@ from uav_bt.display.canvas import Image
 from uav_bt.errors import FileError, MissingDependencyError, ShapeError, ValueRangeError
 from uav_bt.files import writing
 
-__all__ = ["VideoFile", "choose_codec"]
-
 # H.264 plays everywhere; MPEG-4 part 2 is in every build of FFmpeg. The options trade size for
 # time: the pictures are encoded between the ticks of a flight.
 _CODECS: Final[tuple[tuple[str, dict[str, str]], ...]] = (

@@ -17,8 +17,6 @@ from uav_bt.learning.depth_tables.methods import methods_for, metric_maps
 from uav_bt.progress import Advance, silent
 from uav_bt.types import Corridor, DepthMap
 
-__all__ = ["FOCAL_FACTORS", "FRONTS_M", "CorridorRow", "corridor_table"]
-
 FRONTS_M: Final = (0.3, 0.5, 1.0, 1.5, 2.0, 3.0)
 FOCAL_FACTORS: Final = (0.8, 0.9, 1.0, 1.1, 1.2)
 _CLEARLY_M: Final = 0.1  # by which walls move before an intrusion is beyond dispute

@@ -27,8 +27,6 @@ from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
-__all__ = ["MAP_SIZE_PX", "MASKS", "ImagePlan", "Masks", "SampleImage", "take_images"]
-
 Masks = Literal["unet", "exact"]
 MASKS: Final[tuple[Masks, ...]] = ("unet", "exact")
 MAP_SIZE_PX: Final = (224, 112)  # of the class maps, and so of metric depth in flight

@@ -19,17 +19,6 @@ from uav_bt.errors import ShapeError
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.types import ClassMap, DepthMap, Frame
 
-__all__ = [
-    "METHODS",
-    "CollectedScale",
-    "Error",
-    "Method",
-    "lowest_pixel_depth",
-    "methods_for",
-    "metric_maps",
-]
-
-
 # --- the paper's constant scales ------------------------------------------------------------------
 
 

@@ -21,8 +21,6 @@ from uav_bt.learning.depth_tables.tables import (
 from uav_bt.progress import Advance, silent
 from uav_bt.protocols import DepthEstimator, Segmenter
 
-__all__ = ["TABLES", "evaluate_depth"]
-
 _Rows = Sequence[Any]
 _MAKERS: Final[Mapping[str, Callable[[DepthQuestions, Masks, Advance], _Rows]]] = {
     "pairs": lambda questions, masks, advance: pair_table(questions, masks, advance=advance),

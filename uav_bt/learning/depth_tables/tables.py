@@ -31,17 +31,6 @@ from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, met
 from uav_bt.progress import Advance, silent
 from uav_bt.types import DepthMap
 
-__all__ = [
-    "PATCHES_PX",
-    "DepthQuestions",
-    "DistanceRow",
-    "PairRow",
-    "SensitivityRow",
-    "distance_table",
-    "pair_table",
-    "sensitivity_table",
-]
-
 PATCHES_PX: Final = (1, 3, 5, 7, 9)
 
 Floats = NDArray[np.float64]

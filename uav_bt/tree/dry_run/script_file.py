@@ -27,8 +27,6 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.tree.scripted import AnswerScript
 from uav_bt.yaml_file import read_yaml
 
-__all__ = ["Plain", "Scalar", "SimulationScript", "read_script"]
-
 Plain = bool | int | float | str
 """What a variable or a board key can be given in a script file."""
 

@@ -12,8 +12,6 @@ from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 
-__all__ = ["scripted_tree"]
-
 
 def scripted_tree(
     path: Path, script: SimulationScript, registry: NodeRegistry | None = None

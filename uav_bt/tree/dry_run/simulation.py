@@ -26,8 +26,6 @@ from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.observer import NodeEvent, observe
 from uav_bt.tree.status import RUNNING
 
-__all__ = ["Answer", "SimulatedTick", "Simulation"]
-
 _PLAIN: Final = (bool, int, float, str)
 _ANSWERS: Final = {
     NodeEvent.CONTINUES: Status.RUNNING,

@@ -23,8 +23,6 @@ from uav_bt.tree.port import parse_reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 
-__all__ = ["MAX_NODES", "POLICY_PORT", "Builder"]
-
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
 MAX_NODES: Final = 20_000  # subtrees inside subtrees multiply
 

@@ -28,8 +28,6 @@ from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import parse_script
 from uav_bt.tree.script.expressions import Name
 
-__all__ = ["Checker"]
-
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
 

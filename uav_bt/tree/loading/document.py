@@ -21,8 +21,6 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["Document", "autoremaps", "outline"]
-
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
 _TREE_ATTRIBUTES: Final = frozenset({"ID"})
 _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")

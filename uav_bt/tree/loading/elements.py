@@ -10,17 +10,6 @@ from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 
-__all__ = [
-    "EDITOR_ATTRIBUTES",
-    "KIND_TAGS",
-    "check_attributes",
-    "check_no_text",
-    "label",
-    "node_attributes",
-    "node_id_of",
-    "walk",
-]
-
 KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
 
 # What graphical editors write for themselves; it means nothing to the engine.

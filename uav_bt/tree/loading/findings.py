@@ -9,8 +9,6 @@ from typing import Final
 
 from uav_bt.errors import TreeError
 
-__all__ = ["MAX_FINDINGS", "WHOLE_FILE", "Finding", "Findings", "Position"]
-
 MAX_FINDINGS: Final = 500  # more are not read, and each costs the search for a suggestion
 
 

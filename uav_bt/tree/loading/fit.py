@@ -8,8 +8,6 @@ from typing import Any, Final
 from uav_bt.board.blackboard import Key
 from uav_bt.tree.port import Port
 
-__all__ = ["key_fits", "may_convert"]
-
 _NUMBERS: Final = (int, float)
 _TEXTUAL: Final = (str, int, float, bool)  # what `Port.read` makes of a text
 

@@ -8,8 +8,6 @@ from typing import Final
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 
-__all__ = ["MAX_INCLUDES", "Includes"]
-
 MAX_INCLUDES: Final = 50
 
 

@@ -14,8 +14,6 @@ from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["check_file", "findings_of", "load_tree", "parse_tree"]
-
 
 def load_tree(
     path: Path | str,

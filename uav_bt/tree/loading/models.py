@@ -11,8 +11,6 @@ from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 
-__all__ = ["PORT_DIRECTIONS", "NodeModel", "read_models"]
-
 PORT_DIRECTIONS: Final = {"input_port": "input", "output_port": "output", "inout_port": "inout"}
 """The tags of ports, with the direction that each means."""
 

@@ -26,15 +26,6 @@ from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.status import Status
 
-__all__ = [
-    "PaletteControl",
-    "PaletteDecorator",
-    "PaletteLeaf",
-    "PalettePort",
-    "read_palette",
-    "with_palette",
-]
-
 # By the names that C++ engines and editors write; every other type takes any text.
 _INTEGERS: Final = frozenset(
     {"int", "short", "long", "int8_t", "int16_t", "int32_t", "int64_t", "long long"}

@@ -24,8 +24,6 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["schema_xml"]
-
 _TAG: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 _KIND_TAGS: Final = tuple(kind.value for kind in NodeKind)
 _EXPLICIT: Final = (NodeKind.ACTION, NodeKind.CONDITION, NodeKind.CONTROL, NodeKind.DECORATOR)

@@ -14,9 +14,6 @@ from uav_bt.tree.loading.elements import label
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.port import Port
 
-__all__ = ["UNKNOWN", "Read", "Scope", "Slot", "Use", "Write"]
-
-
 _MAX_SOURCES: Final = 100  # of one variable
 
 

@@ -16,8 +16,6 @@ from xml.parsers import expat
 from uav_bt.errors import TreeError
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 
-__all__ = ["MAX_BYTES", "MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_source", "read_source"]
-
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 MAX_DEPTH: Final = 100  # deeper trees would meet Python's own recursion limit when ticked
 MAX_ELEMENTS: Final = 20_000

@@ -19,8 +19,6 @@ from uav_bt.tree.loading.variable_uses import BoardUse, VariableUses
 from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 
-__all__ = ["check_variables"]
-
 _IN_SCRIPTS: Final = (int, float, str)
 
 

@@ -21,8 +21,6 @@ from uav_bt.tree.script import Script, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment, Literal, Name
 from uav_bt.tree.script.kinds import certain_names, kind_of
 
-__all__ = ["BoardUse", "VariableUses"]
-
 _MAX_NODES: Final = 20_000  # as many as a tree may have once its subtrees are in place
 
 

@@ -7,8 +7,6 @@ from typing import ClassVar
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.status import FAILURE, SUCCESS, Status
 
-__all__ = ["ControlNode", "DecoratorNode"]
-
 
 class ControlNode(Node):
     """A node with children, ticked in some order."""

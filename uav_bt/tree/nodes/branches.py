@@ -11,17 +11,6 @@ from uav_bt.tree.port import Port
 from uav_bt.tree.script.values import compare_equal
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = [
-    "IfThenElse",
-    "Switch2",
-    "Switch3",
-    "Switch4",
-    "Switch5",
-    "Switch6",
-    "TryCatch",
-    "WhileDoElse",
-]
-
 _REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 

@@ -6,16 +6,6 @@ from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = [
-    "ForceFailure",
-    "ForceSuccess",
-    "Inverter",
-    "KeepRunningUntilFailure",
-    "Repeat",
-    "RetryUntilSuccessful",
-    "RunOnce",
-]
-
 
 class Inverter(DecoratorNode):
     """Turns SUCCESS into FAILURE and the other way round."""

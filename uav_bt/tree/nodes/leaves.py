@@ -5,8 +5,6 @@ from __future__ import annotations
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.status import FAILURE, SUCCESS, Status
 
-__all__ = ["AlwaysFailure", "AlwaysSuccess"]
-
 
 class AlwaysSuccess(Leaf):
     """Succeeds at once."""

@@ -12,8 +12,6 @@ from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, IDLE, RUNNING, Status
 
-__all__ = ["LoopBool", "LoopDouble", "LoopInt", "LoopString"]
-
 IF_EMPTY = Port(
     "if_empty", str, default="SUCCESS", doc="the answer when nothing is left", choices=ANSWER_NAMES
 )

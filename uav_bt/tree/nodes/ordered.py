@@ -7,16 +7,6 @@ from typing import ClassVar
 from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = [
-    "AsyncFallback",
-    "AsyncSequence",
-    "Fallback",
-    "ReactiveFallback",
-    "ReactiveSequence",
-    "Sequence",
-    "SequenceWithMemory",
-]
-
 
 class _Ordered(ControlNode):
     """Ticks its children one after another, going on with the one that it had reached."""

@@ -7,8 +7,6 @@ from uav_bt.tree.nodes.base import ControlNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = ["Parallel", "ParallelAll"]
-
 
 def _threshold(count: int, children: int) -> int:
     """Return a threshold; negative counts from the end, so that -1 means all."""

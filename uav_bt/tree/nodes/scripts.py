@@ -13,8 +13,6 @@ from uav_bt.tree.script import Script, parse_script
 from uav_bt.tree.script.values import assigned, truth
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, SUCCESS, Status
 
-__all__ = ["Precondition", "ScriptCondition", "ScriptNode", "SetBlackboard", "UnsetBlackboard"]
-
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
 

@@ -11,8 +11,6 @@ from uav_bt.tree.port import Port, parse_reference
 from uav_bt.tree.status import IDLE, RUNNING, Status
 from uav_bt.tree.variables import Variables
 
-__all__ = ["SubTree"]
-
 
 class SubTree(DecoratorNode):
     """Another tree of the file, with variables of its own.

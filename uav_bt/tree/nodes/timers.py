@@ -7,8 +7,6 @@ from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS, Status
 
-__all__ = ["Delay", "Sleep", "Timeout"]
-
 # Times are sums of ticks: their last digits are rounding.
 _EPSILON_S = 1e-9
 

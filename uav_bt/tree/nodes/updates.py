@@ -10,8 +10,6 @@ from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS, Status
 
-__all__ = ["SkipUnlessUpdated", "WaitValueUpdate", "WasEntryUpdated"]
-
 
 def _check_entry(text: object) -> None:
     if not isinstance(text, str) or not text.replace(".", "_").replace("-", "_").isidentifier():

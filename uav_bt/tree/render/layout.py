@@ -12,8 +12,6 @@ from typing import Final
 
 from uav_bt.tree.render.sketch import Box
 
-__all__ = ["Place", "Size", "arrange"]
-
 _BESIDE_PX: Final = 14.0  # between neighbours
 _BELOW_PX: Final = 34.0  # between levels: room for the lines
 

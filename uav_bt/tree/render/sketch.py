@@ -14,8 +14,6 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.port import Port, port_text
 
-__all__ = ["Box", "one_line", "sketch"]
-
 _MAX_TEXT: Final = 36  # characters; longer lines make a tree too wide to see at once
 
 

@@ -11,8 +11,6 @@ from uav_bt.tree.node import NodeKind
 from uav_bt.tree.render.layout import Place, Size, arrange
 from uav_bt.tree.render.sketch import Box, one_line
 
-__all__ = ["svg"]
-
 _MARGIN_PX: Final = 20.0
 _TITLE_PX: Final = 34.0  # above the tree
 _PADDING_PX: Final = 10.0  # inside a box, left and right

@@ -10,8 +10,6 @@ from uav_bt.errors import did_you_mean
 from uav_bt.tree.script.values import ScriptError, Value, assigned
 from uav_bt.tree.variables import Variables
 
-__all__ = ["Environment"]
-
 
 class Environment:
     """The names of a script.

@@ -17,17 +17,6 @@ from uav_bt.tree.script.values import (
     truth,
 )
 
-__all__ = [
-    "Assignment",
-    "Binary",
-    "Comparison",
-    "Conditional",
-    "Expression",
-    "Literal",
-    "Name",
-    "Unary",
-]
-
 
 class Expression:
     """A part of a script."""

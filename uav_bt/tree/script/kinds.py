@@ -15,8 +15,6 @@ from uav_bt.tree.script.expressions import (
     Unary,
 )
 
-__all__ = ["certain_names", "kind_of"]
-
 
 def kind_of(expression: Expression) -> type | None:
     """Return the type of an expression's value, or None when it is known only at run time."""

@@ -8,8 +8,6 @@ from typing import Final
 
 from uav_bt.tree.script.values import ScriptError
 
-__all__ = ["MAX_SCRIPT", "Token", "tokenize"]
-
 MAX_SCRIPT: Final = 4_000  # characters; a script in an attribute has some dozens
 
 # Two characters first, so that the longer operator is found.

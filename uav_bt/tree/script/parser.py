@@ -25,8 +25,6 @@ from uav_bt.tree.script.expressions import (
 from uav_bt.tree.script.lexer import Token, tokenize
 from uav_bt.tree.script.values import ScriptError, Value
 
-__all__ = ["MAX_NESTING", "Script", "parse_script"]
-
 MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
 
 _ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-__all__ = ["MAX_TEXT", "ScriptError", "Value", "assigned", "compare_equal", "number", "truth"]
-
 Value = int | float | str
 
 MAX_TEXT: Final = 100_000  # characters; `s += s` at every tick would fill the memory
