@@ -8,7 +8,7 @@ from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.observer import Observer
+from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
 
@@ -152,7 +152,12 @@ class Leaf(Node):
         if status is not SUCCESS and status is not FAILURE:
             self.set_status(RUNNING)
             raise MissionError(self._wrong_answer(status))
-        self._end(status)
+        try:  # `_end`, without a call
+            self.terminate(status)
+        finally:
+            self.node_status = status
+            if self.observer is not None:
+                self.observer(self, NodeEvent.STATUS)
         return status
 
     def _wrong_answer(self, status: object) -> str:

@@ -152,33 +152,40 @@ class Node(Surroundings, Behaviour):
         Raises:
             NodeFailedError: an exception came out of this node or of one below it.
         """
+        observer = self.observer
+        conditions = self._conditions
         try:
-            conditions = self._conditions
-            status = None if conditions is None else self._forestalled(conditions)
-            if status is None:
-                if self.observer is not None:
-                    self._notify_work(self.observer)
+            if conditions is None:
+                if observer is not None:
+                    self._notify_work(observer)
                 status = self._tick()
-            if conditions is not None and (status is SUCCESS or status is FAILURE):
-                conditions.ended(status, self.environment)
-        except NodeFailedError as error:
-            if self.observer is not None and error.node_path == self.path:
-                self.observer(self, NodeEvent.RAISED)
-            raise
+            else:
+                status = self._guarded(conditions, observer)
         except Exception as error:
-            if self.observer is not None:
-                self.observer(self, NodeEvent.RAISED)
-            raise NodeFailedError(self.path, error) from error
+            failure = error if isinstance(error, NodeFailedError) else None
+            if observer is not None and (failure is None or failure.node_path == self.path):
+                observer(self, NodeEvent.RAISED)
+            if failure is None:
+                raise NodeFailedError(self.path, error) from error
+            raise
         if status is not self.node_status and status is not SKIPPED:
-            self.set_status(status)
-        if self.observer is not None:
-            self.observer(self, _ANSWERED[status.value])
+            self.node_status = status
+            if observer is not None:
+                observer(self, NodeEvent.STATUS)
+        if observer is not None:
+            observer(self, _ANSWERED[status.value])
         return status
 
-    def _forestalled(self, conditions: Conditions) -> Status | None:
+    def _guarded(self, conditions: Conditions, observer: Observer | None) -> Status:
         status = conditions.forestall(self.node_status, self.environment)
-        if status is SKIPPED and self.node_status is RUNNING:
+        if status is None:
+            if observer is not None:
+                self._notify_work(observer)
+            status = self._tick()
+        elif status is SKIPPED and self.node_status is RUNNING:
             self.halt()
+        if status is SUCCESS or status is FAILURE:
+            conditions.ended(status, self.environment)
         return status
 
     def update(self) -> Status:
@@ -225,7 +232,9 @@ class Node(Surroundings, Behaviour):
         if self.node_status is RUNNING:
             self.halt()
         if self.node_status is not IDLE:
-            self.set_status(IDLE)
+            self.node_status = IDLE
+            if self.observer is not None:
+                self.observer(self, NodeEvent.STATUS)
 
     def _tick(self) -> Status:
         return self.update()
