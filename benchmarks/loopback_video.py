@@ -1,11 +1,11 @@
-"""Time the loopback ANAFI's video: rate, latency and CPU, from a picture to a client's decoder.
+"""Time the loopback ANAFI's video: rate, latency and CPU, from a frame to a client's decoder.
 
     python benchmarks/loopback_video.py
 
-A moving pattern stands for the twin's camera, so that drawing is not in the times. The server runs
+A moving pattern replaces the twin's camera, so that drawing is not in the times. The server runs
 in a process of its own; a client plays over UDP and decodes with PyAV. The latency is that of the
-pixels: every picture shows the time of its capture as black and white blocks, which the client
-reads from the decoded picture.
+pixels: every frame shows the time of its capture as black and white blocks, which the client
+reads from the decoded frame.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from sim_bridge.loopback.video.server import serve_video
 from sim_bridge.loopback.video.streamer import VideoStats
 
 SIZES = ((640, 360), (1280, 720))
-BLOCK_PX = 16  # a macroblock, so that blocks do not spoil each other
+BLOCK_PX = 16  # a macroblock, so that blocks do not disturb each other
 BITS = 32  # of microseconds: more than an hour
 PATIENCE_S = 60.0
 START_CODE = b"\x00\x00\x00\x01"
-WARM_UP = 60  # pictures that are not counted: a client that starts has some waiting
+WARM_UP = 60  # frames that are not counted: a client that starts has some waiting
 
 
 class Pattern:
@@ -61,7 +61,7 @@ class Pattern:
 
 
 def age_s(luma: NDArray[np.uint8]) -> float:
-    """Return how long ago the picture was captured that a decoder just gave."""
+    """Return how long ago the frame was captured that a decoder just gave."""
     middle = BLOCK_PX // 2
     bits = luma[middle, middle : BITS * BLOCK_PX : BLOCK_PX] > 128
     captured_us = int((bits.astype(np.int64) << np.arange(BITS)).sum())
@@ -69,7 +69,7 @@ def age_s(luma: NDArray[np.uint8]) -> float:
 
 
 def serve(config: EncoderConfig, link: Connection) -> None:
-    """Serve until told to stop, then tell what was done and the CPU time of a picture."""
+    """Serve until asked to stop, then send what was done and the CPU time of a frame."""
 
     async def work() -> tuple[VideoStats, float]:
         server = await serve_video(Pattern(config.size_px), port=0, encoder=config)
@@ -109,15 +109,15 @@ class Client:
         return self._control.recv(4096).decode()
 
     def ages_s(self) -> Iterator[float]:
-        """Yield the age of every picture as it is decoded."""
+        """Yield the age of every frame as it is decoded."""
         decoder = av.CodecContext.create("h264", "r")
-        decoder.thread_count = 1  # with pictures on several threads they come later
+        decoder.thread_count = 1  # with frames on several threads they come later
         decoder.options = {"flags": "low_delay"}
         stream = b""
         while True:
             packet = self._data.recv(2048)
             stream += annex_b(packet)
-            if packet[1] & 0x80:  # the picture's last
+            if packet[1] & 0x80:  # the frame's last
                 for frame in decoder.decode(av.Packet(stream)):
                     yield age_s(np.asarray(frame.to_ndarray(format="yuv420p"), np.uint8))
                 stream = b""
@@ -141,7 +141,7 @@ def annex_b(packet: bytes) -> bytes:
     return units
 
 
-def measure(config: EncoderConfig, pictures: int) -> str:
+def measure(config: EncoderConfig, frames: int) -> str:
     """Return a row: what one size and rate cost."""
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
@@ -152,7 +152,7 @@ def measure(config: EncoderConfig, pictures: int) -> str:
         ages.append(age)
         if len(ages) == WARM_UP:
             here.send("count from here")
-        if len(ages) == WARM_UP + pictures:
+        if len(ages) == WARM_UP + frames:
             break
     here.send("stop")
     stats, cost_s = here.recv()
@@ -168,16 +168,16 @@ def measure(config: EncoderConfig, pictures: int) -> str:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pictures", type=int, default=300, help="counted for each row")
+    parser.add_argument("--frames", type=int, default=300, help="counted for each row")
     parser.add_argument("--rate", type=float, nargs="+", default=[30.0], help="wanted, Hz")
     options = parser.parse_args()
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     print("                wanted   reached  latency of the pixels, ms   encoding   CPU of a")
-    print("      size          Hz        Hz      p50      p95      max        ms  picture, ms")
+    print("      size          Hz        Hz      p50      p95      max        ms  frame, ms")
     for size_px in SIZES:
         for rate_hz in options.rate:
             config = EncoderConfig(size_px=size_px, rate_hz=rate_hz)
-            print(measure(config, options.pictures))
+            print(measure(config, options.frames))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ same Python:
 Latency is from a frame's arrival at this program to the moment its command was handed to the SDK:
 conversion, perception and tree included, rendering and encoding not. A frame that came while the
 one before was still worked on is never looked at and does not count. On a virtual machine the time
-that its host gave to others is told, too: latencies grow with it.
+that its host gave to others is printed, too: latencies grow with it.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def served(python: str, address: str, scene: str, seed: int, rate: float) -> Ite
     server = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)  # noqa: S603
     try:
         assert server.stdout is not None  # noqa: S101  (asked for above)
-        server.stdout.readline()  # it says so when it stands
+        server.stdout.readline()  # printed once it listens
         yield
     finally:
         server.terminate()

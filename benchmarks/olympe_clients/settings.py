@@ -1,5 +1,5 @@
 # ruff: noqa: S101 - as a user of the SDK would write it
-"""Settings are taken within their bounds and told back; what the drone says of itself is there."""
+"""Settings are taken within their bounds and confirmed, and the drone describes itself."""
 
 import os
 

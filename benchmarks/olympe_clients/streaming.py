@@ -7,7 +7,7 @@ import time
 import olympe
 
 PORT = os.environ.get("DRONE_RTSP_PORT")
-NEW_WAY = int(olympe.__version__.split(".")[0]) >= 8
+NEW_API = int(olympe.__version__.split(".")[0]) >= 8
 
 seen = []
 
@@ -26,7 +26,7 @@ drone = olympe.Drone(os.environ.get("DRONE_IP", "127.0.0.1"))
 assert drone.connect()
 if PORT:
     drone.streaming.server_addr = f"{os.environ.get('DRONE_IP', '127.0.0.1')}:{PORT}"
-if NEW_WAY:
+if NEW_API:
     assert drone.streaming.play(raw_cb=on_frame)
 else:
     drone.streaming.set_callbacks(raw_cb=on_frame)

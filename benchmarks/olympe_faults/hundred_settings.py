@@ -1,5 +1,5 @@
 # ruff: noqa: S101 - as a user of the SDK would write it
-"""Give a hundred orders; each must be told back, with its own value."""
+"""Give a hundred orders; each must be confirmed, with its own value."""
 
 import os
 import statistics
@@ -20,6 +20,6 @@ for number in range(100):
     assert drone.get_state(MaxTiltChanged)["current"] == wanted
 assert drone.disconnect()
 print(
-    f"100 orders told back: median {1e3 * statistics.median(times_s):.0f} ms, "
+    f"100 orders confirmed: median {1e3 * statistics.median(times_s):.0f} ms, "
     f"longest {1e3 * max(times_s):.0f} ms"
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from sim_bridge.loopback.firmware.anafi import Anafi
-from sim_bridge.loopback.firmware.battery import BatteryOptions
+from sim_bridge.loopback.firmware.telemetry import BatteryOptions
 from sim_bridge.loopback.messages import message_table
 from sim_bridge.loopback.ports import Ports
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
@@ -59,7 +59,7 @@ class LoopbackDrone:
             image_size_px=setup.image_size_px,
             seed=setup.seed,
             clock=self._clock,
-            battery=lambda: self._anafi.battery,
+            battery=lambda: self._anafi.battery.charge,
         )
         self._server = LoopbackServer(self._anafi, table, setup.server)
         self._video: VideoServer | None = None

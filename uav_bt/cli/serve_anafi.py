@@ -9,7 +9,7 @@ import signal
 import click
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
-from sim_bridge.loopback.firmware.battery import BatteryOptions
+from sim_bridge.loopback.firmware.telemetry import BatteryOptions
 from sim_bridge.loopback.handshake import Identity
 from sim_bridge.loopback.ports import Ports
 from sim_bridge.loopback.server import ServerOptions

@@ -5,20 +5,19 @@ from __future__ import annotations
 import logging
 
 from sim_bridge.loopback.codec import Received
-from sim_bridge.loopback.firmware.battery import Battery, BatteryOptions
-from sim_bridge.loopback.firmware.camera import CAMERA_SETTINGS, Camera
-from sim_bridge.loopback.firmware.flight import Flight
-from sim_bridge.loopback.firmware.gimbal import Gimbal
-from sim_bridge.loopback.firmware.identity import publish_identity
-from sim_bridge.loopback.firmware.move_by import MoveBy
-from sim_bridge.loopback.firmware.move_to import MoveTo
-from sim_bridge.loopback.firmware.part import Core, Part
-from sim_bridge.loopback.firmware.piloting import Piloting
+from sim_bridge.loopback.firmware.camera import Camera, Gimbal
+from sim_bridge.loopback.firmware.core import Core, Part, Travel
+from sim_bridge.loopback.firmware.moves import MoveBy, MoveTo
+from sim_bridge.loopback.firmware.piloting import Flight, Piloting
 from sim_bridge.loopback.firmware.publisher import Handler, Publisher, Sink, Values
 from sim_bridge.loopback.firmware.return_to_home import ReturnToHome
-from sim_bridge.loopback.firmware.settings import SETTINGS, Settings
-from sim_bridge.loopback.firmware.telemetry import Telemetry
-from sim_bridge.loopback.firmware.travel import Travel
+from sim_bridge.loopback.firmware.settings import Settings
+from sim_bridge.loopback.firmware.telemetry import (
+    Battery,
+    BatteryOptions,
+    Telemetry,
+    publish_identity,
+)
 from sim_bridge.loopback.handshake import Identity
 from sim_bridge.loopback.messages import MessageTable
 from sim_bridge.loopback.world import World, WorldState
@@ -49,7 +48,7 @@ class Anafi:
         self._world = world
         self._publisher = Publisher(table)
         publish_identity(self._publisher, identity)
-        settings = Settings(self._publisher, (*SETTINGS, *CAMERA_SETTINGS))
+        settings = Settings(self._publisher)
         settings.change("common.SettingsState.ProductNameChanged", name=identity.name)
         self._travel = Travel(world)
         core = Core(
@@ -60,7 +59,7 @@ class Anafi:
             interrupt=self._stop_moving,
         )
         flight = Flight(core)
-        self._battery = Battery(core, flight, battery or BatteryOptions())
+        self.battery = Battery(core, flight, battery or BatteryOptions())
         self._move_to = MoveTo(core)
         self._return_to_home = ReturnToHome(core, flight)
         self._piloting = Piloting(core, self._claim_sticks)
@@ -73,7 +72,7 @@ class Anafi:
             self._piloting,
             flight,
             gimbal,
-            self._battery,
+            self.battery,
             Camera(core),
             Telemetry(core, gimbal),
         )
@@ -81,16 +80,11 @@ class Anafi:
             "common.Common.AllStates": self._all_states,
             "common.Settings.AllSettings": self._all_settings,
             "common.Common.Reboot": lambda _, __: None,
-            **settings.handlers(),
+            **settings.handlers,
         }
         for part in self._parts:
-            self._handlers.update(part.handlers())
+            self._handlers.update(part.handlers)
         self.update()
-
-    @property
-    def battery(self) -> float:
-        """The battery's charge, 0 to 1."""
-        return self._battery.charge
 
     def connected(self, sink: Sink) -> None:
         """Send events to a client from now on."""
@@ -103,7 +97,7 @@ class Anafi:
         self._piloting.release()
         state = self._world.state()
         if state.flying is FlyingState.LANDED:
-            self._battery.exchange()
+            self.battery.exchange()
         elif not self._travel.under_way:
             self._world.move(Hover())
         self._return_to_home.link_lost(state.time_s)

@@ -1,87 +1,97 @@
-"""Photos, recordings and the camera's settings, as far as clients wait for their answers.
+"""The gimbal, and photos and recordings as far as clients wait for their answers.
 
 Nothing is stored: a photo is reported as taken and saved, and there is no file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+import math
+from typing import Final
 
-from sim_bridge.loopback.firmware.part import Core, Part
-from sim_bridge.loopback.firmware.publisher import Handler, Values
-from sim_bridge.loopback.firmware.settings import Setting, setting
+from sim_bridge.loopback.firmware.core import Core, Part
+from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState
 
+_MIN_DEG: Final = -90.0  # the ANAFI's range, which the twin's camera has, too
+_MAX_DEG: Final = 90.0
+_BOUNDS: Final = {
+    "gimbal_id": 0,
+    **dict.fromkeys(("min_yaw", "max_yaw", "min_roll", "max_roll"), 0.0),
+    "min_pitch": _MIN_DEG,
+    "max_pitch": _MAX_DEG,
+}
+
+
+class Gimbal(Part):
+    """Points the camera up and down; its yaw is the body's, and its roll is level."""
+
+    def __init__(self, core: Core) -> None:
+        super().__init__(core)
+        self.handlers = {
+            "gimbal.set_target": self._set_target,
+            "gimbal.reset_orientation": self._reset,
+            "gimbal.calibrate": self._calibrate,
+            "gimbal.cancel_calibration": self._cancel_calibration,
+            "gimbal.start_offsets_update": lambda _, __: self._update_offsets("active"),
+            "gimbal.stop_offsets_update": lambda _, __: self._update_offsets("inactive"),
+        }
+        self._speed_degps = 0.0
+        self._updated_s = 0.0
+        self._target_deg = 0.0
+        self.reference = "absolute"  # of the last target; or relative
+        publish = core.publisher.state
+        publish("gimbal.gimbal_capabilities", gimbal_id=0, model="main", axes={"roll", "pitch"})
+        publish("gimbal.relative_attitude_bounds", **_BOUNDS)
+        publish("gimbal.absolute_attitude_bounds", **_BOUNDS)
+        publish("gimbal.axis_lock_state", gimbal_id=0, locked={"yaw"})
+        publish("gimbal.calibration_state", state="ok", gimbal_id=0)
+        publish("gimbal.alert", gimbal_id=0, error=set())
+
+    def update(self, state: WorldState) -> None:
+        """Integrate the velocity, where one is set."""
+        elapsed_s, self._updated_s = state.time_s - self._updated_s, state.time_s
+        if self._speed_degps:
+            self._point(self._target_deg + self._speed_degps * elapsed_s)
+            if self._target_deg in (_MIN_DEG, _MAX_DEG):
+                self._speed_degps = 0.0
+
+    def _set_target(self, values: Values, state: WorldState) -> None:
+        reference, pitch = values["pitch_frame_of_reference"], values["pitch"]
+        if values["gimbal_id"] != 0 or not math.isfinite(pitch):
+            return
+        if values["control_mode"] == "velocity":
+            share = max(-1.0, min(1.0, pitch))
+            max_degps = self._core.settings.value("gimbal.max_speed", "current_pitch")
+            self._speed_degps = share * max_degps
+            self._target_deg = math.degrees(state.gimbal_pitch_rad)
+        elif reference != "none":
+            self._speed_degps = 0.0
+            self.reference = reference
+            body_deg = math.degrees(state.attitude.pitch_rad) if reference == "relative" else 0.0
+            self._point(pitch + body_deg)
+
+    def _point(self, pitch_deg: float) -> None:
+        self._target_deg = max(_MIN_DEG, min(_MAX_DEG, pitch_deg))
+        self._core.world.point(math.radians(self._target_deg))
+
+    def _reset(self, _values: Values, _state: WorldState) -> None:
+        self._speed_degps = 0.0
+        self._point(0.0)
+
+    def _calibrate(self, _values: Values, _state: WorldState) -> None:
+        publisher = self._core.publisher
+        publisher.refresh("gimbal.calibration_state", state="in_progress", gimbal_id=0)
+        publisher.notify("gimbal.calibration_result", gimbal_id=0, result="success")
+        publisher.refresh("gimbal.calibration_state", state="ok", gimbal_id=0)
+
+    def _cancel_calibration(self, _values: Values, _state: WorldState) -> None:
+        self._core.publisher.notify("gimbal.calibration_result", gimbal_id=0, result="canceled")
+
+    def _update_offsets(self, update_state: str) -> None:
+        self._core.settings.change("gimbal.offsets", update_state=update_state)
+
+
 _PHOTO_S: Final = 0.5  # s that a photo takes
-_ISO: Final = ("iso_100", "iso_200", "iso_400", "iso_800", "iso_1600", "iso_3200")
-_SHUTTER: Final = ("shutter_1_over_1000", "shutter_1_over_500", "shutter_1_over_60")
-_STYLE: Final = ("saturation", "contrast", "sharpness")
-
-
-def _setting(command: str, takes: str, event: str = "", /, **start: Any) -> Setting:
-    return setting(f"camera.{command}", takes, event, cam_id=0, **start)
-
-
-CAMERA_SETTINGS: Final = (
-    _setting("set_camera_mode", "mode=value", mode="recording"),
-    _setting(
-        "set_recording_mode",
-        "mode resolution framerate hyperlapse",
-        mode="standard",
-        resolution="res_1080p",
-        framerate="fps_30",
-        hyperlapse="ratio_15",
-        bitrate=50_000_000,
-    ),
-    _setting(
-        "set_photo_mode",
-        "mode format file_format burst bracketing capture_interval",
-        mode="single",
-        format="rectilinear",
-        file_format="jpeg",
-        burst="burst_14_over_1s",
-        bracketing="preset_1ev",
-        capture_interval=0.0,
-    ),
-    _setting("set_streaming_mode", "value", value="low_latency"),
-    _setting("set_ev_compensation", "value", value="ev_0_00"),
-    _setting(
-        "set_white_balance",
-        "mode temperature",
-        mode="automatic",
-        temperature="t_5000",
-        lock="inactive",
-    ),
-    _setting("set_hdr_setting", "value", value="inactive"),
-    _setting("set_autorecord", "state", state="inactive"),
-    _setting("set_max_zoom_speed", "current=max", min=0.1, max=10.0, current=1.0),
-    _setting("set_zoom_velocity_quality_degradation", "allowed=allow", allowed=0),
-    _setting(
-        "set_style_params",
-        " ".join(_STYLE),
-        "camera.style",
-        style="standard",
-        **dict.fromkeys(_STYLE, 0),
-        **{f"{name}_min": -2 for name in _STYLE},
-        **{f"{name}_max": 2 for name in _STYLE},
-    ),
-    _setting(
-        "set_exposure_settings",
-        "mode manual_shutter_speed=shutter_speed manual_iso_sensitivity=iso_sensitivity "
-        "max_iso_sensitivity metering_mode",
-        mode="automatic",
-        manual_shutter_speed=_SHUTTER[0],
-        manual_shutter_speed_capabilities=frozenset(_SHUTTER),
-        manual_iso_sensitivity=_ISO[0],
-        manual_iso_sensitivity_capabilities=frozenset(_ISO),
-        max_iso_sensitivity=_ISO[-1],
-        max_iso_sensitivities_capabilities=frozenset(_ISO),
-        metering_mode="standard",
-    ),
-    setting("camera.set_antiflicker_mode", "mode", mode="auto", value="mode_50hz"),
-)
-
 _CAPABILITIES: Final = {
     "cam_id": 0,
     "model": "main",
@@ -124,14 +134,16 @@ _ZOOM: Final = {
 
 
 class Camera(Part):
-    """Takes photos and recordings; publishes what the camera can do.
-
-    Args:
-        core: what the parts share.
-    """
+    """Takes photos and recordings; publishes what the camera can do."""
 
     def __init__(self, core: Core) -> None:
         super().__init__(core)
+        self.handlers = {
+            "camera.take_photo": self._take_photo,
+            "camera.stop_photo": self._stop_photo,
+            "camera.start_recording": self._start_recording,
+            "camera.stop_recording": self._stop_recording,
+        }
         self._started_s: float | None = None  # when the photo under way was started
         self._photos = 0
         self._recordings = 0
@@ -148,15 +160,6 @@ class Camera(Part):
         publish("camera.hdr", cam_id=0, available="not_available", state="inactive")
         self._publish_photo("inactive")
         self._publish_recording(0)
-
-    def handlers(self) -> Mapping[str, Handler]:
-        """Return the commands it handles, by name."""
-        return {
-            "camera.take_photo": self._take_photo,
-            "camera.stop_photo": self._stop_photo,
-            "camera.start_recording": self._start_recording,
-            "camera.stop_recording": self._stop_recording,
-        }
 
     def update(self, state: WorldState) -> None:
         """Finish the photo under way."""

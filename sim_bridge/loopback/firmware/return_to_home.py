@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Mapping
 from typing import Final
 
-from sim_bridge.loopback.firmware.flight import AIRBORNE, Flight
-from sim_bridge.loopback.firmware.part import Core, Part
-from sim_bridge.loopback.firmware.publisher import Handler, Values
-from sim_bridge.loopback.firmware.travel import Outcome, Travelled, step_to
+from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Travelled, step_to
+from sim_bridge.loopback.firmware.piloting import AIRBORNE, Flight
+from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState, location, offset_m
 from uav_bt.types import FlyingState
 
@@ -41,6 +39,13 @@ class ReturnToHome(Part):
 
     def __init__(self, core: Core, flight: Flight) -> None:
         super().__init__(core)
+        self.handlers = {
+            "rth.return_to_home": lambda _, state: self._start(state, "user_request"),
+            "rth.abort": lambda _, state: self._stop(state),
+            "rth.set_custom_location": self._set_custom_location,
+            "rth.cancel_auto_trigger": self._cancel_auto_trigger,
+            "ardrone3.Piloting.NavigateHome": self._navigate_home,
+        }
         self._flight = flight
         self._phase: _Phase | None = None  # None while it does not run
         self._flying = False
@@ -49,16 +54,6 @@ class ReturnToHome(Part):
         self._custom_m: tuple[float, float] | None = None
         self._publish("unavailable", "disabled")
         self._publish_home()
-
-    def handlers(self) -> Mapping[str, Handler]:
-        """Return the commands it handles, by name."""
-        return {
-            "rth.return_to_home": lambda _, state: self._start(state, "user_request"),
-            "rth.abort": lambda _, state: self._stop(state),
-            "rth.set_custom_location": self._set_custom_location,
-            "rth.cancel_auto_trigger": self._cancel_auto_trigger,
-            "ardrone3.Piloting.NavigateHome": self._navigate_home,
-        }
 
     def interrupted(self) -> None:
         """Give up, because something else moves the drone now."""

@@ -46,10 +46,17 @@ def setting(command: str, takes: str, event: str = "", /, **start: Any) -> Setti
     )
 
 
+def _camera(command: str, takes: str, event: str = "", /, **start: Any) -> Setting:
+    return setting(f"camera.{command}", takes, event, cam_id=0, **start)
+
+
 _PILOTING: Final = "ardrone3.PilotingSettings"
 _SPEED: Final = "ardrone3.SpeedSettings"
 _NETWORK: Final = "ardrone3.NetworkSettings"
 _PICTURE: Final = "ardrone3.PictureSettings"
+_ISO: Final = ("iso_100", "iso_200", "iso_400", "iso_800", "iso_1600", "iso_3200")
+_SHUTTER: Final = ("shutter_1_over_1000", "shutter_1_over_500", "shutter_1_over_60")
+_STYLE: Final = ("saturation", "contrast", "sharpness")
 
 # Bounds and first values are an ANAFI's, as its documentation and its settings page have them.
 SETTINGS: Final = (
@@ -129,26 +136,79 @@ SETTINGS: Final = (
         **dict.fromkeys(("max_bound_pitch", "max_bound_roll"), 4.0),
         **dict.fromkeys(("current_pitch", "current_roll"), 0.0),
     ),
+    _camera("set_camera_mode", "mode=value", mode="recording"),
+    _camera(
+        "set_recording_mode",
+        "mode resolution framerate hyperlapse",
+        mode="standard",
+        resolution="res_1080p",
+        framerate="fps_30",
+        hyperlapse="ratio_15",
+        bitrate=50_000_000,
+    ),
+    _camera(
+        "set_photo_mode",
+        "mode format file_format burst bracketing capture_interval",
+        mode="single",
+        format="rectilinear",
+        file_format="jpeg",
+        burst="burst_14_over_1s",
+        bracketing="preset_1ev",
+        capture_interval=0.0,
+    ),
+    _camera("set_streaming_mode", "value", value="low_latency"),
+    _camera("set_ev_compensation", "value", value="ev_0_00"),
+    _camera(
+        "set_white_balance",
+        "mode temperature",
+        mode="automatic",
+        temperature="t_5000",
+        lock="inactive",
+    ),
+    _camera("set_hdr_setting", "value", value="inactive"),
+    _camera("set_autorecord", "state", state="inactive"),
+    _camera("set_max_zoom_speed", "current=max", min=0.1, max=10.0, current=1.0),
+    _camera("set_zoom_velocity_quality_degradation", "allowed=allow", allowed=0),
+    _camera(
+        "set_style_params",
+        " ".join(_STYLE),
+        "camera.style",
+        style="standard",
+        **dict.fromkeys(_STYLE, 0),
+        **{f"{name}_min": -2 for name in _STYLE},
+        **{f"{name}_max": 2 for name in _STYLE},
+    ),
+    _camera(
+        "set_exposure_settings",
+        "mode manual_shutter_speed=shutter_speed manual_iso_sensitivity=iso_sensitivity "
+        "max_iso_sensitivity metering_mode",
+        mode="automatic",
+        manual_shutter_speed=_SHUTTER[0],
+        manual_shutter_speed_capabilities=frozenset(_SHUTTER),
+        manual_iso_sensitivity=_ISO[0],
+        manual_iso_sensitivity_capabilities=frozenset(_ISO),
+        max_iso_sensitivity=_ISO[-1],
+        max_iso_sensitivities_capabilities=frozenset(_ISO),
+        metering_mode="standard",
+    ),
+    setting("camera.set_antiflicker_mode", "mode", mode="auto", value="mode_50hz"),
 )
 
 
 class Settings:
-    """Keeps the settings; the other parts read them by the event's name.
+    """Keeps the settings; the other parts read them by the event's name."""
 
-    Args:
-        publisher: publishes them.
-        settings: which there are.
-    """
-
-    def __init__(self, publisher: Publisher, settings: tuple[Setting, ...] = SETTINGS) -> None:
+    def __init__(self, publisher: Publisher) -> None:
         self._publisher = publisher
-        self._settings = settings
         self._values: dict[str, dict[str, Any]] = {}
-        self.reset()
+        self.handlers: Mapping[str, Handler] = {
+            "common.Settings.Reset": self._reset,
+            **{one.command: self._setter(one) for one in SETTINGS},
+        }
+        self._restore()
 
-    def reset(self) -> None:
-        """Restore the first values."""
-        self._values = {one.event: dict(one.start) for one in self._settings}
+    def _restore(self) -> None:
+        self._values = {one.event: dict(one.start) for one in SETTINGS}
         for event, values in self._values.items():
             self._publisher.state(event, **values)
 
@@ -171,12 +231,6 @@ class Settings:
         self._values[event].update(values)
         self._publisher.refresh(event, **self._values[event])
 
-    def handlers(self) -> Mapping[str, Handler]:
-        """Return the commands it handles, by name."""
-        return {one.command: self._setter(one) for one in self._settings} | {
-            "common.Settings.Reset": self._reset
-        }
-
     def _setter(self, one: Setting) -> Handler:
         def set_values(values: Values, _state: WorldState) -> None:
             held = self._values[one.event]
@@ -188,7 +242,7 @@ class Settings:
         return set_values
 
     def _reset(self, _values: Values, _state: WorldState) -> None:
-        self.reset()
+        self._restore()
         self._publisher.refresh("common.SettingsState.ResetChanged")
 
 

@@ -1,13 +1,152 @@
-"""Periodic states: attitude, speed, altitude, position, gimbal."""
+"""What the drone reports of itself: its identity, its battery, and periodically its motion."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
-from sim_bridge.loopback.firmware.gimbal import Gimbal
-from sim_bridge.loopback.firmware.part import Core, Part
-from sim_bridge.loopback.world import WorldState, location, to_earth
+from sim_bridge.loopback.firmware.camera import Gimbal
+from sim_bridge.loopback.firmware.core import Core, Part
+from sim_bridge.loopback.firmware.piloting import AIRBORNE, Flight
+from sim_bridge.loopback.firmware.publisher import Publisher
+from sim_bridge.loopback.handshake import Identity
+from sim_bridge.loopback.world import SATELLITES, WorldState, location, to_earth
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import FlyingState
+
+_SENSORS = ("IMU", "barometer", "ultrasound", "GPS", "magnetometer", "vertical_camera")
+_CALIBRATED = ("xAxisCalibration", "yAxisCalibration", "zAxisCalibration")
+_FLIGHTS = ("nbFlights", "lastFlightDuration", "totalFlightDuration")
+
+
+def publish_identity(publisher: Publisher, identity: Identity) -> None:
+    """Publish the states that a client reads once.
+
+    Args:
+        publisher: publishes them.
+        identity: name and serial number.
+    """
+    publish = publisher.state
+    half = len(identity.serial) // 2
+    publish("common.SettingsState.ProductVersionChanged", software="1.8.2", hardware="HW_00")
+    publish("common.SettingsState.ProductSerialHighChanged", high=identity.serial[:half])
+    publish("common.SettingsState.ProductSerialLowChanged", low=identity.serial[half:])
+    publish("common.SettingsState.BoardIdChanged", id="loopback")
+    publish("common.CommonState.BootId", bootId="loopback")
+    publish("common.CommonState.LinkSignalQuality", value=5)
+    publish("common.CommonState.WifiSignalChanged", rssi=-35)
+    for sensor in _SENSORS:
+        publish("common.CommonState.SensorsStatesListChanged", sensorName=sensor, sensorState=1)
+    publish("common.RunState.RunIdChanged", runId="loopback")
+    calibration = "common.CalibrationState.MagnetoCalibration"
+    publish(f"{calibration}RequiredState", required=0)
+    publish(f"{calibration}StartedChanged", started=0)
+    publish(f"{calibration}StateChanged", **dict.fromkeys(_CALIBRATED, 1), calibrationFailed=0)
+    publish("common.FlightPlanState.AvailabilityStateChanged", AvailabilityState=0)
+    publish("ardrone3.GPSSettingsState.GPSFixStateChanged", fixed=1)
+    publish("ardrone3.GPSState.NumberOfSatelliteChanged", numberOfSatellite=SATELLITES)
+    publish("ardrone3.SettingsState.ProductGPSVersionChanged", software="1.0", hardware="1.0")
+    publish("ardrone3.SettingsState.CPUID", id="loopback")
+    publish("ardrone3.SettingsState.MotorErrorStateChanged", motorIds=0, motorError="noError")
+    publish("ardrone3.SettingsState.MotorErrorLastErrorChanged", motorError="noError")
+    publish("ardrone3.SettingsState.MotorFlightsStatusChanged", **dict.fromkeys(_FLIGHTS, 0))
+    for event in ("WindStateChanged", "VibrationLevelChanged", "HeadingLockedStateChanged"):
+        publish(f"ardrone3.PilotingState.{event}", state="ok")
+    publish("ardrone3.PilotingState.HoveringWarning", no_gps_too_dark=0, no_gps_too_high=0)
+    publish("ardrone3.PilotingState.ForcedLandingAutoTrigger", reason="NONE", delay=0)
+    publish("ardrone3.PilotingState.ReturnHomeBatteryCapacity", status="OK")
+    publish("ardrone3.PilotingState.MotionState", state="steady")
+    publish("ardrone3.MediaStreamingState.VideoEnableChanged", enabled="enabled")
+    publish("ardrone3.MediaStreamingState.VideoStreamModeChanged", mode="low_latency")
+    publish("rth.home_type_capabilities", values={"takeoff", "custom"})
+    publish("rth.rth_auto_trigger", reason="none", delay=0)
+    publish("precise_home.capabilities", modes={"disabled"})
+    publish("precise_home.state", state="unavailable")
+    publish("piloting_style.capabilities", styles={"standard", "camera_operated"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatteryOptions:
+    """The battery's charge, life and thresholds.
+
+    Raises:
+        ValueRangeError: a value is out of its range.
+    """
+
+    charge: float = 1.0  # 0 to 1, at first and again whenever it is changed on the ground
+    life_s: float = 1500.0  # s in the air from full to empty, the ANAFI's 25 minutes
+    low: float = 0.2  # share at which it warns
+    critical: float = 0.1  # share at which the drone lands by itself
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.charge <= 1.0 and self.life_s > 0.0):
+            raise ValueRangeError(
+                f"a battery's charge lies within 0 and 1, its life is positive, got {self}"
+            )
+
+
+_ALERTS: Final = (
+    *("power_level", "too_hot", "too_cold"),
+    *("gauge_too_old", "authentication_failure", "lost_comm"),
+)
+
+
+class Battery(Part):
+    """Drains in the air; a critical one makes the drone land.
+
+    Args:
+        core: what the parts share.
+        flight: lands.
+        options: charge, life and thresholds.
+    """
+
+    def __init__(self, core: Core, flight: Flight, options: BatteryOptions) -> None:
+        super().__init__(core)
+        self._flight = flight
+        self._options = options
+        self.charge = options.charge  # 0 to 1
+        self._updated_s: float | None = None
+        self._severity: str | None = None  # of the power level's alert; None before the first
+        core.publisher.state("battery.health", state_of_health=100)
+        core.publisher.state("battery.cycle_count", count=1)
+        core.publisher.state("battery.reliability", is_charge_level_reliable=1)
+        self._publish()
+
+    def exchange(self) -> None:
+        """Restore the first charge."""
+        self.charge = self._options.charge
+        self._publish()
+
+    def update(self, state: WorldState) -> None:
+        """Drain while the motors turn; land when the charge is critical."""
+        elapsed_s = 0.0 if self._updated_s is None else state.time_s - self._updated_s
+        self._updated_s = state.time_s
+        if state.flying in (*AIRBORNE, FlyingState.TAKING_OFF, FlyingState.LANDING):
+            self.charge = max(0.0, self.charge - elapsed_s / self._options.life_s)
+        self._publish()
+        if self._severity == "critical" and state.flying in AIRBORNE:
+            self._flight.land()
+
+    def _publish(self) -> None:
+        publisher = self._core.publisher
+        percent = round(100.0 * self.charge)
+        publisher.state("common.CommonState.BatteryStateChanged", percent=percent)
+        severity, alert = "none", "none"
+        if self.charge <= self._options.critical:
+            severity, alert = "critical", "critical_battery"
+        elif self.charge <= self._options.low:
+            severity, alert = "warning", "low_battery"
+        if severity == self._severity:
+            return
+        self._severity = severity
+        self._flight.may_take_off = severity != "critical"
+        publisher.state("ardrone3.PilotingState.AlertStateChanged", state=alert)
+        levels = dict.fromkeys(_ALERTS, "none") | {"power_level": severity}
+        publisher.entries(
+            "battery.alert", [{"alert": name, "level": level} for name, level in levels.items()]
+        )
+
 
 _PERIOD_S: Final = 0.2  # s between two attitudes, as the ANAFI has it
 _PILOTING: Final = "ardrone3.PilotingState"
@@ -59,7 +198,7 @@ class Telemetry(Part):
             "gimbal.attitude",
             gimbal_id=0,
             yaw_frame_of_reference="relative",
-            pitch_frame_of_reference=self._gimbal.frame_of_reference,
+            pitch_frame_of_reference=self._gimbal.reference,
             roll_frame_of_reference="absolute",
             yaw_relative=0.0,
             pitch_relative=pitch_deg - math.degrees(state.attitude.pitch_rad),

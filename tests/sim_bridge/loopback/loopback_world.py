@@ -1,4 +1,4 @@
-"""A world without physics for tests of the loopback ANAFI: time moves when told to."""
+"""A world without physics for tests of the loopback ANAFI: time moves on demand."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from sim_bridge.loopback.codec import Received, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
-from sim_bridge.loopback.firmware.battery import BatteryOptions
+from sim_bridge.loopback.firmware.telemetry import BatteryOptions
 from sim_bridge.loopback.messages import MessageType, message_table
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from uav_bt.types import (
@@ -48,9 +48,9 @@ class FakeWorld:
 
     def move(self, movement: Movement) -> None:
         self.orders.append(movement)
-        told = self._state.movement
-        if told is not None and told.state is MovementState.RUNNING:
-            self._set(movement=replace(told, state=MovementState.INTERRUPTED))
+        status = self._state.movement
+        if status is not None and status.state is MovementState.RUNNING:
+            self._set(movement=replace(status, state=MovementState.INTERRUPTED))
         flying = self._state.flying in (FlyingState.HOVERING, FlyingState.FLYING)
         if isinstance(movement, TakeOff) and self._state.flying is FlyingState.LANDED:
             self._set(flying=FlyingState.TAKING_OFF)
@@ -110,10 +110,10 @@ class FakeWorld:
             )
             turn = done[3] / step_s
         self._shift(velocity, turn, step_s)
-        told = self._state.movement
+        status = self._state.movement
         arrived = max(map(abs, self._left)) < 1e-9 and not self.stuck
-        if isinstance(order, MoveBy) and told is not None and arrived:
-            self._set(movement=replace(told, state=MovementState.DONE))
+        if isinstance(order, MoveBy) and status is not None and arrived:
+            self._set(movement=replace(status, state=MovementState.DONE))
             self._order = Hover()
         still = not isinstance(self._order, (MoveBy, Velocity))
         self._set(flying=FlyingState.HOVERING if still else FlyingState.FLYING)
@@ -138,11 +138,11 @@ class FakeWorld:
 
 @dataclass
 class Bench:
-    """The firmware in a fake world, and all that it has told."""
+    """The firmware in a fake world, and all the events it sent."""
 
     battery: BatteryOptions = field(default_factory=BatteryOptions)
     world: FakeWorld = field(default_factory=FakeWorld)
-    told: list[Received] = field(default_factory=list)
+    events: list[Received] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.anafi = Anafi(self.world, message_table(), battery=self.battery)
@@ -153,7 +153,7 @@ class Bench:
 
     def _hear(self, message: MessageType, payload: bytes) -> None:
         assert message.event
-        self.told.append(decode(payload, message_table()))
+        self.events.append(decode(payload, message_table()))
 
     def send(self, name: str, /, **values: Any) -> None:
         message = message_table().named(name)
@@ -167,13 +167,13 @@ class Bench:
     def fly(self) -> None:
         self.send("ardrone3.Piloting.TakeOff")
         self.run(2.0)
-        self.told.clear()
+        self.events.clear()
 
     def values(self, name: str) -> list[dict[str, Any]]:
-        return [dict(one.values) for one in self.told if one.type.name == name]
+        return [dict(one.values) for one in self.events if one.type.name == name]
 
     def names(self) -> list[str]:
-        return [one.type.name for one in self.told]
+        return [one.type.name for one in self.events]
 
     def flying_states(self) -> list[str]:
         event = "ardrone3.PilotingState.FlyingStateChanged"

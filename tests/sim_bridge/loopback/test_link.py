@@ -83,7 +83,7 @@ def test_a_good_line_needs_no_repeats() -> None:
     assert link.pending == 1
 
 
-def test_a_command_that_comes_twice_is_acknowledged_twice_and_obeyed_once() -> None:
+def test_a_command_that_comes_twice_is_acknowledged_twice_and_handled_once() -> None:
     sent: list[bytes] = []
     link = Link(sent.append, 0.0)
     command = WireFrame(type=FrameType.DATA_WITH_ACK, buffer=11, sequence=7, payload=pack([b"go"]))

@@ -121,12 +121,12 @@ class FakeStreaming:
 
 
 class FakeSdkDrone:
-    """An object of the SDK's `Drone`: notes what it is told."""
+    """An object of the SDK's `Drone`: notes what it is sent."""
 
     def __init__(self, world: FakeWorld, host: str, **given: Any) -> None:
         self.world, self.host, self.given = world, host, given
         self.connected = False
-        self.told: list[tuple[str, dict[str, Any]]] = []
+        self.sent: list[tuple[str, dict[str, Any]]] = []
         self.streaming = FakeStreaming(self)
         self.closed: list[str] = []
         self._listeners: list[Callable[[Any, Any], None]] = []
@@ -149,16 +149,16 @@ class FakeSdkDrone:
         self.closed.append("destroy")
 
     def __call__(self, message: tuple[str, dict[str, Any]]) -> Answer:
-        self.told.append(message)
+        self.sent.append(message)
         self.event(message[0], kind=Kind.CMD, **message[1])
         return Answer(good=message[0] not in self.world.refused)
 
     def piloting(self, roll: int, pitch: int, yaw: int, gaz: int, piloting_time: float) -> bool:
-        self.told.append(("piloting", {"sticks": (roll, pitch, yaw, gaz), "for_s": piloting_time}))
+        self.sent.append(("piloting", {"sticks": (roll, pitch, yaw, gaz), "for_s": piloting_time}))
         return self.world.steers
 
     def stop_piloting(self) -> bool:
-        self.told.append(("stop_piloting", {}))
+        self.sent.append(("stop_piloting", {}))
         return True
 
     def event(self, name: str, kind: Kind = Kind.EVT, **args: Any) -> None:
@@ -167,7 +167,7 @@ class FakeSdkDrone:
             listener(SimpleNamespace(message=message, args=args), None)
 
     def names(self) -> list[str]:
-        return [name.rpartition(".")[2] for name, _ in self.told]
+        return [name.rpartition(".")[2] for name, _ in self.sent]
 
 
 class FakeWorld:

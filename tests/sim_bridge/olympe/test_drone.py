@@ -1,4 +1,4 @@
-"""An ANAFI through a scripted SDK: what it is told, and what it is taken to say."""
+"""An ANAFI through a scripted SDK: commands out, events in."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def hovering(world: FakeWorld, time: Time | None = None) -> OlympeDrone:
     drone = bridge(world, time)
     drone.connect()
     world.drone.event(f"{STATE}FlyingStateChanged", state="hovering")
-    world.drone.told.clear()
+    world.drone.sent.clear()
     return drone
 
 
@@ -71,9 +71,9 @@ def test_connecting_sets_the_limits_and_starts_the_video() -> None:
     world = FakeWorld()
     bridge(world, altitude_limit_m=2.0, yaw_rate_limit_radps=math.pi / 2).connect()
     assert world.drone.names() == SETTINGS
-    told = dict(world.drone.told)
-    assert told["ardrone3.PilotingSettings.MaxAltitude"] == {"current": 2.0}
-    assert told["ardrone3.SpeedSettings.MaxRotationSpeed"] == {"current": pytest.approx(90.0)}
+    sent = dict(world.drone.sent)
+    assert sent["ardrone3.PilotingSettings.MaxAltitude"] == {"current": 2.0}
+    assert sent["ardrone3.SpeedSettings.MaxRotationSpeed"] == {"current": pytest.approx(90.0)}
     assert world.drone.streaming.given["port"] == 554
 
 
@@ -85,7 +85,7 @@ def test_ports_go_to_the_sdk() -> None:
     assert world.drone.streaming.given["port"] == 8554
 
 
-def test_the_older_sdk_is_told_in_its_own_words() -> None:
+def test_the_older_sdk_is_called_by_its_own_names() -> None:
     world = FakeWorld((7, 7, 5))
     bridge(world, http_port=8080).connect()
     assert world.drone.given == {"media_port": 8080, "media_autoconnect": False}
@@ -162,7 +162,7 @@ def test_through_the_skycontroller_its_sticks_are_taken_over() -> None:
     )
     drone.connect()
     assert world.drone.given["sky"]
-    assert world.drone.told[0] == (
+    assert world.drone.sent[0] == (
         "skyctrl.CoPiloting.setPilotingSource",
         {"source": "Controller"},
     )
@@ -179,11 +179,11 @@ def test_an_unconnected_drone_says_so(call: str) -> None:
 # --- telling --------------------------------------------------------------------------------------
 
 
-def test_taking_off_is_told_once_and_again_when_nothing_came_of_it() -> None:
+def test_taking_off_is_ordered_once_and_again_when_nothing_came_of_it() -> None:
     world, time = FakeWorld(), Time()
     drone = bridge(world, time)
     drone.connect()
-    world.drone.told.clear()
+    world.drone.sent.clear()
     for _ in range(5):
         say(drone, TakeOff())
         time.now_s += 0.3
@@ -194,7 +194,7 @@ def test_taking_off_is_told_once_and_again_when_nothing_came_of_it() -> None:
     assert world.drone.names() == ["TakeOff", "TakeOff"]
 
 
-def test_landing_is_told_until_the_drone_lands() -> None:
+def test_landing_is_ordered_until_the_drone_lands() -> None:
     world, time = FakeWorld(), Time()
     drone = hovering(world, time)
     say(drone, Land(), Land())
@@ -206,19 +206,19 @@ def test_landing_is_told_until_the_drone_lands() -> None:
     assert world.drone.names() == ["Landing", "Landing"]
 
 
-def test_a_movement_is_told_once_and_runs_until_its_end_event() -> None:
+def test_a_movement_is_sent_once_and_runs_until_its_end_event() -> None:
     world = FakeWorld()
     drone = hovering(world)
     move = MoveBy(id=7, forward_m=0.3, yaw_rad=0.1)
     say(drone, move, move, move)
-    assert world.drone.told == [
+    assert world.drone.sent == [
         ("ardrone3.Piloting.moveBy", {"dX": 0.3, "dY": 0.0, "dZ": 0.0, "dPsi": 0.1})
     ]
     assert drone.observe().state.movement == MovementStatus(id=7, state=MovementState.RUNNING)
     end(world, "ok", 0.3)
     say(drone, move)
     assert drone.observe().state.movement == MovementStatus(id=7, state=MovementState.DONE)
-    assert len(world.drone.told) == 1
+    assert len(world.drone.sent) == 1
 
 
 def test_hovering_ends_a_movement_by_one_by_nothing() -> None:
@@ -226,7 +226,7 @@ def test_hovering_ends_a_movement_by_one_by_nothing() -> None:
     drone = hovering(world)
     say(drone, MoveBy(id=1, forward_m=1.0), Hover(), Hover())
     assert world.drone.names() == ["moveBy", "moveBy"]
-    assert set(world.drone.told[1][1].values()) == {0.0}
+    assert set(world.drone.sent[1][1].values()) == {0.0}
     end(world, "interrupted", 0.4)
     assert drone.observe().state.movement == MovementStatus(id=1, state=MovementState.INTERRUPTED)
     end(world, "ok")
@@ -236,14 +236,14 @@ def test_hovering_ends_a_movement_by_one_by_nothing() -> None:
 def test_hovering_without_a_movement_tells_nothing() -> None:
     world = FakeWorld()
     say(hovering(world), Hover(), Hover())
-    assert world.drone.told == []
+    assert world.drone.sent == []
 
 
 def test_velocities_hold_the_sticks_for_half_a_second() -> None:
     world = FakeWorld()
     drone = hovering(world)
     say(drone, Velocity(forward_mps=0.5, yaw_rate_radps=0.8, down_mps=0.3), Hover())
-    (_, held), (_, centred) = world.drone.told
+    (_, held), (_, centred) = world.drone.sent
     roll, pitch, yaw, climb = held["sticks"]
     assert (roll, yaw, climb) == (0, 50, -50)
     assert 0 < pitch < 100
@@ -266,9 +266,9 @@ def test_on_the_ground_no_sticks_are_held() -> None:
     world = FakeWorld()
     drone = bridge(world)
     drone.connect()
-    world.drone.told.clear()
+    world.drone.sent.clear()
     say(drone, Velocity(forward_mps=0.5))
-    assert world.drone.told == []
+    assert world.drone.sent == []
 
 
 def test_a_command_is_returned_as_it_was_sent() -> None:
@@ -292,7 +292,7 @@ def test_the_gimbal_is_pointed_against_the_horizon_when_it_should_change() -> No
     for pitch_rad in (-0.5, -0.5, -math.pi / 2):
         drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=pitch_rad)))
     assert world.drone.names() == ["set_target", "set_target"]
-    target = world.drone.told[1][1]
+    target = world.drone.sent[1][1]
     assert target["pitch"] == pytest.approx(-90.0)
     assert target["pitch_frame_of_reference"] == "absolute"
     assert target["control_mode"] == "position"
@@ -350,7 +350,7 @@ class FakeState:
 
 
 @pytest.mark.parametrize(
-    ("told", "expected"),
+    ("name", "expected"),
     [
         ("landed", FlyingState.LANDED),
         ("motor_ramping", FlyingState.TAKING_OFF),
@@ -361,11 +361,11 @@ class FakeState:
         ("emergency", FlyingState.EMERGENCY),
     ],
 )
-def test_every_flying_state_has_its_word(told: str, expected: FlyingState) -> None:
+def test_every_flying_state_is_known(name: str, expected: FlyingState) -> None:
     world = FakeWorld()
     drone = bridge(world)
     drone.connect()
-    world.drone.event(f"{STATE}FlyingStateChanged", state=told)
+    world.drone.event(f"{STATE}FlyingStateChanged", state=name)
     assert drone.observe().state.flying is expected
 
 
@@ -426,12 +426,12 @@ def test_only_the_newest_frame_is_seen_with_what_was_true_then() -> None:
     drone = hovering(world, time)
     assert drone.observe().frame is None
     down = {"w": math.cos(-0.25), "x": 0.0, "y": math.sin(-0.25), "z": 0.0}
-    told = {
+    vmeta = {
         "drone": {"quat": LEVEL, "ground_distance": 0.7, "altitude_ato": 1.1},
         "camera": {"quat": down, "timestamp": 5_000_000},
     }
     for level in (16, 235):
-        deliver(world.drone, FakeFrame(grey(level), told))
+        deliver(world.drone, FakeFrame(grey(level), vmeta))
     frame = drone.observe().frame
     assert frame is not None
     assert frame.image.shape == (360, 640, 3)

@@ -17,7 +17,7 @@ def test_a_listening_port_is_a_drone() -> None:
         probe(replace(config(), address=f"127.0.0.1:{server.getsockname()[1]}"))
 
 
-def test_a_closed_port_is_told_with_what_to_do() -> None:
+def test_a_closed_port_is_reported_with_a_hint() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     with pytest.raises(DroneError, match=r"cannot reach anafi at 127.*refused.*join its Wi-Fi"):

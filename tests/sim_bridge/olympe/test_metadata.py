@@ -32,21 +32,21 @@ def test_a_rotation_comes_back_as_angles(roll: float, pitch: float, yaw: float) 
 
 
 def test_older_firmware_tells_a_flat_record() -> None:
-    told = frame_metadata(
+    found = frame_metadata(
         {
             "drone_quat": turned(0.0, 0.0, 0.4),
             "frame_quat": turned(0.0, -0.6, 0.4),
             "ground_distance": 1.25,
         }
     )
-    assert told.attitude is not None
-    assert told.attitude.yaw_rad == pytest.approx(0.4)
-    assert told.gimbal_pitch_rad == pytest.approx(-0.6)
-    assert (told.height_m, told.altitude_m, told.captured_us) == (1.25, None, None)
+    assert found.attitude is not None
+    assert found.attitude.yaw_rad == pytest.approx(0.4)
+    assert found.gimbal_pitch_rad == pytest.approx(-0.6)
+    assert (found.height_m, found.altitude_m, found.captured_us) == (1.25, None, None)
 
 
 @pytest.mark.parametrize(
-    "told",
+    "found",
     [
         {},
         {"drone": 3, "camera": "x"},
@@ -54,5 +54,5 @@ def test_older_firmware_tells_a_flat_record() -> None:
         {"camera": {"quat": {"w": "a"}, "timestamp": 0}},
     ],
 )
-def test_metadata_that_say_nothing_are_no_error(told: dict[str, object]) -> None:
-    assert frame_metadata(told) == FrameMetadata()
+def test_metadata_without_content_are_no_error(found: dict[str, object]) -> None:
+    assert frame_metadata(found) == FrameMetadata()

@@ -42,8 +42,8 @@ def test_a_speed_is_reached_whatever_the_sticks_mean(plant: str) -> None:
     """On a drone whose sticks tilt it, and on one that takes them for shares of a speed."""
     holder, speed_mps, step_s = SpeedHolder(config()), 0.0, 0.05
     for step in range(400):
-        told_mps = BodyVelocity(forward_mps=speed_mps)
-        sticks = holder.sticks(Velocity(forward_mps=0.5), told_mps, step * step_s)
+        measured_mps = BodyVelocity(forward_mps=speed_mps)
+        sticks = holder.sticks(Velocity(forward_mps=0.5), measured_mps, step * step_s)
         share = sticks.pitch / 100
         if plant == "tilt":
             pull_mps2 = 9.81 * math.tan(share * math.radians(10.0)) - 0.25 * speed_mps

@@ -28,7 +28,7 @@ def test_without_frames_the_mission_still_ticks() -> None:
     assert ticking.now() == pytest.approx(0.13, abs=1e-5)
 
 
-def test_a_frame_that_was_looked_at_wakes_nobody() -> None:
+def test_a_frame_that_was_looked_at_wakes_no_waiter() -> None:
     ticking = clock(Time())
     ticking.frame_arrived()
     ticking.frame_seen()

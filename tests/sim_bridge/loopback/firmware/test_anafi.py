@@ -6,7 +6,7 @@ from tests.sim_bridge.loopback.loopback_world import Bench
 
 
 def test_a_command_that_is_not_simulated_changes_nothing(bench: Bench) -> None:
-    bench.told.clear()
+    bench.events.clear()
     bench.send("ardrone3.Animations.Flip", direction="front")
-    assert bench.told == []
+    assert bench.events == []
     assert bench.world.orders == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.sim_bridge.loopback.loopback_world import Bench
 
 
-def test_a_newcomer_is_told_all_states_then_all_settings(bench: Bench) -> None:
+def test_a_newcomer_gets_all_states_then_all_settings(bench: Bench) -> None:
     bench.send("common.Common.AllStates")
     states = bench.names()
     assert states[-1] == "common.CommonState.AllStatesChanged"
@@ -20,7 +20,7 @@ def test_a_newcomer_is_told_all_states_then_all_settings(bench: Bench) -> None:
         "camera.camera_capabilities",
     }
     assert wanted <= set(states)
-    bench.told.clear()
+    bench.events.clear()
     bench.send("common.Settings.AllSettings")
     names = bench.names()
     assert names[-1] == "common.SettingsState.AllSettingsChanged"
@@ -32,14 +32,14 @@ def test_a_newcomer_is_told_all_states_then_all_settings(bench: Bench) -> None:
     assert not set(names) & set(states)
 
 
-def test_all_that_is_told_are_events(bench: Bench) -> None:
+def test_all_that_is_sent_are_events(bench: Bench) -> None:
     bench.send("common.Common.AllStates")
     bench.send("common.Settings.AllSettings")
-    assert all(one.type.event for one in bench.told)
+    assert all(one.type.event for one in bench.events)
 
 
-def test_states_are_told_once_until_they_change(bench: Bench) -> None:
-    bench.told.clear()
+def test_states_are_sent_once_until_they_change(bench: Bench) -> None:
+    bench.events.clear()
     bench.run(2.0)
     assert bench.flying_states() == []
     assert bench.values("common.CommonState.BatteryStateChanged") == []

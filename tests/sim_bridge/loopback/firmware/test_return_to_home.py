@@ -63,7 +63,7 @@ def test_a_client_that_comes_back_in_time_keeps_the_drone_there(bench: Bench) ->
 def test_it_returns_home_lands_and_says_so(bench: Bench) -> None:
     move_by(bench, 3.0, 2.0)
     bench.run(5.0)
-    bench.told.clear()
+    bench.events.clear()
     bench.send("rth.return_to_home")
     bench.run(60.0)
     states = [(one["state"], one["reason"]) for one in bench.values("rth.state")]
@@ -79,7 +79,7 @@ def test_it_returns_home_lands_and_says_so(bench: Bench) -> None:
 def test_the_way_home_can_be_called_off(bench: Bench) -> None:
     move_by(bench, 3.0)
     bench.run(5.0)
-    bench.told.clear()
+    bench.events.clear()
     bench.send("ardrone3.Piloting.NavigateHome", start=1)
     bench.run(1.0)
     bench.send("rth.abort")

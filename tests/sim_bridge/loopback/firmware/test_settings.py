@@ -7,33 +7,34 @@ from typing import Any
 
 import pytest
 
-from sim_bridge.loopback.firmware.camera import CAMERA_SETTINGS
 from sim_bridge.loopback.firmware.settings import SETTINGS, Setting
 from sim_bridge.loopback.messages import message_table
 from tests.sim_bridge.loopback.loopback_world import Bench
 
 
-@pytest.mark.parametrize("setting", [*SETTINGS, *CAMERA_SETTINGS], ids=lambda one: one.command)
+@pytest.mark.parametrize("setting", SETTINGS, ids=lambda one: one.command)
 def test_every_setting_is_a_command_and_an_event_that_answers(
     bench: Bench, setting: Setting
 ) -> None:
     command = message_table().named(setting.command)
     values: dict[str, Any] = {}
     for argument in command.arguments:
-        told = next((told for told, given in setting.takes.items() if given == argument.name), "")
-        values[argument.name] = setting.start.get(told, 0)
-    bench.told.clear()
+        shown = next(
+            (shown for shown, given in setting.takes.items() if given == argument.name), ""
+        )
+        values[argument.name] = setting.start.get(shown, 0)
+    bench.events.clear()
     bench.send(setting.command, **values)
     (answer,) = bench.values(setting.event)
-    for told, given in setting.takes.items():
-        assert answer[told] == pytest.approx(values[given]), told
+    for shown, given in setting.takes.items():
+        assert answer[shown] == pytest.approx(values[given]), shown
 
 
 @pytest.mark.parametrize(
     ("asked", "taken"), [(12.0, 12.0), (0.0, 5.0), (90.0, 40.0), (math.nan, 20.0)]
 )
 def test_settings_are_taken_within_their_bounds(bench: Bench, asked: float, taken: float) -> None:
-    bench.told.clear()
+    bench.events.clear()
     bench.send("ardrone3.PilotingSettings.MaxTilt", current=asked)
     (answer,) = bench.values("ardrone3.PilotingSettingsState.MaxTiltChanged")
     assert answer == {"current": taken, "min": 5.0, "max": 40.0}

@@ -161,7 +161,7 @@ def test_unknown_parameters_are_said_to_be_unknown(client: Client) -> None:
     assert client.ask("GET_PARAMETER", body=b"rate").status == 451
 
 
-def test_options_of_the_server_as_a_whole_are_told(client: Client) -> None:
+def test_options_of_the_server_as_a_whole_are_listed(client: Client) -> None:
     assert client.ask("OPTIONS", "*").status == 200
 
 

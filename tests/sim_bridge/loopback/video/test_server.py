@@ -189,7 +189,7 @@ def test_a_client_that_vanishes_is_forgotten() -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_garbage_on_the_port_harms_nobody(seed: int, caplog: pytest.LogCaptureFixture) -> None:
+def test_garbage_on_the_port_does_no_harm(seed: int, caplog: pytest.LogCaptureFixture) -> None:
     """Whoever plays goes on playing, and the next client is served."""
     random = seeded(seed)
 

@@ -61,7 +61,7 @@ def player(sink: Sink, seed: int = 1) -> Player:
     return Player(RtpStream(seeded(seed), "X"), sink)
 
 
-def test_nothing_is_asked_of_the_source_while_nobody_plays() -> None:
+def test_nothing_is_asked_of_the_source_while_no_client_plays() -> None:
     async def work() -> None:
         source = Pictures()
         streamer = make(source)

@@ -1,13 +1,15 @@
-"""Relative movements, one at a time: what moveBy, moveTo and the return to home are made of."""
+"""What the parts of the firmware share: the world, the settings, and relative movements."""
 
 from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Final
 
+from sim_bridge.loopback.firmware.publisher import Handler, Publisher
+from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.world import World, WorldState, to_body
 from uav_bt.types import Hover, MoveBy, MovementState, wrap_angle
 
@@ -163,3 +165,31 @@ class Travel:
 
 def _position(state: WorldState) -> tuple[float, float, float]:
     return state.north_m, state.east_m, state.altitude_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Core:
+    """What the parts of the firmware share."""
+
+    publisher: Publisher
+    world: World
+    settings: Settings
+    travel: Travel  # carries relative movements out
+    interrupt: Callable[[], None]  # ends whatever moves the drone
+
+    @property
+    def ceiling_m(self) -> float:
+        """The greatest altitude, m above the take-off point: set by a client, or the world's."""
+        highest: float = self.settings.value("ardrone3.PilotingSettingsState.MaxAltitudeChanged")
+        return min(highest, self.world.limits.ceiling_m)
+
+
+class Part:
+    """One part of the firmware: handles commands, and follows the world's state."""
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self.handlers: Mapping[str, Handler] = {}  # by the command's name
+
+    def update(self, state: WorldState) -> None:
+        """React to a new state of the world; `state.time_s` is the time."""

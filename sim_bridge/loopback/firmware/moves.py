@@ -1,18 +1,88 @@
-"""Flight to a point on earth: moveTo, with its orientation modes."""
+"""Flights to a point: moveBy by a displacement, moveTo to a place on earth."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from sim_bridge.loopback.firmware.flight import AIRBORNE
-from sim_bridge.loopback.firmware.part import Core, Part
-from sim_bridge.loopback.firmware.publisher import Handler, Values
-from sim_bridge.loopback.firmware.travel import Outcome, Step, Travelled, step_to
+from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Step, Travelled, step_to
+from sim_bridge.loopback.firmware.piloting import AIRBORNE
+from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState, offset_m
-from uav_bt.types import wrap_angle
+from uav_bt.types import FlyingState, wrap_angle
+
+_RESULTS: Final = {  # of moveByChanged and of moveByEnd
+    Outcome.DONE: ("DONE", "ok"),
+    Outcome.INTERRUPTED: ("CANCELED", "interrupted"),
+    Outcome.REFUSED: ("ERROR", "notAvailable"),
+    Outcome.STUCK: ("ERROR", "unknown"),
+}
+
+
+class MoveBy(Part):
+    """Handles moveBy."""
+
+    def __init__(self, core: Core) -> None:
+        super().__init__(core)
+        self.handlers = {
+            "ardrone3.Piloting.moveBy": self._move_by,
+            "move.extended_move_by": self._extended_move_by,
+            "ardrone3.Piloting.CancelMoveBy": self._cancel,
+        }
+        self._running = False
+
+    def _move_by(self, values: Values, state: WorldState) -> None:
+        self._start(*(values[name] for name in ("dX", "dY", "dZ", "dPsi")), state=state)
+
+    def _extended_move_by(self, values: Values, state: WorldState) -> None:
+        self._start(*(values[name] for name in ("d_x", "d_y", "d_z", "d_psi")), state=state)
+
+    def _start(self, *displacement: float, state: WorldState) -> None:
+        if state.flying not in AIRBORNE or not all(map(math.isfinite, displacement)):
+            busy = state.flying in (FlyingState.TAKING_OFF, FlyingState.LANDING)
+            self._notify_end(Step(), "busy" if busy else "notAvailable")
+            return
+        forward_m, right_m, down_m, yaw_rad = displacement
+        asked = Step(forward_m=forward_m, right_m=right_m, down_m=down_m, yaw_rad=yaw_rad)
+        self._core.interrupt()
+
+        def ended(travelled: Travelled, _: WorldState) -> None:
+            self._running = False
+            status, error = _RESULTS[travelled.outcome]
+            self._publish_change(asked, travelled.done, status)
+            self._notify_end(travelled.done, error)
+
+        self._running = True
+        self._publish_change(asked, Step(), "RUNNING")
+        min_down_m = min(0.0, state.altitude_m - self._core.ceiling_m)
+        self._core.travel.start(replace(asked, down_m=max(down_m, min_down_m)), state, ended)
+
+    def _cancel(self, _values: Values, state: WorldState) -> None:
+        if self._running:
+            self._core.travel.interrupt(state, hover=True)
+
+    def _publish_change(self, asked: Step, done: Step, status: str) -> None:
+        self._core.publisher.refresh(
+            "ardrone3.PilotingState.moveByChanged",
+            dXAsked=asked.forward_m,
+            dYAsked=asked.right_m,
+            dZAsked=asked.down_m,
+            dPsiAsked=asked.yaw_rad,
+            **_arguments(done),
+            status=status,
+        )
+
+    def _notify_end(self, done: Step, error: str) -> None:
+        self._core.publisher.notify(
+            "ardrone3.PilotingEvent.moveByEnd", **_arguments(done), error=error
+        )
+
+
+def _arguments(step: Step) -> dict[str, float]:
+    return {"dX": step.forward_m, "dY": step.right_m, "dZ": step.down_m, "dPsi": step.yaw_rad}
+
 
 _NEAR_M: Final = 0.3  # so near a goal its direction is not worth a turn
 _STATUS: Final = {
@@ -34,28 +104,21 @@ class _Goal:
 
 
 class MoveTo(Part):
-    """Handles moveTo.
-
-    Args:
-        core: what the parts share.
-    """
+    """Handles moveTo."""
 
     def __init__(self, core: Core) -> None:
         super().__init__(core)
+        self.handlers = {
+            "ardrone3.Piloting.moveTo": self._move_to,
+            "move.extended_move_to": self._move_to,
+            "ardrone3.Piloting.CancelMoveTo": self._cancel,
+        }
         self._goal: _Goal | None = None
 
     @property
     def running(self) -> bool:
         """Whether a moveTo runs."""
         return self._goal is not None
-
-    def handlers(self) -> Mapping[str, Handler]:
-        """Return the commands it handles, by name."""
-        return {
-            "ardrone3.Piloting.moveTo": self._move_to,
-            "move.extended_move_to": self._move_to,
-            "ardrone3.Piloting.CancelMoveTo": self._cancel,
-        }
 
     def _move_to(self, values: Values, state: WorldState) -> None:
         numbers = {name: values[name] for name in ("latitude", "longitude", "altitude", "heading")}
