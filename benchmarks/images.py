@@ -30,8 +30,7 @@ from uav_bt import app
 from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
 from uav_bt.classes import colourise
-from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import LabMap, draw_path_map
+from uav_bt.display.lab_map import FlownPath, LabMap, draw_path_map
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.protocols import Drone
 
@@ -98,7 +97,7 @@ def view(file: Path, at_s: float, size: str, out: Path) -> None:
     """Show a Rerun file off screen, go to a time, and take a screenshot."""
     from rerun.experimental import ViewerClient  # noqa: PLC0415  (an extra that `flight` needs not)
 
-    from uav_bt.display.rerun.entities import TIMELINE  # noqa: PLC0415  (as above)
+    from uav_bt.display.rerun.setting import TIMELINE  # noqa: PLC0415  (as above)
     from uav_bt.display.rerun.sinks import viewer_command  # noqa: PLC0415  (as above)
 
     if not file.is_file():

@@ -27,8 +27,7 @@ import py_trees
 from py_trees.common import Status as Theirs
 
 from uav_bt.board.blackboard import Blackboard, Key
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import UnknownNameError
 from uav_bt.protocols import LeafPolicy

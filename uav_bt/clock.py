@@ -9,7 +9,7 @@ from uav_bt.protocols import Clock
 
 
 class ManualClock:
-    """A clock that moves only when told to; for tests and for anything that is simulated."""
+    """A clock that moves only when it is advanced; for tests and for anything that is simulated."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now_s = start_s
@@ -51,8 +51,8 @@ class WallClock:
 class TickClock:
     """The time of the tick under way: all that happens in one tick happens at one time.
 
-    Simulated time stands still by itself while a tick is worked on. Real time does not, and a
-    replay could not tell which leaf looked at it when.
+    Simulated time does not pass while a tick is computed. Real time does, and a replay could not
+    reproduce which leaf read it when.
 
     Args:
         clock: the drone's.
@@ -63,7 +63,7 @@ class TickClock:
         self._tick_s: float | None = None
 
     def begin_tick(self) -> float:
-        """Look at the drone's clock and stand there until the next tick; return the time."""
+        """Read the drone's clock, hold that time until the next tick, and return it."""
         self._tick_s = self._clock.now()
         return self._tick_s
 

@@ -8,7 +8,7 @@ UavBtError                      exit code 1 unless a subclass says otherwise
       SceneError                    a scene file
       WeightsError                  a weights file
       TreeError                     a tree file; carries every finding of the file
-    UnknownNameError              a name that nobody registered, with a suggestion
+    UnknownNameError              a name that is not registered, with a suggestion
     MissingDependencyError        a package or a system library is absent, with the remedy
   MissionError                  the mission itself went wrong
     ProposalConflictError         two leaves proposed on one channel in one tick
@@ -90,7 +90,7 @@ class TreeError(FileError):
 
 
 class UnknownNameError(InputError, ValueError):
-    """A name that nothing was registered under."""
+    """A name that is not registered."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         names = sorted(known)

@@ -43,7 +43,7 @@ def load(group: str, name: str) -> Any:
     """Import and return what is registered under a name.
 
     Raises:
-        UnknownNameError: nobody registered the name; the message has a suggestion.
+        UnknownNameError: the name is not registered; the message has a suggestion.
         InputError: what is registered cannot be imported.
     """
     points = _entry_points(group)
@@ -91,7 +91,7 @@ def make_policy(name: str) -> LeafPolicy:
         name: NAME, or NAME:ARGUMENT for one that has a `from_text`: `student:FILE.onnx`.
 
     Raises:
-        UnknownNameError: nobody registered it.
+        UnknownNameError: it is not registered.
         InputError: it takes no argument, or refuses this one.
     """
     registered, colon, argument = name.partition(":")

@@ -92,7 +92,7 @@ class Drone(Protocol):
         ...
 
     def send(self, command: Command) -> Command:
-        """Tell the drone; return what was really sent (after its own limits)."""
+        """Send a command; return what was really sent (after the drone's own limits)."""
         ...
 
     def disconnect(self) -> None:
@@ -154,7 +154,7 @@ class DepthEstimator(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyView:
-    """All that a leaf policy may look at."""
+    """The input of a leaf policy."""
 
     class_map: ClassMap
     camera: CameraModel  # at the class map's size
@@ -164,31 +164,31 @@ class PolicyView:
     corridor: Corridor | None = None
     recent: RecentViews | None = None  # the pixels, and those of the last seconds
     turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
-    full_turns: int = 0  # full turns in a row that found no free way: time to ask for less
-    coin: float = 0.5  # a uniform draw from [0, 1), so that policies stay pure
+    full_turns: int = 0  # full turns in a row that found no free path: less clearance may do
+    tie_break: float = 0.5  # a uniform draw from [0, 1), so that policies stay pure
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """What a policy wants next: an advance, or a turn away from what blocks the way."""
+    """What a policy wants next: an advance, or a turn away from what blocks the path."""
 
     forward_m: float = 0.0
     yaw_rad: float = 0.0  # clockwise positive
     carpet_ends: bool = False  # the flight area ends ahead
-    reason: str = ""  # one word or two, for the status line and the records
-    # How far the way ahead is free of obstacles, wherever the carpet ends, up to the policy's
-    # longest step; None where the policy does not tell.
+    reason: str = ""  # one or two words, for the status line and the records
+    # How far the path ahead is free of obstacles, wherever the carpet ends, up to the policy's
+    # longest step; None where the policy does not give it.
     free_m: float | None = None
 
     @property
     def blocked(self) -> bool:
-        """True when the way ahead is not free."""
+        """True when the path ahead is not free."""
         return self.forward_m <= 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Advice:
-    """What a policy says of one view, whoever flies: a label for others to learn from."""
+    """A policy's decision on one view, not flown: a label for imitation learning."""
 
     frame_index: int
     captured_s: float  # of the frame
@@ -200,7 +200,7 @@ class Advice:
     turning: int  # the turn under way when the policy was asked, as in `PolicyView`
     full_turns: int
     decision: Decision  # with that turn under way
-    fresh: Decision  # what it would say of the same view with none
+    fresh: Decision  # on the same view with none
 
 
 @runtime_checkable

@@ -45,7 +45,7 @@ _EXPECTED: Final = {
 
 @dataclass(frozen=True)
 class YamlFile(Generic[T]):
-    """What a file says, with the lines where it says so.
+    """The content of a file, with the line of each value.
 
     Attributes:
         path: the file.
@@ -136,7 +136,7 @@ class _Refused(yaml.MarkedYAMLError):
 
 
 class _Places:
-    """Where the values of a file stand, and what stands there."""
+    """The line of each value of a file, and the value in words."""
 
     def __init__(self) -> None:
         self._construct = yaml.constructor.SafeConstructor()
@@ -223,7 +223,7 @@ def _problems(places: _Places, error: ValidationError, form: Any) -> list[tuple[
             expected.setdefault(known, []).append(_expected(item, form))
     reached = [*expected, *(steps for steps, _ in found)]
     for steps, words in expected.items():
-        # A branch that came further says better what is wrong.
+        # The branch that matched deepest has the most specific error.
         if not any(len(one) > len(steps) and one[: len(steps)] == steps for one in reached):
             text = " or ".join(dict.fromkeys(words))
             found.append((steps, f"expected {text}, got {places.shown(steps)}"))

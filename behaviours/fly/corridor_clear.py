@@ -77,7 +77,7 @@ class CorridorClear(Leaf):
         """Judge the carpet on a new view; between two views the last judgement stands."""
         seen = current_view(self)
         if seen is not None:
-            view = policy_view(self, *seen, held=HeldTurn(), coin=0.5)
+            view = policy_view(self, *seen, held=HeldTurn(), tie_break=0.5)
             reach_m = carpet_reach(group_of(view.class_map.ids), view, _RULE)
             reach_m += view.camera.forward_offset_m
             self._carpet_ends = reach_m < self.port_value("carpet_m")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import enum
 import math
 
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.tree import Leaf, Status
 from uav_bt.types import DroneState, MoveBy, MovementState
 

@@ -238,7 +238,7 @@ class SteeringLeaf(MovingLeaf):
             self.feedback_message = "waiting for a view"
             return None
         decision = self._policy.decide(
-            policy_view(self, *view, held=self.held_turn, coin=float(self._rng.random()))
+            policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random()))
         )
         self.feedback_message = decision.reason
         return decision

@@ -42,10 +42,10 @@ class Advise(Leaf):
         if newest.frame.index != frame.index:
             return Status.SUCCESS
         self._last_index = frame.index
-        held, coin = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
+        held, tie_break = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
 
         def asked(turn: HeldTurn) -> Decision:
-            return self._policy.decide(policy_view(self, *view, held=turn, coin=coin))
+            return self._policy.decide(policy_view(self, *view, held=turn, tie_break=tie_break))
 
         decision = asked(held)
         advice = Advice(

@@ -53,7 +53,7 @@ class CorridorRuleConfig:
     # An obstacle of unknown range within this bearing of ahead forbids a step.
     unplaced_half_angle_rad: float = math.radians(45)
     unplaced_min: int = 2  # fewer are specks of the mask
-    tie_ratio: float = 0.1  # halves closer than this are a tie, which the coin decides
+    tie_ratio: float = 0.1  # halves closer than this are a tie, which the random draw decides
 
     def __post_init__(self) -> None:
         if not 0.0 < self.shortest_step_m <= self.longest_step_m:
@@ -107,7 +107,7 @@ class CorridorRule:
         relief_m = cfg.margin_relief_m * min(view.full_turns, cfg.max_full_turns)
         if view.corridor is None:
             return Decision(
-                yaw_rad=self._held(view, view.coin - 0.5), reason="no depth", free_m=0.0
+                yaw_rad=self._held(view, view.tie_break - 0.5), reason="no depth", free_m=0.0
             )
         groups = group_of(view.class_map.ids)
         reach_m = carpet_reach(groups, view, cfg) + view.camera.forward_offset_m
@@ -160,10 +160,10 @@ class CorridorRule:
         return -self._more(groups, view, GROUP_OBSTACLE)
 
     def _more(self, groups: NDArray[np.uint8], view: PolicyView, group: int) -> float:
-        """Return the side that shows more of a group; the coin decides a tie."""
+        """Return the side that shows more of a group; the random draw decides a tie."""
         middle = groups.shape[1] // 2
         left = int(np.count_nonzero(groups[:, :middle] == group))
         right = int(np.count_nonzero(groups[:, middle:] == group))
         if abs(left - right) <= self.config.tie_ratio * max(left, right):
-            return view.coin - 0.5
+            return view.tie_break - 0.5
         return 1.0 if right > left else -1.0

@@ -86,7 +86,7 @@ class SegmentationRuleConfig:
     # path passes it at 0.7 of its range or more.
     unplaced_half_angle_rad: float = math.radians(45)
     unplaced_min: int = 2  # fewer are specks of the mask
-    tie_ratio: float = 0.1  # halves closer than this are a tie, which the coin decides
+    tie_ratio: float = 0.1  # halves closer than this are a tie, which the random draw decides
 
     def __post_init__(self) -> None:
         if self.step_m <= 0.0 or not 0.0 < self.turn_rad <= math.pi:
@@ -129,15 +129,15 @@ class SegmentationRule:
             return Decision(forward_m=cfg.step_m, reason="clear")
 
         reason = "obstacle" if carpet_goes_on else ("edge" if way_is_free else "corner")
-        yaw_rad = math.copysign(math.pi, view.coin - 0.5)
+        yaw_rad = math.copysign(math.pi, view.tie_break - 0.5)
         if view.turning:
             yaw_rad = math.copysign(cfg.turn_rad, view.turning)
         elif carpet_goes_on:
             left, right = (_count(half, GROUP_OBSTACLE) for half in high.halves(groups))
-            yaw_rad = self._turn(right, left, view.coin)
+            yaw_rad = self._turn(right, left, view.tie_break)
         elif way_is_free:
             left, right = (_count(half, GROUP_CARPET) for half in high.halves(groups))
-            yaw_rad = self._turn(left, right, view.coin)
+            yaw_rad = self._turn(left, right, view.tie_break)
         return Decision(yaw_rad=yaw_rad, carpet_ends=not carpet_goes_on, reason=reason)
 
     def _keeps_margin(self, view: PolicyView, relief: int) -> bool:
@@ -150,10 +150,10 @@ class SegmentationRule:
         # Assumptions may close every way; after a full turn only what was really seen counts.
         return obstacles.allows(cfg.step_m, margin_m=margin_m, assumed=relief == 0)
 
-    def _turn(self, for_left: int, for_right: int, coin: float) -> float:
+    def _turn(self, for_left: int, for_right: int, tie_break: float) -> float:
         """Return a turn to the side with more votes; clockwise, to the right, is positive."""
         if abs(for_left - for_right) <= self.config.tie_ratio * max(for_left, for_right):
-            return math.copysign(self.config.turn_rad, coin - 0.5)
+            return math.copysign(self.config.turn_rad, tie_break - 0.5)
         return self.config.turn_rad if for_right > for_left else -self.config.turn_rad
 
     @staticmethod

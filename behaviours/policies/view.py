@@ -45,7 +45,7 @@ def policy_view(
     camera: CameraModel,
     *,
     held: HeldTurn,
-    coin: float,
+    tie_break: float,
 ) -> PolicyView:
     """Return what a policy is shown of a frame.
 
@@ -55,7 +55,7 @@ def policy_view(
         class_map: of that frame.
         camera: at the frame's size.
         held: the turn under way.
-        coin: a uniform draw from [0, 1).
+        tie_break: a uniform draw from [0, 1).
     """
     height_px, width_px = class_map.ids.shape
     recent = leaf.read(RECENT_VIEWS).value
@@ -71,5 +71,5 @@ def policy_view(
         recent=recent,
         turning=held.direction,
         full_turns=held.full_turns,
-        coin=coin,
+        tie_break=tie_break,
     )

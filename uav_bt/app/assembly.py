@@ -24,7 +24,7 @@ from uav_bt.mission.judge import Judge, JudgeConfig
 from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
 from uav_bt.mission.safety import Limits
 from uav_bt.protocols import Drone, DroneConfig, Referee, Segmenter
-from uav_bt.record.config import Quality
+from uav_bt.record.channels import Quality
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.shipped import resolve_tree
 from uav_bt.types import ClassMap, Frame

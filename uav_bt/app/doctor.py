@@ -42,7 +42,7 @@ def _python() -> Check:
         what="Python",
         good=sys.version_info >= _NEEDED,
         found=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
-        cure="install Python 3.11 or newer",
+        remedy="install Python 3.11 or newer",
     )
 
 
@@ -72,7 +72,7 @@ def _extra(extra: str, names: Iterable[str]) -> Check:
         # Extras are a choice: without one, nothing is wrong.
         good=bool(extra) or not missing,
         found=found,
-        cure="install uav-bt again",
+        remedy="install uav-bt again",
     )
 
 
@@ -98,7 +98,7 @@ def _olympe_python() -> Check:
         what="Parrot's SDK",
         good=sys.version_info < _SDK_BEYOND and importlib.util.find_spec("olympe") is not None,
         found=f"{_SDK} {installed}",
-        cure="it runs with Python 3.10 to 3.12 on Linux x86-64",
+        remedy="it runs with Python 3.10 to 3.12 on Linux x86-64",
     )
 
 
@@ -122,5 +122,5 @@ def _registered(group: str, what: str) -> Check:
         what=what,
         good=bool(names) and not faults,
         found="; ".join(faults) or ", ".join(names) or "none registered",
-        cure="install uav-bt again",
+        remedy="install uav-bt again",
     )

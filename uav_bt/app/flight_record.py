@@ -27,7 +27,7 @@ from uav_bt.files import writing
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.config import RecordConfig
+from uav_bt.record.channels import RecordConfig
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment, RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder

@@ -1,7 +1,7 @@
 """The mission's blackboard: typed keys, ages, and access that is declared or refused.
 
-py_trees' own blackboard is one store for the whole process; ours belongs to one mission, so that
-two missions never meet and a test starts empty.
+py_trees' own blackboard is one store for the whole process; this one belongs to one mission, so
+that missions are isolated and a test starts empty.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Blackboard:
         """Return a key by name.
 
         Raises:
-            BoardAccessError: nobody declared it.
+            BoardAccessError: it was not declared.
         """
         try:
             return self._keys[name]
@@ -109,7 +109,7 @@ class Blackboard:
         if entry is None:
             return Reading(None, math.inf)
         age_s = self._clock.now() - entry.captured_s
-        # A hair of tolerance: ages are differences of sums of ticks.
+        # With an epsilon: ages are differences of sums of ticks.
         fresh = age_s <= key.max_age_s + 1e-9
         return Reading(cast("T", entry.value) if fresh else None, age_s)
 

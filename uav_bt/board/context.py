@@ -1,4 +1,4 @@
-"""What a leaf is handed when its mission is set up: board, clock, proposals, policies."""
+"""What leaves get when their mission is set up (board, clock, policies), and their proposals."""
 
 from __future__ import annotations
 
@@ -8,9 +8,68 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.proposals import Proposals
+from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter
+from uav_bt.types import GimbalTo, Movement
+
+
+class Proposals:
+    """What the leaves of one tick asked for; emptied before each tick."""
+
+    def __init__(self) -> None:
+        self._movement: tuple[str, Movement] | None = None
+        self._gimbal: tuple[str, GimbalTo] | None = None
+        self._next_id = 1
+
+    def next_id(self) -> int:
+        """Return a fresh id for a `MoveBy`."""
+        self._next_id += 1
+        return self._next_id - 1
+
+    def clear(self) -> None:
+        """Forget everything proposed; ids go on counting."""
+        self._movement = None
+        self._gimbal = None
+
+    def propose(self, owner: str, movement: Movement) -> None:
+        """Ask for a movement.
+
+        Raises:
+            ProposalConflictError: another leaf already asked for one in this tick.
+        """
+        if self._movement is not None and self._movement[0] != owner:
+            raise ProposalConflictError(
+                f"leaves '{self._movement[0]}' and '{owner}' both propose a movement in one tick"
+            )
+        self._movement = (owner, movement)
+
+    def propose_gimbal(self, owner: str, gimbal: GimbalTo) -> None:
+        """Ask for a camera direction.
+
+        Raises:
+            ProposalConflictError: another leaf already asked for one in this tick.
+        """
+        if self._gimbal is not None and self._gimbal[0] != owner:
+            raise ProposalConflictError(
+                f"leaves '{self._gimbal[0]}' and '{owner}' both propose a gimbal pitch in one tick"
+            )
+        self._gimbal = (owner, gimbal)
+
+    @property
+    def movement(self) -> Movement | None:
+        """The proposed movement of this tick."""
+        return self._movement[1] if self._movement else None
+
+    @property
+    def movement_owner(self) -> str | None:
+        """The leaf that proposed the movement."""
+        return self._movement[0] if self._movement else None
+
+    @property
+    def gimbal(self) -> GimbalTo | None:
+        """The proposed camera direction of this tick."""
+        return self._gimbal[1] if self._gimbal else None
 
 
 @dataclass(frozen=True, kw_only=True)

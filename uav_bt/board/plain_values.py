@@ -1,4 +1,4 @@
-"""Whatever stands on a board, as plain data that can be sent to a display: small and bounded."""
+"""The values of a board as plain data of bounded size, for records and displays."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ _MORE: Final = "..."
 def plain(value: object) -> Any:
     """Return a value as None, bool, int, float, str, list or dict.
 
-    Pictures and other arrays are told by type and shape: a display wants to know that they are
-    there, not what is in them. What is too long or too deep is cut, marked by `...`; what is none
-    of all these is told by its type.
+    Images and other arrays become their type and shape. What is too long or too deep is cut,
+    marked by `...`; any other object becomes the name of its type.
     """
     return _plain(value, _MAX_DEPTH)
 

@@ -18,8 +18,7 @@ from uav_bt.display.canvas import (
     line,
     polygon,
 )
-from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import LabMap, MapFrame, draw_lab, draw_legend, phase_colours
+from uav_bt.display.lab_map import FlownPath, LabMap, MapFrame, draw_lab, draw_legend, phase_colours
 from uav_bt.types import CameraModel, HelipadFix, Pose
 from uav_bt.types.projection import pixel_rays
 
@@ -92,7 +91,7 @@ class LiveMap:
         draw_legend(image, phase_colours(self._phases))
         if flown.pose is not None:
             seen = ground_view(self._camera, pitch_rad, max(height_m, 0.0))
-            # With the lens itself: a wedge when it looks ahead, a rectangle when it looks down.
+            # With the lens itself: a wedge when it points ahead, a rectangle when it points down.
             lens = (self._camera.forward_offset_m, 0.0)
             view_px = hull([self._around(flown.pose, *point) for point in (lens, *seen)])
             blend_polygon(image, view_px, _VIEW_COLOUR, _VIEW_OPACITY)

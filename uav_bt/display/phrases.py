@@ -17,7 +17,7 @@ from uav_bt.types import (
     Velocity,
 )
 
-_NOTHING = 5e-3  # metres, metres a second: smaller parts are not worth a word
+_NOTHING = 5e-3  # metres, metres a second: smaller parts are not shown
 _NO_TURN_RAD = math.radians(0.5)
 _WHOLE: dict[type[Movement], str] = {
     TakeOff: "take off",
@@ -29,7 +29,7 @@ _WHOLE: dict[type[Movement], str] = {
 
 
 def describe_movement(movement: Movement) -> str:
-    """Return a movement as a person would say it, its larger parts only."""
+    """Return a movement in words, its larger parts only."""
     match movement:
         case MoveBy():
             steps = _directions(movement.forward_m, movement.right_m, movement.down_m, "m")

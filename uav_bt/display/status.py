@@ -14,12 +14,12 @@ from rich.text import Text
 
 from uav_bt.board import ELAPSED, HELIPAD
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import FlownPath
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickRecord
 
-_REDRAW_S: Final = 0.2  # wall time between redraws: faster than this nobody reads
+_REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
 
 
@@ -88,7 +88,7 @@ class LiveStatus:
         if record.override is not None:
             parts.append((record.override.value, "bold red"))
         elif record.active:
-            word = f": {record.word}" if record.word else ""
+            word = f": {record.feedback}" if record.feedback else ""
             parts.append((f"{record.active[-1]}{word}", "cyan"))
         text = Text(no_wrap=True, overflow="ellipsis")
         for index, (words, style) in enumerate(parts):

@@ -1,4 +1,4 @@
-"""One command per tick: leaves propose, the arbiter yields.
+"""One command per tick: leaves propose, the arbiter decides.
 
 Overrides come first, in the order of the safety table; then the leaves' proposals; nothing proposed
 means hover. Limits clamp what is left.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import Proposals
 from uav_bt.mission.safety import Circumstances, Limits, Override, rule_in_force
 from uav_bt.types import Command, DroneState, Hover, MoveBy, Movement, Velocity
 
@@ -38,7 +38,7 @@ class Arbiter:
             proposals: what the leaves asked for in this tick.
             state: the newest drone state.
             frame_age_s: age of the newest frame, inf before the first.
-            state_age_s: since the drone was last heard.
+            state_age_s: of the newest telemetry.
             abort: an operator or a fault wants the drone on the ground.
             manual: a person at this machine took over.
             cut: a person wants the motors off.

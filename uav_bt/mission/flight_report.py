@@ -54,7 +54,7 @@ class FlightReport:
     explore_distance_m: float | None  # the first 90 s after the take-off command
     total_distance_m: float | None
     search_distance_m: float | None  # from the end of exploration until the helipad is found
-    time_to_find_helipad_s: float | None  # likewise
+    time_to_find_helipad_s: float | None  # over the same span
     time_to_land_s: float | None  # from there until motors off
     landing_error_m: float | None  # horizontal, body centre to pad centre
     min_clearance_m: float | None  # from the hull to the nearest box

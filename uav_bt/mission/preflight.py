@@ -21,7 +21,7 @@ class PreflightConfig:
 
     battery: float = 0.3  # of its charge; a mission takes five minutes of twenty-five
     link: float = 0.4  # of the best link there is
-    wait_s: float = 5.0  # for the first word and the first frames
+    wait_s: float = 5.0  # for the first telemetry and the first frames
 
     def __post_init__(self) -> None:
         if not (0.0 <= self.battery <= 1.0 and 0.0 <= self.link <= 1.0 and self.wait_s > 0.0):
@@ -37,23 +37,23 @@ class Check:
     what: str
     good: bool
     found: str
-    cure: str = ""
+    remedy: str = ""
 
     def __str__(self) -> str:
         mark = "ok" if self.good else "NOT READY"
-        cure = f": {self.cure}" if self.cure and not self.good else ""
-        return f"{self.what}: {mark}, {self.found}{cure}"
+        remedy = f": {self.remedy}" if self.remedy and not self.good else ""
+        return f"{self.what}: {mark}, {self.found}{remedy}"
 
 
 def check_drone(drone: Drone, config: PreflightConfig | None = None) -> tuple[Check, ...]:
-    """Look at a connected drone for a while and say what is good and what is not.
+    """Observe a connected drone for a while and return what is good and what is not.
 
     Args:
         drone: connected, on the ground.
         config: what is good enough.
 
     Raises:
-        DroneError: the drone was lost while it was looked at.
+        DroneError: the drone was lost during the check.
     """
     config = config or PreflightConfig()
     seen, frames = _watch(drone, config.wait_s)
@@ -88,8 +88,8 @@ def _watch(drone: Drone, wait_s: float) -> tuple[Observation, int]:
         now_s = clock.now()
         if seen.frame is not None:
             indices.add(seen.frame.index)
-        heard = now_s - seen.state.captured_s <= _OLD_S
-        if now_s >= end_s or (heard and len(indices) >= _FRAMES):
+        fresh = now_s - seen.state.captured_s <= _OLD_S
+        if now_s >= end_s or (fresh and len(indices) >= _FRAMES):
             return seen, len(indices)
         clock.sleep_until(now_s + _STEP_S)
         seen = drone.observe()
@@ -101,7 +101,7 @@ def _telemetry(state: DroneState, now_s: float) -> Check:
         what="telemetry",
         good=age_s <= _OLD_S,
         found=f"last heard {age_s:.1f} s ago" if age_s < 1e6 else "nothing was heard",
-        cure="connect again; restart the drone if that does not help",
+        remedy="connect again; restart the drone if that does not help",
     )
 
 
@@ -111,13 +111,13 @@ def _standing(state: DroneState) -> Check:
             what="control",
             good=False,
             found="a pilot has it",
-            cure="hand over at the remote control",
+            remedy="hand over at the remote control",
         )
     return Check(
         what="control",
         good=state.flying is FlyingState.LANDED,
         found=f"the drone is {state.flying.value.replace('_', ' ')}",
-        cure="a mission begins on the ground: land it first",
+        remedy="a mission begins on the ground: land it first",
     )
 
 
@@ -126,7 +126,7 @@ def _battery(state: DroneState, config: PreflightConfig) -> Check:
         what="battery",
         good=state.battery >= config.battery,
         found=f"{100 * state.battery:.0f} %, at least {100 * config.battery:.0f} % wanted",
-        cure="charge it",
+        remedy="charge it",
     )
 
 
@@ -135,15 +135,15 @@ def _link(state: DroneState, config: PreflightConfig) -> Check:
         what="link",
         good=state.link >= config.link,
         found=f"{100 * state.link:.0f} %, at least {100 * config.link:.0f} % wanted",
-        cure="come nearer, or choose a Wi-Fi channel that fewer others use",
+        remedy="come nearer, or choose a Wi-Fi channel that fewer others use",
     )
 
 
 def _video(frame: Frame | None, frames: int, now_s: float, config: PreflightConfig) -> Check:
-    cure = "see that no firewall keeps UDP out and nobody else watches the drone's video"
+    remedy = "see that no firewall keeps UDP out and nobody else watches the drone's video"
     if frame is None:
         return Check(
-            what="video", good=False, found=f"no frame within {config.wait_s:.0f} s", cure=cure
+            what="video", good=False, found=f"no frame within {config.wait_s:.0f} s", remedy=remedy
         )
     height, width = frame.image.shape[:2]
     age_s = now_s - frame.captured_s
@@ -151,5 +151,5 @@ def _video(frame: Frame | None, frames: int, now_s: float, config: PreflightConf
         what="video",
         good=frames >= _FRAMES and age_s <= _OLD_S,
         found=f"{width}x{height}, {frames} frames seen, the newest {age_s:.2f} s old",
-        cure=cure,
+        remedy=remedy,
     )

@@ -36,22 +36,22 @@ class RunnerConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class TickRecord:
-    """Everything that happened in one tick; what records, reports, displays and videos are fed."""
+    """Everything that happened in one tick: the input of records, reports, displays and videos."""
 
     index: int
     time_s: float
     observation: Observation
     tree_status: Status
-    phase: str  # what the mission leaves say they are doing; empty before they said so
+    phase: str  # set by the mission leaves; empty before they set one
     active: tuple[str, ...]  # names from the root to the deepest running node
     command: Command  # what was really sent
     proposed_by: str | None
     override: Override | None
     compute_s: float  # wall time of tree, networks included
     truth: Truth | None
-    word: str = ""  # what the deepest running node says of itself, a policy's reason for instance
+    feedback: str = ""  # of the deepest running node, a policy's reason for instance
     slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
-    decided: Command | None = None  # the arbiter's word, before the drone's own limits
+    decided: Command | None = None  # by the arbiter, before the drone's own limits
 
 
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
@@ -72,7 +72,7 @@ class MissionRunner:
         drone: the connected drone.
         tree: the tree, set up for the context.
         context: the mission's surroundings.
-        judge: says when the flight has ended, and how.
+        judge: decides when the flight has ended, and how.
         limits: what no command may exceed.
         config: how the mission is run.
         listeners: what follows the flight tick by tick.
@@ -194,7 +194,7 @@ class MissionRunner:
             override=self._arbiter.override,
             compute_s=compute_s,
             truth=truth,
-            word=active[-1].feedback_message if active else "",
+            feedback=active[-1].feedback_message if active else "",
             slow=self._budgets.take(),
             decided=decided,
         )
@@ -207,7 +207,7 @@ class MissionRunner:
         if status in _OVER and observation.state.flying is not FlyingState.LANDED:
             self.request_abort(f"the tree ended with {status.name} in the air")
         if self._arbiter.override is Override.BATTERY:
-            # The arbiter's word holds for one tick; a landing must not be taken back on the way.
+            # An override holds for one tick; a landing must not be taken back on the way down.
             self.request_abort(f"critical battery: {100 * observation.state.battery:.0f} %")
         self._escalate(start_s)
         if verdict is None:
@@ -234,10 +234,10 @@ class MissionRunner:
         )
 
     def _escalate(self, now_s: float) -> None:
-        """See to what does not pass: blind for long is a landing, unheard for long is the end.
+        """Land when blind for long, end the mission when without telemetry for long.
 
         Raises:
-            DroneError: the drone has not been heard for too long.
+            DroneError: no telemetry has come for too long.
         """
         override = self._arbiter.override
         if override is not self._override_since[0]:

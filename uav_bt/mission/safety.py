@@ -1,4 +1,4 @@
-"""What comes before the mission, in one fixed order: the table that the arbiter walks.
+"""The safety rules that override the mission, in one fixed order.
 
 The strongest rule that holds decides the tick; the leaves are asked only when none does. What lasts
 too long becomes an abort, which is a landing. A test walks the table, rule by rule.
@@ -42,9 +42,9 @@ class Limits:
     ceiling_m: float = 2.4  # above the carpet
     critical_battery: float = 0.1  # land below this
     stale_frame_s: float = 1.0  # hover when the newest frame is older
-    stale_state_s: float = 1.5  # hover when nothing was heard for longer; telemetry comes at 5 Hz
+    stale_state_s: float = 1.5  # hover when the newest telemetry is older; it comes at 5 Hz
     blind_s: float = 15.0  # land after so long without a fresh frame
-    link_lost_s: float = 10.0  # give up after so long without a word: the drone has its own rules
+    link_lost_s: float = 10.0  # give up after so long without telemetry
 
     def __post_init__(self) -> None:
         if min(self.speed_mps, self.climb_mps, self.yaw_rate_radps, self.ceiling_m) <= 0:
@@ -53,18 +53,18 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Circumstances:
-    """What the rules look at."""
+    """What the rules depend on."""
 
     state: DroneState
     frame_age_s: float = 0.0  # inf before the first frame
-    state_age_s: float = 0.0  # since the drone was last heard
+    state_age_s: float = 0.0  # of the newest telemetry
     manual: bool = False  # a person at this machine took over
     abort: bool = False  # Ctrl-C, SIGTERM, a crashed mission, or a rule that lasted too long
     cut: bool = False  # a person wants the motors off, whatever falls
 
     @property
     def airborne(self) -> bool:
-        """Whether it flies and would do what it is told."""
+        """Whether it flies and follows commands."""
         return self.state.flying in _AIRBORNE
 
 
@@ -121,5 +121,5 @@ SAFETY: Final = (
 
 
 def rule_in_force(now: Circumstances, limits: Limits) -> SafetyRule | None:
-    """Return the strongest rule that holds, None when the leaves have the word."""
+    """Return the strongest rule that holds, None when the leaves have control authority."""
     return next((rule for rule in SAFETY if rule.holds(now, limits)), None)

@@ -1,18 +1,162 @@
-"""The channels of a record: what they are called, and what is on them.
+"""What a record holds: how much is kept, the notes of a tick, and the channels.
 
-`docs/records.md` lists them for people. A new channel or a new field is no new version; a change
+`docs/records.md` lists the channels. A new channel or a new field is no new version; a change
 of what is there is.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.mission.runner import TickRecord
 from uav_bt.protocols import Advice
-from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote, TreeNote
 from uav_bt.record.values import dump, json_schema
-from uav_bt.types import Corridor, DroneState, HelipadFix, ObstaclePoints, Truth
+from uav_bt.types import (
+    Attitude,
+    Command,
+    Corridor,
+    DroneState,
+    Frame,
+    GimbalTo,
+    HelipadFix,
+    Movement,
+    ObstaclePoints,
+    Truth,
+)
+
+Quality = Literal["lossless", "high", "small"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordConfig:
+    """What is kept, and what happens when the disk does not keep up."""
+
+    # Of camera images; only lossless ones replay exactly. A small record has images of 320
+    # pixels' width and no maps: for networks whose input is smaller.
+    quality: Quality = "lossless"
+    # So far the file may lag behind the flight before images are left out: with `flush_s` it is
+    # what a killed flight loses, less than a second.
+    lag_s: float = 0.5
+    # Ticks with images that may wait, whatever their age: 64 noisy frames of 640x360 are 45 MB.
+    queued_images: int = 64
+    queued_ticks: int = 1_024  # that may wait without images, some kilobytes each
+    # After so much mission time, or so long without work, everything is handed to the system; long
+    # enough for chunks of some ticks.
+    flush_s: float = 0.3
+    # A simulated flight waits for the disk, its clock stands still meanwhile; a real one leaves
+    # images out.
+    wait: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.queued_images <= self.queued_ticks:
+            raise ValueRangeError(
+                "a record's queue needs 1 <= queued_images <= queued_ticks, got "
+                f"{self.queued_images} and {self.queued_ticks}"
+            )
+        if not (0.0 <= self.flush_s <= 1.0 and self.lag_s > 0.0):
+            raise ValueRangeError(
+                "a record must be flushed at least every second and may lag a little, got "
+                f"{self.flush_s} and {self.lag_s} s"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickNote:
+    """A tick of the runner."""
+
+    index: int
+    time_s: float  # of the mission clock, exactly
+    tree_status: str
+    phase: str = ""
+    active: tuple[str, ...] = ()  # names from the root to the deepest running node
+    word: str = ""  # feedback of the deepest running node
+    compute_s: float = 0.0  # wall time of the tree, networks included
+    frame_index: int | None = None  # of the newest frame then; None before the first
+    slow_leaves: tuple[str, ...] = ()  # that blocked
+
+    @classmethod
+    def of(cls, record: TickRecord) -> TickNote:
+        """Return the note of a tick."""
+        frame = record.observation.frame
+        return cls(
+            index=record.index,
+            time_s=record.time_s,
+            tree_status=record.tree_status.name,
+            phase=record.phase,
+            active=record.active,
+            word=record.feedback,
+            compute_s=record.compute_s,
+            frame_index=None if frame is None else frame.index,
+            slow_leaves=tuple(slow.path for slow in record.slow),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandNote:
+    """What the leaves proposed in a tick, what the arbiter made of it, what was sent."""
+
+    proposed: Movement | None = None
+    proposed_by: str | None = None  # the leaf's path
+    proposed_gimbal: GimbalTo | None = None
+    decided: Command
+    sent: Command  # after the drone's own limits
+    override: str | None = None  # the safety rule that replaced the proposal
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameNote:
+    """A camera frame without its image."""
+
+    index: int
+    captured_s: float
+    gimbal_pitch_rad: float
+    attitude: Attitude = field(default_factory=Attitude)
+    altitude_m: float = 0.0  # above the take-off point
+    height_m: float = 0.0  # above the surface below
+    height_above_carpet_m: float = 0.0
+
+    @classmethod
+    def of(cls, frame: Frame) -> FrameNote:
+        """Return the note of a frame."""
+        return cls(**{item.name: getattr(frame, item.name) for item in fields(cls)})
+
+    def with_image(self, image: NDArray[np.uint8]) -> Frame:
+        """Return the frame again.
+
+        Args:
+            image: (H, W, 3), RGB.
+        """
+        return Frame(image=image, **{item.name: getattr(self, item.name) for item in fields(self)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeNote:
+    """A node of the tree."""
+
+    path: str
+    name: str
+    node_id: str  # its class in the tree file
+    parent: int | None  # its place in the list of nodes; None for the root
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeNote:
+    """The tree's nodes, parents first, in the order of the file."""
+
+    nodes: tuple[NodeNote, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusNote:
+    """The nodes' statuses after a tick, in the order of `TreeNote`."""
+
+    statuses: tuple[str, ...]
+
 
 SCHEMA_VERSION: Final = 1  # of the whole record; readers refuse a newer one
 

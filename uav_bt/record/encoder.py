@@ -10,10 +10,15 @@ from uav_bt import board as keys
 from uav_bt.board.plain_values import plain
 from uav_bt.mission.runner import TickRecord
 from uav_bt.record import channels, messages
-from uav_bt.record.channels import Channel
-from uav_bt.record.config import RecordConfig
+from uav_bt.record.channels import (
+    Channel,
+    CommandNote,
+    FrameNote,
+    RecordConfig,
+    StatusNote,
+    TickNote,
+)
 from uav_bt.record.images import millimetres
-from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
 from uav_bt.record.record_file import Timeline
 from uav_bt.record.values import dump, encode, finite
 from uav_bt.record.worker import Encoded
@@ -36,7 +41,7 @@ _MAPS: Final = {
 _ELSEWHERE: Final = frozenset(
     {
         *(keys.FRAME.name, keys.STATE.name, keys.CAMERA.name),
-        # Frames that stand in the record already, each in its tick.
+        # Frames that the record has already, each in its tick.
         *(keys.RECENT_VIEWS.name, keys.ADVICE.name),
     }
 )
@@ -44,7 +49,7 @@ _ELSEWHERE: Final = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class LogLine:
-    """Something worth telling."""
+    """A line of the log."""
 
     level: str  # "Info", "Warning" or "Error"
     message: str

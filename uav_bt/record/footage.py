@@ -14,9 +14,9 @@ from typing import Any, Final
 from uav_bt.errors import FileError, InputError
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
+from uav_bt.record.channels import FrameNote
 from uav_bt.record.images import image_bytes
 from uav_bt.record.moment import StoredFrame
-from uav_bt.record.notes import FrameNote
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.values import decode
 from uav_bt.types import DroneState

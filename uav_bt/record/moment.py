@@ -10,9 +10,8 @@ import numpy as np
 
 from uav_bt.errors import InputError
 from uav_bt.record import channels
-from uav_bt.record.channels import Channel
+from uav_bt.record.channels import Channel, CommandNote, FrameNote, StatusNote, TickNote
 from uav_bt.record.images import decode_image, image_bytes, raw_image
-from uav_bt.record.notes import CommandNote, FrameNote, StatusNote, TickNote
 from uav_bt.record.values import decode
 from uav_bt.types import (
     ClassMap,

@@ -1,4 +1,4 @@
-"""A record played to whatever follows a flight tick by tick: views, videos.
+"""A record played to tick listeners: views, videos.
 
 playback = Playback(RecordReader(Path("flight.mcap")))
 for tick in playback.ticks():
@@ -83,7 +83,7 @@ class Playback:
             index=note.index,
             time_s=note.time_s,
             observation=Observation(frame=self._frame, state=moment.state),
-            # Records made before the tree had a status of its own for it say INVALID.
+            # Records made before the tree had a status of its own for it have INVALID.
             tree_status=Status.__members__.get(note.tree_status, Status.IDLE),
             phase=note.phase,
             active=note.active,
@@ -92,7 +92,7 @@ class Playback:
             override=None if commands.override is None else Override(commands.override),
             compute_s=note.compute_s,
             truth=moment.truth,
-            word=note.word,
+            feedback=note.word,
             decided=commands.decided,
         )
 

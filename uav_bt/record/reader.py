@@ -16,9 +16,8 @@ from typing import Any, Final
 from uav_bt.errors import FileError, InputError
 from uav_bt.plugins import need
 from uav_bt.record import channels
-from uav_bt.record.channels import END, SCHEMA_VERSION, START
+from uav_bt.record.channels import END, SCHEMA_VERSION, START, StatusNote, TreeNote
 from uav_bt.record.moment import Moment, moment_of
-from uav_bt.record.notes import StatusNote, TreeNote
 from uav_bt.record.record_file import Attachment, Timeline
 from uav_bt.record.values import decode
 from uav_bt.types import CameraModel

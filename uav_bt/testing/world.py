@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import MissionError
 from uav_bt.plugins import make_policy

@@ -4,7 +4,7 @@ Conventions (see ``ARCHITECTURE.md``): metres, radians, seconds of the mission c
 is Parrot's: x forward, y right, z down, yaw clockwise positive seen from above. Images are RGB.
 """
 
-from uav_bt.types.camera import CameraModel, Frame
+from uav_bt.types.camera import CameraModel, ClassMap, Corridor, DepthMap, Frame
 from uav_bt.types.commands import (
     HOVER,
     Command,
@@ -12,18 +12,24 @@ from uav_bt.types.commands import (
     GimbalTo,
     Hover,
     Land,
+    MissionPhase,
     MoveBy,
     Movement,
+    Phase,
     Release,
     TakeOff,
     Velocity,
 )
-from uav_bt.types.images import ClassMap, Corridor, DepthMap
-from uav_bt.types.observation import Observation, PastView, RecentViews
-from uav_bt.types.phase import MissionPhase, Phase
+from uav_bt.types.observation import Observation, PastView, RecentViews, Truth
 from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
-from uav_bt.types.sizes import BODY_SIZE_M, PAD_HEIGHT_M, PAD_SIZE_M
-from uav_bt.types.surroundings import HeldTurn, HelipadFix, ObstaclePoints
+from uav_bt.types.surroundings import (
+    BODY_SIZE_M,
+    PAD_HEIGHT_M,
+    PAD_SIZE_M,
+    HeldTurn,
+    HelipadFix,
+    ObstaclePoints,
+)
 from uav_bt.types.telemetry import (
     Attitude,
     BodyVelocity,
@@ -32,7 +38,6 @@ from uav_bt.types.telemetry import (
     MovementState,
     MovementStatus,
 )
-from uav_bt.types.truth import Truth
 
 __all__ = [
     "BODY_SIZE_M",

@@ -1,14 +1,15 @@
-"""Cameras, and the images they take."""
+"""Cameras, their frames, and what perception makes of one frame."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import ValueRangeError
-from uav_bt.types.shapes import check_shape
+from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types.telemetry import Attitude
 
 
@@ -67,3 +68,57 @@ class Frame:
 
     def __post_init__(self) -> None:
         check_shape("frame image", self.image, 3, 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassMap:
+    """A class id for every pixel of a (resized) frame; the ids are `uav_bt.classes`."""
+
+    ids: NDArray[np.uint8]  # (H, W)
+    captured_s: float  # of the frame it was made from
+
+    def __post_init__(self) -> None:
+        check_shape("class map", self.ids, 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthMap:
+    """Depth along the optical axis for every pixel of a (resized) frame."""
+
+    depth: NDArray[np.float32]  # (H, W); metres when metric, arbitrary unit when relative
+    metric: bool
+    captured_s: float
+    confidence: float = 1.0  # 0 to 1
+    # (H, W) metres: an upper bound, also where the depth itself is unknown (NaN); inf without one.
+    at_most: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        check_shape("depth map", self.depth, 2)
+        if self.at_most is not None and self.at_most.shape != self.depth.shape:
+            height, width = self.depth.shape
+            raise ShapeError(
+                "upper bound of a depth map",
+                expected=f"{height}x{width}, as the depth",
+                actual=self.at_most.shape,
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corridor:
+    """What the five-plane safety corridor found in a depth map."""
+
+    captured_s: float
+    free_distance_m: float  # straight ahead, from the body's centre
+    nearest_m: float  # nearest intrusion from the body's centre; inf when there is none
+    nearest_side: Literal["left", "right", "front", "up", "down"] | None
+    time_to_impact_s: float  # at the present speed; inf when nothing is ahead
+    nearest_left_m: float = math.inf  # nearest intrusion left of the path; inf when there is none
+    nearest_right_m: float = math.inf
+    unknown_px: int = 0  # pixels of things that may be in the corridor, at an unknown depth
+
+
+def check_shape(name: str, array: NDArray[np.generic], ndim: int, last: int | None = None) -> None:
+    """Raise ShapeError unless the array has so many dimensions, and so many channels."""
+    if array.ndim != ndim or (last is not None and array.shape[-1] != last):
+        dims = "x".join(["H", "W"][:ndim] + ([str(last)] if last else []))
+        raise ShapeError(name, expected=dims, actual=array.shape)

@@ -1,7 +1,8 @@
-"""Commands to a drone."""
+"""Commands to a drone, and the phases of the missions that send them."""
 
 from __future__ import annotations
 
+import enum
 import math
 from dataclasses import dataclass
 
@@ -89,3 +90,26 @@ class Command:
 
 
 HOVER = Command(movement=Hover())
+
+
+class Phase(enum.StrEnum):
+    """Base of all phases; a plug-in derives an enumeration with members of its own from it.
+
+    Example:
+        >>> class SurveyPhase(Phase):
+        ...     MAP = "map"
+    """
+
+
+class MissionPhase(Phase):
+    """The phases of the missions that ship; the flight report takes its times from them."""
+
+    TAKE_OFF = "take-off"
+    EXPLORE = "explore"
+    SEARCH = "search"  # exploration is over, the landing mark is not in view yet
+    APPROACH = "approach"  # the landing mark was found
+    CENTER = "center"
+    LAND = "land"
+    LOOK = "look"
+    HOVER = "hover"
+    EMERGENCY_LANDING = "emergency landing"

@@ -1,4 +1,4 @@
-"""What comes from a drone, now and in the last seconds."""
+"""What comes from a drone, now and in the last seconds, and the truth of a simulated one."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.camera import Frame
 from uav_bt.types.dead_reckoning import OdometryPose
+from uav_bt.types.pose import Pose
 from uav_bt.types.telemetry import DroneState
 
 
@@ -45,3 +46,17 @@ class RecentViews:
         """Return the view nearest to so many seconds before the newest; the newest counts too."""
         wanted_s = self.newest.frame.captured_s - seconds
         return min(self.views, key=lambda view: abs(view.frame.captured_s - wanted_s))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """What only a simulator knows; used by reports and evaluations, never by the mission."""
+
+    time_s: float
+    pose: Pose
+    contacts: tuple[str, ...]  # geoms the body touches now, the ground and the pad included
+    clearance_m: float  # from the hull to the nearest box, inf without boxes
+    inside_carpet: bool  # the body's centre
+    on_helipad: bool  # the body's centre is above the pad
+    landing_error_m: float  # horizontal, body centre to pad centre
+    motors_on: bool

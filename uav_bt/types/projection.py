@@ -7,7 +7,7 @@ axis):
 
     optical axis = (cos p, 0, -sin p),  image right = (0, 1, 0),  image down = (sin p, 0, cos p)
 
-with p the gimbal pitch, negative when it looks down. A gimbal leaves a little roll about the
+with p the gimbal pitch, negative when it points down. A gimbal leaves a little roll about the
 optical axis at times; where it is known it can be given. The paper's axes (X up, Y lateral, Z
 forward) map to (-z, y, x) here.
 """
@@ -92,7 +92,7 @@ def ground_points(
         ValueRangeError: the camera is not above the plane.
     """
     if not height_m > 0.0:
-        raise ValueRangeError(f"the camera must be above the plane it looks at, got {height_m} m")
+        raise ValueRangeError(f"the camera must be above the plane, got {height_m} m")
     rays = pixel_rays(pixels, camera, gimbal_pitch_rad)
     down = np.where(rays[..., 2] > 1e-9, rays[..., 2], np.nan)
     return np.asarray(rays[..., :2] * (height_m / down)[..., None])

@@ -1,9 +1,10 @@
-"""What is known of the surroundings, out of view or not, and of the turn being held."""
+"""The surroundings: fixed sizes, what is known of helipad and obstacles, the turn being held."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,3 +109,12 @@ class HeldTurn:
     def full_turns(self) -> int:
         """How many full turns found no free path."""
         return int(self.turned_rad / (2.0 * math.pi))
+
+
+BODY_SIZE_M: Final = (0.24, 0.32, 0.10)
+"""The ANAFI's body: forward, sideways, up."""
+
+PAD_SIZE_M: Final = (0.5, 0.5, 0.4)
+"""The landing box, whose top carries the H: along its own x and y, and upwards."""
+
+PAD_HEIGHT_M: Final = PAD_SIZE_M[2]

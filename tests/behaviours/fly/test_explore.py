@@ -161,7 +161,7 @@ def test_the_policy_sees_the_frames_telemetry() -> None:
     assert view.gimbal_pitch_rad == pytest.approx(-0.4363, abs=1e-4)
     assert view.height_above_carpet_m == 1.4
     assert view.turning == 0
-    assert view.coin == again.coin
+    assert view.tie_break == again.tie_break
 
 
 def test_an_unknown_policy_is_refused_at_setup() -> None:

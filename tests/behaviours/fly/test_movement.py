@@ -7,7 +7,7 @@ import math
 import pytest
 
 from behaviours.fly.movement import Mover, Progress
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import Proposals
 from uav_bt.types import DroneState, FlyingState, MovementState, MovementStatus
 
 

@@ -52,7 +52,7 @@ def cast(
 
 
 def view(
-    ids: NDArray[np.uint8], *, camera: CameraModel = CAMERA, coin: float = 0.9, **seen: Any
+    ids: NDArray[np.uint8], *, camera: CameraModel = CAMERA, tie_break: float = 0.9, **seen: Any
 ) -> PolicyView:
     """Return the view that shows these class ids."""
     return PolicyView(
@@ -60,6 +60,6 @@ def view(
         camera=camera,
         gimbal_pitch_rad=PITCH_RAD,
         height_above_carpet_m=HEIGHT_M,
-        coin=coin,
+        tie_break=tie_break,
         **seen,
     )

@@ -155,7 +155,7 @@ def test_a_turn_keeps_its_direction(turning: int) -> None:
 
 def test_without_depth_it_stops_and_looks_round() -> None:
     """No corridor is no permission."""
-    decision = RULE.decide(view(cast(), coin=0.1))
+    decision = RULE.decide(view(cast(), tie_break=0.1))
 
     assert decision.reason == "no depth"
     assert decision.blocked

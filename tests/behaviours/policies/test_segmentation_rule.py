@@ -62,10 +62,10 @@ def test_a_box_is_turned_away_from(left_m: float, right_m: float, side: int) -> 
     assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
 
 
-@pytest.mark.parametrize(("coin", "side"), [(0.1, -1), (0.9, 1)])
-def test_a_box_dead_ahead_is_left_to_the_coin(coin: float, side: int) -> None:
+@pytest.mark.parametrize(("tie_break", "side"), [(0.1, -1), (0.9, 1)])
+def test_a_box_dead_ahead_is_left_to_the_random_draw(tie_break: float, side: int) -> None:
     """Halves that differ by less than a tenth are a tie."""
-    decision = RULE.decide(view(cast([(1.2, -0.4, 0.4)]), coin=coin))
+    decision = RULE.decide(view(cast([(1.2, -0.4, 0.4)]), tie_break=tie_break))
 
     assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
 
@@ -80,13 +80,13 @@ def test_the_carpets_edge_is_turned_along(slant: float, side: int) -> None:
     assert decision.yaw_rad == pytest.approx(side * CONFIG.turn_rad)
 
 
-@pytest.mark.parametrize(("coin", "side"), [(0.1, -1), (0.9, 1)])
-def test_a_corner_is_turned_round_in(coin: float, side: int) -> None:
-    """An obstacle and no carpet: right about, which way the coin says."""
+@pytest.mark.parametrize(("tie_break", "side"), [(0.1, -1), (0.9, 1)])
+def test_a_corner_is_turned_round_in(tie_break: float, side: int) -> None:
+    """An obstacle and no carpet: right about, the random draw chooses the side."""
     ids = cast(carpet_m=0.0)
     ids[:, 80:120] = BOXES[0]
 
-    decision = RULE.decide(view(ids, coin=coin))
+    decision = RULE.decide(view(ids, tie_break=tie_break))
 
     assert decision.reason == "corner"
     assert decision.yaw_rad == pytest.approx(side * math.pi)

@@ -77,7 +77,7 @@ class World:
         pose: Pose | None = None,
         phase: str = "explore",
         active: tuple[str, ...] = ("mission", "Explore"),
-        word: str = "clear",
+        feedback: str = "clear",
         override: Override | None = None,
         yaw_rad: float = 0.0,
         forward_mps: float = 0.0,
@@ -109,7 +109,7 @@ class World:
             override=override,
             compute_s=0.001,
             truth=None if pose is None else _truth(time_s, pose),
-            word=word,
+            feedback=feedback,
         )
         self.index += 1
         self.clock.advance(after_s)

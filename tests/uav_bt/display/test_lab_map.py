@@ -5,10 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from tests.uav_bt.display.display_world import LAB
-from uav_bt.display.flown_path import PathPoint
-from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, draw_lab, draw_path_map, phase_colours
+from tests.uav_bt.display.display_world import LAB, World
+from uav_bt.display.lab_map import (
+    FlownPath,
+    LabMap,
+    MapFrame,
+    MapItem,
+    PathPoint,
+    draw_lab,
+    draw_path_map,
+    phase_colours,
+)
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose
 
 
 def test_the_origin_lies_in_the_middle_x_goes_right_and_y_goes_up() -> None:
@@ -78,3 +87,25 @@ def test_a_path_is_drawn_along_its_points_in_the_colour_of_its_phase() -> None:
 
 def test_the_map_of_a_path_without_points_is_the_empty_lab() -> None:
     assert draw_path_map(LAB, [], size_px=(200, 160)).shape == (160, 200, 3)
+
+
+def test_with_a_referee_the_path_is_the_true_one() -> None:
+    world, flown = World(), FlownPath()
+    for x in (0.0, 0.3, 0.6):
+        flown.add(world.tick(pose=Pose(x_m=x, y_m=1.0, z_m=1.5, yaw_rad=0.2), forward_mps=9.0))
+    assert [(point.x_m, point.y_m) for point in flown.points] == [(0, 1), (0.3, 1), (0.6, 1)]
+    assert flown.distance_m == pytest.approx(0.6)
+    assert flown.pose == Pose(x_m=0.6, y_m=1.0, z_m=1.5, yaw_rad=0.2)
+
+
+def test_without_one_the_telemetry_is_added_up_from_where_it_looked_first() -> None:
+    world, flown = World(), FlownPath()
+    flown.add(world.tick(yaw_rad=1.0, forward_mps=2.0))
+    flown.add(world.tick(yaw_rad=1.0, forward_mps=2.0))
+    # Between two ticks it flies at their mean speed on their mean heading. The drone's yaw is
+    # clockwise: an eighth to the right is an eighth towards the world's -y.
+    pose = flown.add(world.tick(yaw_rad=1.0 + math.pi / 2, forward_mps=0.0))
+    eighth_m = 0.1 * math.sqrt(0.5)
+    assert (pose.x_m, pose.y_m) == (pytest.approx(0.2 + eighth_m), pytest.approx(-eighth_m))
+    assert pose.yaw_rad == pytest.approx(-math.pi / 2)
+    assert flown.distance_m == pytest.approx(0.3)

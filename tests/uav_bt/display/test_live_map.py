@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests.uav_bt.display.display_world import CAMERA, LAB, World
-from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import MapFrame, phase_colours
+from uav_bt.display.lab_map import FlownPath, MapFrame, phase_colours
 from uav_bt.display.live_map import LiveMap, ground_view
 from uav_bt.types import HelipadFix, Pose
 

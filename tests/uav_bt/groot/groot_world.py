@@ -15,8 +15,7 @@ import msgpack
 import zmq
 
 from uav_bt.board.blackboard import Blackboard, Key
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.status import FAILURE, RUNNING, SKIPPED, SUCCESS

@@ -11,8 +11,7 @@ import pytest
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, MISSION_KEYS, PHASE, STATE
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError, ValueRangeError
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome
@@ -260,7 +259,7 @@ def test_listeners_get_every_tick_with_what_was_sent() -> None:
     assert [record.command for record in records] == flight.drone.commands
     drifting = next(record for record in records if record.phase == "drift")
     assert drifting.active == ("mission", "Drift")
-    assert drifting.word == "drifts"
+    assert drifting.feedback == "drifts"
     assert drifting.proposed_by == "Main/mission/Drift"
     assert drifting.tree_status is Status.RUNNING
     assert drifting.override is None

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import Proposals
 from uav_bt.mission.arbiter import Arbiter
 from uav_bt.mission.safety import SAFETY, Circumstances, Limits, Override, rule_in_force
 from uav_bt.types import (

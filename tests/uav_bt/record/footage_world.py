@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.record import channels, messages
-from uav_bt.record.channels import SCHEMA_VERSION, START
-from uav_bt.record.notes import FrameNote
+from uav_bt.record.channels import SCHEMA_VERSION, START, FrameNote
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.values import dump, encode
 from uav_bt.types import Attitude, BodyVelocity, CameraModel, DroneState, FlyingState, Frame

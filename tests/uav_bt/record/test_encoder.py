@@ -12,7 +12,7 @@ import pytest
 
 from uav_bt.mission.runner import TickRecord
 from uav_bt.record import messages
-from uav_bt.record.config import RecordConfig
+from uav_bt.record.channels import RecordConfig
 from uav_bt.record.encoder import MomentEncoder, RawMoment
 from uav_bt.record.moment import Moment, moment_of
 from uav_bt.record.record_file import Timeline

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uav_bt.errors import InputError
-from uav_bt.record.channels import CHANNELS, Channel, schema_of
-from uav_bt.record.notes import CommandNote, FrameNote, TickNote
+from uav_bt.record.channels import CHANNELS, Channel, CommandNote, FrameNote, TickNote, schema_of
 from uav_bt.record.values import decode, dump, encode, finite, json_schema
 from uav_bt.types import (
     Attitude,

@@ -10,8 +10,7 @@ import pytest
 from tests.uav_bt.tree.tree_world import World
 from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.mission.flight_report import FlightLog

@@ -13,8 +13,7 @@ from py_trees.common import Status as Theirs
 from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.board import HEIGHT
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import InputError, NodeFailedError, TreeError
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, leaf_of, parse_tree

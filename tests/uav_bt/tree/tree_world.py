@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from tests.conformance import Scripted
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.board.context import MissionContext
-from uav_bt.board.proposals import Proposals
+from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.tree import MissionTree, NodeRegistry, parse_tree
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import FileError, ValueRangeError
+from uav_bt.record.channels import FrameNote
 from uav_bt.record.footage import footage
 from uav_bt.record.moment import StoredFrame
-from uav_bt.record.notes import FrameNote
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import Attitude, DroneState, Frame
 

@@ -10,8 +10,8 @@ from typing import Any, Final
 from uav_bt.app.replay.movement_ids import MovementIds
 from uav_bt.display.phrases import describe_movement
 from uav_bt.mission.runner import TickRecord
+from uav_bt.record.channels import TreeNote
 from uav_bt.record.moment import Moment
-from uav_bt.record.notes import TreeNote
 from uav_bt.tree import MissionTree
 from uav_bt.types import Command, GimbalTo, MoveBy, Movement
 

@@ -48,7 +48,7 @@ class ViewListeners:
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin to draw the flight of a connected drone."""
         from uav_bt.display.rerun.flight_view import FlightView  # noqa: PLC0415 - needs Rerun
-        from uav_bt.display.rerun.layout import layout  # noqa: PLC0415
+        from uav_bt.display.rerun.setting import layout  # noqa: PLC0415
 
         mission, board = flight.mission, flight.context.board
         setting = setting_of(

@@ -8,13 +8,11 @@ import rerun as rr
 
 from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, OBSTACLES
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import FlownPath
 from uav_bt.display.phrases import describe_movement
-from uav_bt.display.rerun.entities import TIMELINE, WORDS
 from uav_bt.display.rerun.images import ImageView
-from uav_bt.display.rerun.plots import FlightPlots
-from uav_bt.display.rerun.setting import ViewSetting
-from uav_bt.display.rerun.tree_graph import TreeGraph
+from uav_bt.display.rerun.plots import FlightPlots, TreeGraph
+from uav_bt.display.rerun.setting import TIMELINE, WORDS, ViewSetting
 from uav_bt.display.rerun.world import WorldView
 from uav_bt.mission.runner import TickRecord
 from uav_bt.tree import Status
@@ -40,7 +38,7 @@ class FlightView:
         *,
         start_s: float | None = None,
     ) -> None:
-        # The mission's time alone: a record must look the same whenever it is drawn.
+        # The mission's time alone: a record must be drawn the same at any time.
         stream.set_log_time_enabled(False)
         stream.set_log_tick_enabled(False)
         self._stream = stream
@@ -81,7 +79,7 @@ class FlightView:
         """Log what the mission does and what the drone is commanded, when it changes."""
         leaf = record.active[-1] if record.active else "idle"
         command = describe_movement(record.command.movement)
-        why = f" ({record.word})" if record.word else ""
+        why = f" ({record.feedback})" if record.feedback else ""
         words = f"{record.phase or '-'}: {leaf}{why}: {command}"
         if record.override is not None:
             words += f" [{record.override.value}]"

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour, circle
 from uav_bt.display.phrases import describe_corridor
-from uav_bt.display.rerun.entities import DEPTH_LENS, LENS, MASK
-from uav_bt.display.rerun.setting import ViewSetting
+from uav_bt.display.rerun.setting import DEPTH_LENS, LENS, MASK, ViewSetting
 from uav_bt.display.video.depth_panes import FARTHEST_M
 from uav_bt.display.video.panes import project_fix
 from uav_bt.errors import ShapeError

@@ -1,20 +1,23 @@
-"""What a view shows of a flight that does not change while it lasts."""
+"""What does not change while a view lasts: entity paths, the flight's setting, the layout."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from uav_bt.display.canvas import BACKDROP, Colour
 from uav_bt.display.lab_map import LabMap
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
-"""Tells which pixels of a depth map are inside the corridor, (H, W)."""
+"""Returns which pixels of a depth map are inside the corridor, (H, W)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,3 +73,87 @@ class ViewSetting:
         if self.class_colours.shape != (len(self.class_names), 3):
             expected = f"{len(self.class_names)}x3"
             raise ShapeError("class colours", expected=expected, actual=self.class_colours.shape)
+
+
+TIMELINE: Final = "flight"  # seconds since the first tick
+
+WORLD: Final = "world"  # z up, the origin in the carpet's middle, metres
+LAB: Final = f"{WORLD}/lab"
+PATH: Final = f"{WORLD}/path"
+BODY: Final = f"{WORLD}/drone"
+CORRIDOR: Final = f"{WORLD}/corridor"  # in the heading-aligned frame: x forward, y left, z up
+OBSTACLES: Final = f"{WORLD}/obstacles"
+FIX: Final = f"{WORLD}/helipad_fix"
+LENS: Final = f"{WORLD}/camera"  # image and overlays, in the image's pixels
+DEPTH_LENS: Final = f"{WORLD}/depth"  # the same lens at the depth map's size
+MASK: Final = "mask"
+TREE: Final = "tree"
+WORDS: Final = "words"
+HEADING: Final = "plots/heading"
+HEIGHT: Final = "plots/height"
+FREE_DISTANCE: Final = "plots/free_distance"
+TICK_TIME: Final = "plots/tick_time"
+
+
+_FLOOR: Final[Colour] = (60, 64, 72)
+
+
+def layout(setting: ViewSetting) -> rrb.Blueprint:
+    """Return the layout of a flight; panes that would stay empty are left out."""
+    eyes: list[rrb.View] = [rrb.Spatial2DView(origin=MASK, name="Mask")]
+    if setting.makes_depth:
+        eyes.append(rrb.Spatial2DView(origin=DEPTH_LENS, name="Metric depth"))
+    seen = rrb.Vertical(
+        rrb.Spatial2DView(origin=LENS, name="Camera"),
+        rrb.Horizontal(*eyes),
+        row_shares=[3, 2],
+    )
+    flown = rrb.Tabs(_world(), rrb.TextLogView(origin=WORDS, name="Words"))
+    above: list[rrb.Container | rrb.View] = [seen, flown]
+    if setting.tree:
+        above.append(rrb.GraphView(origin=TREE, name="Tree"))
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(*above, column_shares=[4, 5, 3][: len(above)]),
+            rrb.Horizontal(*_plots()),
+            row_shares=[5, 2],
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+    )
+
+
+def _world() -> rrb.Spatial3DView:
+    # The path is one piece a tick, so that a long flight does not repeat it every tick.
+    so_far = rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    return rrb.Spatial3DView(
+        origin=WORLD,
+        name="Lab",
+        background=BACKDROP,
+        line_grid=rrb.LineGrid3D(spacing=1.0, color=_FLOOR),
+        overrides={PATH: [so_far]},
+        eye_controls=rrb.EyeControls3D(
+            position=[-1.2, -6.0, 5.2], look_target=[0.0, 0.0, 0.3], eye_up=[0.0, 0.0, 1.0]
+        ),
+    )
+
+
+def _plots() -> list[rrb.View]:
+    named = {
+        HEADING: "Heading error, deg",
+        HEIGHT: "Height, m",
+        FREE_DISTANCE: "Free distance, m",
+        TICK_TIME: "Tick time, ms",
+    }
+    return [
+        rrb.TimeSeriesView(
+            origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+        )
+        for origin, name in named.items()
+    ]

@@ -40,7 +40,7 @@ def need_display(instead: str, environment: Mapping[str, str] | None = None) -> 
     """Make sure that a window can open here.
 
     Args:
-        instead: what somebody without a display can do.
+        instead: what to do without a display.
         environment: the process's, if it is another one than ours.
 
     Raises:
@@ -70,7 +70,7 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
     if path.suffix.lower() != ".rrd":
         raise FileError(path, "a view's name must end in .rrd")
     with whole_file(path) as partial:
-        partial.touch()  # the system says better than Rerun what is wrong with a folder
+        partial.touch()  # the system's error for a bad folder is clearer than Rerun's
         stream = rr.RecordingStream(_APPLICATION)
         stream.save(partial)
         yield stream
@@ -141,7 +141,7 @@ class Viewer:
 
     @property
     def closed(self) -> bool:
-        """Whether somebody closed it."""
+        """Whether the viewer was closed."""
         return self._process.poll() is not None
 
     def wait(self) -> None:
@@ -155,7 +155,7 @@ class Viewer:
             end: end the viewer, too.
         """
         if self._process.poll() is None:
-            with suppress(RuntimeError):  # the window was closed: there is nobody to show it to
+            with suppress(RuntimeError):  # the window was closed
                 self.stream.flush(timeout_sec=_FLUSH_S)
         self.stream.disconnect()
         if end and self._process.poll() is None:

@@ -12,9 +12,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
-from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import LabMap, MapItem, phase_colours
-from uav_bt.display.rerun.entities import (
+from uav_bt.display.lab_map import FlownPath, LabMap, MapItem, phase_colours
+from uav_bt.display.rerun.setting import (
     BODY,
     CORRIDOR,
     DEPTH_LENS,
@@ -24,8 +23,9 @@ from uav_bt.display.rerun.entities import (
     OBSTACLES,
     PATH,
     WORLD,
+    CorridorSize,
+    ViewSetting,
 )
-from uav_bt.display.rerun.setting import CorridorSize, ViewSetting
 from uav_bt.types import (
     BODY_SIZE_M,
     CameraModel,

@@ -30,7 +30,7 @@ def _scale_colours() -> NDArray[np.uint8]:
 
 
 def empty_pane(words: str, size_px: tuple[int, int]) -> Image:
-    """Return a pane that shows nothing but why."""
+    """Return a pane with a line of text only."""
     image: Image = np.full((size_px[1], size_px[0], 3), PANEL, dtype=np.uint8)
     scale = 0.5
     while wide_px(words, scale) > size_px[0] - 16 and scale > 0.3:
@@ -46,7 +46,7 @@ def draw_depth(
     why_none: str = "",
     farthest_m: float = FARTHEST_M,
 ) -> Image:
-    """Return metric depth as colours, near red and far blue, with a bar that tells the metres.
+    """Return metric depth as colours, near red and far blue, with a bar of metres.
 
     Args:
         depth: in metres; None draws an empty pane.
@@ -108,7 +108,7 @@ def draw_corridor(
     """
     if shown is None or corridor is None:
         return empty_pane("no corridor", size_px)
-    # Nearest: on a darkened image nobody sees the difference, and it costs a tenth.
+    # Nearest: on a darkened image the difference is invisible, and it costs a tenth.
     image: Image = np.asarray(
         cv2.resize(shown, size_px, interpolation=cv2.INTER_NEAREST) // 2, dtype=np.uint8
     )

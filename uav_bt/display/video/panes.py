@@ -34,7 +34,7 @@ from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
 from uav_bt.types.projection import camera_axes
 
 _PAD_RADIUS_M: Final = 0.3
-_NEAR_M: Final = 0.3  # closer to the pad than this, a mark says nothing
+_NEAR_M: Final = 0.3  # closer to the pad than this, a mark is of no use
 _BRANCH_ROW_PX: Final = 22
 _BRANCH_INDENT_PX: Final = 14
 _BRANCH_WIDTH_PX: Final = 300
@@ -80,9 +80,9 @@ def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int
         mark_fix(image, readings.fix.value, frame, camera)
     age_ms = 1000.0 * (record.time_s - frame.captured_s)
     tag(image, f"camera  {age_ms:.0f} ms old", (10, 10), colour=DIM)
-    if record.word:
+    if record.feedback:
         leaf = record.active[-1] if record.active else ""
-        tag(image, f"{leaf}: {record.word}", (10, size_px[1] - 36), scale=0.6, colour=ACCENT)
+        tag(image, f"{leaf}: {record.feedback}", (10, size_px[1] - 36), scale=0.6, colour=ACCENT)
     return image
 
 

@@ -37,7 +37,7 @@ class PerceptionPanes:
     """Composes the four panes.
 
     Args:
-        camera: intrinsics at the frames' size. They tell the images' true aspect, which a
+        camera: intrinsics at the frames' size. They give the images' true aspect, which a
             resized image has lost.
         class_colours: (N, 3) uint8 RGB by class id.
 

@@ -30,8 +30,7 @@ from uav_bt.display.canvas import (
     put,
     text_width_px,
 )
-from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import LabMap
+from uav_bt.display.lab_map import FlownPath, LabMap
 from uav_bt.display.live_map import LiveMap
 from uav_bt.display.video.depth_panes import corridor_rows, draw_corridor, draw_depth
 from uav_bt.display.video.panes import (
@@ -47,7 +46,7 @@ from uav_bt.mission.runner import TickRecord
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
-"""Tells which pixels of a depth map are inside the corridor, (H, W)."""
+"""Returns which pixels of a depth map are inside the corridor, (H, W)."""
 
 _WIDTH: Final = 1280
 _HEIGHT: Final = 720
@@ -60,21 +59,21 @@ _GAP: Final = 2  # between the panes
 class FlightVideoConfig:
     """How a flight becomes a video."""
 
-    pictures_per_s: int = 10  # of mission time: one a tick in simulation
+    images_per_s: int = 10  # of mission time: one a tick in simulation
     speed: float = 1.0  # the video runs so many times faster than the mission
     title: str = ""  # on the map: the mission, the scene, the seed
     hold_s: float = 2.0  # of the video's time: how long the outcome stays at the end
 
     def __post_init__(self) -> None:
-        if not 1 <= self.pictures_per_s <= 60:
-            raise ValueRangeError(f"images a second must be 1 to 60, got {self.pictures_per_s}")
+        if not 1 <= self.images_per_s <= 60:
+            raise ValueRangeError(f"images a second must be 1 to 60, got {self.images_per_s}")
         if not 0.1 <= self.speed <= 100.0:
             raise ValueRangeError(f"a video's speed must be 0.1 to 100 times, got {self.speed}")
 
     @property
     def frames_per_s(self) -> Fraction:
         """The rate of the file."""
-        return self.pictures_per_s * Fraction(self.speed).limit_denominator(100)
+        return self.images_per_s * Fraction(self.speed).limit_denominator(100)
 
 
 class Panes:
@@ -86,7 +85,7 @@ class Panes:
         board: of the mission; class map, fix and time are read from it.
         camera: intrinsics at the frames' size.
         class_colours: (N, 3) uint8 RGB by class id.
-        lab_map: what stands in the lab; None where nobody knows.
+        lab_map: what stands in the lab; None where it is unknown.
         title: a line on the map.
 
     Raises:
@@ -117,7 +116,7 @@ class Panes:
         """Make room for depth and corridor from now on.
 
         Args:
-            intruding: tells what to mark in the corridor's pane; None marks nothing.
+            intruding: returns what to mark in the corridor's pane; None marks nothing.
         """
         self._shows_depth = True
         self._intruding = intruding
@@ -218,7 +217,7 @@ class FlightVideo:
         return self._file.path
 
     def begin(self, panes: Panes) -> None:
-        """Say what draws the images, once the drone is connected."""
+        """Set what draws the images, once the drone is connected."""
         self._panes = panes
 
     def on_tick(self, record: TickRecord) -> None:
@@ -229,7 +228,7 @@ class FlightVideo:
         if self._first_s is None:
             self._first_s = record.time_s
         # With a tolerance: times are sums of ticks.
-        slot = math.floor((record.time_s - self._first_s) * self._config.pictures_per_s + 1e-6)
+        slot = math.floor((record.time_s - self._first_s) * self._config.images_per_s + 1e-6)
         if slot > self._slot:
             self._last = self._panes.draw(record, self._flown)
             self._write(self._last, slot)

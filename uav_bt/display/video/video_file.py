@@ -1,4 +1,4 @@
-"""An mp4 file that is written picture by picture and appears whole or not at all."""
+"""An mp4 file that is written image by image and appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uav_bt.errors import FileError, MissingDependencyError, ShapeError, ValueRa
 from uav_bt.files import writing
 
 # H.264 plays everywhere; MPEG-4 part 2 is in every build of FFmpeg. The options trade size for
-# time: the pictures are encoded between the ticks of a flight.
+# time: the images are encoded between the ticks of a flight.
 _CODECS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("libx264", {"preset": "ultrafast", "crf": "28"}),
     ("mpeg4", {"qscale": "4"}),
@@ -48,9 +48,9 @@ def choose_codec(names: tuple[str, ...] = tuple(name for name, _ in _CODECS)) ->
 
 
 class VideoFile:
-    """Writes pictures of one size into an mp4 file.
+    """Writes images of one size into an mp4 file.
 
-    The pictures go into `<name>.part`; closing gives the file its name. A file without a picture is
+    The images go into `<name>.part`; closing gives the file its name. A file without an image is
     not kept.
 
     Args:
@@ -76,14 +76,14 @@ class VideoFile:
         codec = choose_codec()
         self.path = path
         self.codec = codec
-        self.pictures = 0  # written so far
+        self.images = 0  # written so far
         self._partial = path.with_name(path.name + ".part")
         self._size_px = size_px
         self._time_base = 1 / frames_per_s
         self._last_slot = -1
         self._failed = False
         with writing(path):  # FFmpeg's errors are OSErrors too
-            self._partial.touch()  # the system says better than FFmpeg what is wrong with a folder
+            self._partial.touch()  # the system's error for a bad folder is clearer than FFmpeg's
             try:
                 self._container: Any = av.open(
                     str(self._partial), "w", format="mp4", options={"movflags": "+faststart"}
@@ -100,35 +100,35 @@ class VideoFile:
         self._stream = stream
 
     def write(self, image: Image, slot: int | None = None) -> None:
-        """Append a picture.
+        """Append an image.
 
         Args:
             image: (H, W, 3) uint8 RGB, of the video's size.
-            slot: when it is shown, in frames from the start; a gap holds the picture before it.
+            slot: when it is shown, in frames from the start; a gap holds the image before it.
                 Default: right after the last one.
 
         Raises:
-            ShapeError: the picture has another size.
+            ShapeError: the image has another size.
             FileError: it cannot be written (a full disk); the file is then given up.
             ValueRangeError: the slot is not later than the last one.
         """
         width_px, height_px = self._size_px
         if image.shape != (height_px, width_px, 3):
-            raise ShapeError("picture", expected=f"{height_px}x{width_px}x3", actual=image.shape)
+            raise ShapeError("image", expected=f"{height_px}x{width_px}x3", actual=image.shape)
         slot = self._last_slot + 1 if slot is None else slot
         if slot <= self._last_slot:
-            raise ValueRangeError(f"pictures come in order: slot {slot} after {self._last_slot}")
+            raise ValueRangeError(f"images come in order: slot {slot} after {self._last_slot}")
         planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), dtype=np.uint8)
-        picture: Any = av.VideoFrame.from_ndarray(planes, format="yuv420p")
-        picture.pts, picture.time_base = slot, self._time_base
-        self._encode(picture)
+        frame: Any = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+        frame.pts, frame.time_base = slot, self._time_base
+        self._encode(frame)
         self._last_slot = slot
-        self.pictures += 1
+        self.images += 1
 
-    def _encode(self, picture: object) -> None:
+    def _encode(self, frame: object) -> None:
         self._failed = True
         with writing(self.path):
-            for packet in self._stream.encode(picture):
+            for packet in self._stream.encode(frame):
                 self._container.mux(packet)
         self._failed = False
 
@@ -141,11 +141,11 @@ class VideoFile:
         if self._container is None:
             return
         try:
-            if self.pictures and not self._failed:
+            if self.images and not self._failed:
                 self._encode(None)
             with writing(self.path):
                 self._container.close()
-                if self.pictures and not self._failed:
+                if self.images and not self._failed:
                     self._partial.replace(self.path)
         finally:
             self._container = None

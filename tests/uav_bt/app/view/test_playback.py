@@ -41,7 +41,7 @@ def test_the_ticks_are_those_that_were_flown(flown: tuple[Path, Seen], playback:
             assert getattr(again, name) == getattr(live, name), (live.index, name)
         assert again.observation.state == live.observation.state
         assert plain(again.observation.frame) == plain(live.observation.frame)
-        assert (again.word, again.compute_s) == (live.word, live.compute_s)
+        assert (again.feedback, again.compute_s) == (live.feedback, live.compute_s)
 
 
 def test_board_and_statuses_are_those_after_each_tick(

@@ -137,7 +137,7 @@ class World:
             "override": None,
             "compute_s": 0.004,
             "truth": None if pose is None else truth(time_s, pose),
-            "word": "clear",
+            "feedback": "clear",
         }
         self.index += 1
         self.clock.advance(0.1)

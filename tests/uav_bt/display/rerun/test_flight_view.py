@@ -7,7 +7,7 @@ from rerun.blueprint import GraphView, Spatial2DView, Vertical, View
 
 from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
 from uav_bt.display.rerun.flight_view import FlightView
-from uav_bt.display.rerun.layout import layout
+from uav_bt.display.rerun.setting import layout
 from uav_bt.mission.safety import Override
 from uav_bt.tree import Status
 

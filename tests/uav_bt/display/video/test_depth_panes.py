@@ -101,11 +101,11 @@ def test_the_words_of_the_corridor_are_in_the_colour_of_alarm_when_it_is_intrude
     assert has(draw_corridor(GREY, corridor(), None, PANE_PX), ALARM)
 
 
-@pytest.mark.parametrize(("picture", "found"), [(None, corridor()), (GREY, None)])
+@pytest.mark.parametrize(("shown", "found"), [(None, corridor()), (GREY, None)])
 def test_without_a_corridor_the_pane_says_so(
-    picture: NDArray[np.uint8] | None, found: Corridor | None
+    shown: NDArray[np.uint8] | None, found: Corridor | None
 ) -> None:
-    image = draw_corridor(picture, found, None, PANE_PX)
+    image = draw_corridor(shown, found, None, PANE_PX)
     assert tuple(image[5, 5]) == PANEL
     assert has(image, INK)
 

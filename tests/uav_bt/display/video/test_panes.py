@@ -60,7 +60,7 @@ def test_a_pad_in_view_is_ringed_where_it_appears() -> None:
     world = World()
     fix = HelipadFix(captured_s=0.0, forward_m=2.4, right_m=0.4, detected=True)
     world.board.write(HELIPAD, fix)
-    image = draw_camera(readings(world, world.tick(word="")), CAMERA, PANE_PX)
+    image = draw_camera(readings(world, world.tick(feedback="")), CAMERA, PANE_PX)
     rows, columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))
     right_m, down_m, depth_m = project_fix(fix, frame_of(world), CAMERA)
     shown = CAMERA.resized(*PANE_PX)
@@ -75,16 +75,16 @@ def test_a_pad_out_of_view_is_pointed_at_from_the_edge(right_m: float, side: str
     world = World()
     fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=right_m, detected=True)
     world.board.write(HELIPAD, fix)
-    image = draw_camera(readings(world, world.tick(word="")), CAMERA, PANE_PX)
+    image = draw_camera(readings(world, world.tick(feedback="")), CAMERA, PANE_PX)
     columns = np.nonzero((image == np.array(ACCENT, dtype=np.uint8)).all(axis=2))[1]
     assert columns.size
     assert (columns > PANE_PX[0] / 2).all() == (side == "right")
 
 
-def test_the_word_of_the_running_leaf_is_written_on_the_picture() -> None:
+def test_the_feedback_of_the_running_leaf_is_written_on_the_image() -> None:
     world = World()
-    silent = draw_camera(readings(world, world.tick(word="")), CAMERA, PANE_PX)
-    spoken = draw_camera(readings(world, world.tick(word="obstacle")), CAMERA, PANE_PX)
+    silent = draw_camera(readings(world, world.tick(feedback="")), CAMERA, PANE_PX)
+    spoken = draw_camera(readings(world, world.tick(feedback="obstacle")), CAMERA, PANE_PX)
     assert not has(silent, ACCENT)
     assert has(spoken, ACCENT)
 

@@ -1,4 +1,4 @@
-"""The pictures of `uav-bt net perceive`."""
+"""The images of `uav-bt net perceive`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_four_panes_make_a_picture_of_1280x720() -> None:
     image = panes.draw(seen())
     assert panes.size_px == (1280, 720)
     assert image.shape == (720, 1280, 3)
-    assert tuple(image[100, 300]) == (90, 90, 90), "the picture"
+    assert tuple(image[100, 300]) == (90, 90, 90), "the image"
     assert tuple(image[600, 300]) == tuple(COLOURS[5]), "the class map"
     assert tuple(image[30, 1000]) == PANEL, "no depth"
     assert tuple(image[700, 1000]) == PANEL, "no corridor"

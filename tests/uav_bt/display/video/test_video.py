@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tests.uav_bt.display.display_world import CAMERA, COLOURS, LAB, World
 from uav_bt.display.canvas import PANEL
-from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import FlownPath
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.types import ClassMap, DepthMap, Frame, Pose
@@ -36,7 +36,7 @@ def facts(path: Path) -> tuple[tuple[int, int], list[float]]:
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         size_px = (stream.codec_context.width, stream.codec_context.height)
-        times = [float(picture.time) for picture in container.decode(video=0)]
+        times = [float(image.time) for image in container.decode(video=0)]
     return size_px, times
 
 
@@ -167,8 +167,8 @@ def test_a_folder_that_is_not_there_is_refused_before_anything_flies(tmp_path: P
 class FullDisk:
     """Stands for the encoder's stream."""
 
-    def encode(self, picture: object) -> None:
-        del picture
+    def encode(self, image: object) -> None:
+        del image
         raise OSError(28, "No space left on device")
 
 
@@ -203,7 +203,7 @@ def test_colours_of_another_shape_are_refused() -> None:
         Panes(World().board, CAMERA, class_colours=np.zeros((17, 4), dtype=np.uint8), lab_map=None)
 
 
-@pytest.mark.parametrize("changes", [{"speed": 0.0}, {"pictures_per_s": 0}])
+@pytest.mark.parametrize("changes", [{"speed": 0.0}, {"images_per_s": 0}])
 def test_a_config_that_makes_no_video_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueRangeError):
         FlightVideoConfig(**changes)

@@ -26,8 +26,8 @@ def plain(colour: int | tuple[int, int, int]) -> NDArray[np.uint8]:
 def decoded(path: Path) -> list[tuple[float, NDArray[np.uint8]]]:
     with av.open(str(path)) as container:
         return [
-            (float(picture.time), picture.to_ndarray(format="rgb24"))
-            for picture in container.decode(video=0)
+            (float(image.time), image.to_ndarray(format="rgb24"))
+            for image in container.decode(video=0)
         ]
 
 
@@ -37,10 +37,10 @@ def test_pictures_come_back_in_order_with_their_times_and_colours(tmp_path: Path
     for colour in colours:
         file.write(plain(colour))
     file.close()
-    pictures = decoded(file.path)
-    assert [time for time, _ in pictures] == pytest.approx([0.0, 0.05, 0.1])
-    for (_, picture), colour in zip(pictures, colours, strict=True):
-        assert np.abs(picture.reshape(-1, 3).mean(axis=0) - colour).max() < 8
+    images = decoded(file.path)
+    assert [time for time, _ in images] == pytest.approx([0.0, 0.05, 0.1])
+    for (_, image), colour in zip(images, colours, strict=True):
+        assert np.abs(image.reshape(-1, 3).mean(axis=0) - colour).max() < 8
 
 
 def test_a_gap_holds_the_picture_before_it(tmp_path: Path) -> None:
@@ -90,8 +90,8 @@ def test_a_file_that_cannot_be_written_is_refused_and_nothing_is_left(
 
 def test_a_disk_that_fills_up_leaves_no_half_file(tmp_path: Path) -> None:
     class FullDisk:
-        def encode(self, picture: object) -> None:
-            del picture
+        def encode(self, image: object) -> None:
+            del image
             raise OSError(28, "No space left on device")
 
     file = open_file(tmp_path / "flight.mp4")
@@ -105,7 +105,7 @@ def test_a_disk_that_fills_up_leaves_no_half_file(tmp_path: Path) -> None:
 
 def test_a_picture_of_another_size_is_refused(tmp_path: Path) -> None:
     file = open_file(tmp_path / "flight.mp4")
-    with pytest.raises(ShapeError, match="picture must be 48x64x3, got 48x60x3"):
+    with pytest.raises(ShapeError, match="image must be 48x64x3, got 48x60x3"):
         file.write(np.zeros((48, 60, 3), dtype=np.uint8))
     file.close()
 
@@ -144,4 +144,4 @@ def test_the_fallback_encoder_writes_a_readable_file_too(
     for shade in (20, 120, 220):
         file.write(plain(shade))
     file.close()
-    assert [round(float(picture.mean()), -1) for _, picture in decoded(file.path)] == [20, 120, 220]
+    assert [round(float(image.mean()), -1) for _, image in decoded(file.path)] == [20, 120, 220]
