@@ -13,8 +13,7 @@ from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding
 from uav_bt.tree.loading.loader import check_file, findings_of
 from uav_bt.tree.loading.palette import read_palette, with_palette
-from uav_bt.tree.shipped import tree_files
-from uav_bt.tree.starter import STARTERS, write_starter
+from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
 
 
 def _with_palette(ctx: click.Context, param: click.Parameter, value: Path | None) -> NodeRegistry:

@@ -3,8 +3,7 @@
 from uav_bt.groot.btlog import BtlogReader, BtlogWriter
 from uav_bt.groot.groot_publisher import GrootConfig, GrootPublisher
 from uav_bt.groot.numbering import TreeNumbering
-from uav_bt.groot.recorder import TransitionRecorder
-from uav_bt.groot.transitions import Transition
+from uav_bt.groot.transitions import Transition, TransitionRecorder
 from uav_bt.groot.watch import TreeWatch, watched_live
 
 __all__ = [

@@ -40,24 +40,6 @@ class RequestType(enum.Enum):
     BREAKPOINT_UNLOCK = "U"
     BREAKPOINT_REACHED = "N"
 
-    @property
-    def changes_tree(self) -> bool:
-        """True for what is about hooks and breakpoints, which would change how a tree ticks."""
-        return self in _HOOKS
-
-
-_HOOKS: Final = frozenset(
-    {
-        RequestType.HOOK_INSERT,
-        RequestType.HOOK_REMOVE,
-        RequestType.HOOKS_DUMP,
-        RequestType.REMOVE_ALL_HOOKS,
-        RequestType.DISABLE_ALL_HOOKS,
-        RequestType.BREAKPOINT_UNLOCK,
-        RequestType.BREAKPOINT_REACHED,
-    }
-)
-
 
 class ProtocolError(InputError):
     """A request that cannot be answered; the message is the answer."""

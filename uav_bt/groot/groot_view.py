@@ -15,9 +15,8 @@ from uuid import UUID, uuid4
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.plain_values import plain
 from uav_bt.groot.groot_protocol import ProtocolError, Request, RequestType
-from uav_bt.groot.numbering import TreeNumbering
+from uav_bt.groot.numbering import TreeNumbering, tree_xml
 from uav_bt.groot.transitions import NEWLY_IDLE, Transition, pack
-from uav_bt.groot.tree_xml import tree_xml
 from uav_bt.tree.status import Status
 
 # Between two questions of a client that records; what is older is lost, as with the engine, which

@@ -14,9 +14,8 @@ from uav_bt.board.context import MissionContext
 from uav_bt.groot.btlog import BtlogWriter
 from uav_bt.groot.groot_publisher import GrootConfig, GrootPublisher
 from uav_bt.groot.groot_view import GrootView
-from uav_bt.groot.numbering import TreeNumbering
-from uav_bt.groot.recorder import TransitionRecorder
-from uav_bt.groot.tree_xml import tree_xml
+from uav_bt.groot.numbering import TreeNumbering, tree_xml
+from uav_bt.groot.transitions import TransitionRecorder
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.tree import MissionTree
 

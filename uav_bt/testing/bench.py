@@ -1,9 +1,142 @@
-"""A workbench for one leaf: a board to write on, a clock to advance, proposals to look at."""
+"""A workbench for one leaf, and the board, clock, policies and drone around it."""
 
 from __future__ import annotations
 
-from uav_bt.testing.world import BenchWorld
-from uav_bt.tree import Leaf, MissionTree, Status
+from dataclasses import replace
+
+from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
+from uav_bt.board.context import MissionContext, Proposals
+from uav_bt.clock import ManualClock
+from uav_bt.errors import MissionError
+from uav_bt.plugins import make_policy
+from uav_bt.protocols import LeafPolicy, Segmenter
+from uav_bt.testing.board import BenchBoard, StrictBlackboard
+from uav_bt.testing.drone import blank_frame, pinhole
+from uav_bt.tree import Leaf, MissionTree, Status, Variables
+from uav_bt.types import (
+    DroneState,
+    FlyingState,
+    GimbalTo,
+    MoveBy,
+    Movement,
+    MovementState,
+    MovementStatus,
+)
+
+
+class BenchWorld:
+    """A tree with everything it needs to be ticked, all in the test's hands.
+
+    Args:
+        tree: the tree.
+    """
+
+    def __init__(self, tree: MissionTree) -> None:
+        self.clock = ManualClock()
+        self.tree = tree
+        self.policies: dict[str, LeafPolicy] = {}  # ahead of the installed ones
+        self.segmenter: Segmenter | None = None
+        self.seed = 0
+        self.camera = pinhole()
+        self.strict_board = StrictBlackboard(self.clock, MISSION_KEYS)
+        for leaf in tree.leaves():
+            for key in (*leaf.reads, *leaf.writes):
+                self.strict_board.declare(key)
+        self.board = BenchBoard(self.strict_board)
+        self.proposals = Proposals()
+        self._frames = 0
+        self._ready = False
+
+    @property
+    def variables(self) -> Variables:
+        """The tree's variables, for ports such as `{count}`."""
+        return self.tree.variables
+
+    def allow_stale(self) -> None:
+        """From now on a stale value reads as none, as in flight."""
+        self.strict_board.allow_stale = True
+
+    # --- the drone --------------------------------------------------------------------------------
+
+    def hover(self, *, height_m: float = 1.5, gimbal_pitch_rad: float = 0.0) -> None:
+        """Write what the runner writes before each tick, for a drone that hovers and sees black."""
+        self.observe(
+            DroneState(
+                captured_s=self.clock.now(),
+                flying=FlyingState.HOVERING,
+                altitude_m=height_m,
+                height_m=height_m,
+                height_above_carpet_m=height_m,
+                gimbal_pitch_rad=gimbal_pitch_rad,
+            )
+        )
+
+    def observe(self, state: DroneState) -> None:
+        """Write a state, its heights, and a new black frame with the same telemetry."""
+        self.board[STATE] = state
+        self.board[HEIGHT] = state.height_above_carpet_m
+        self.board[CAMERA] = self.camera
+        self.board[FRAME] = blank_frame(self.camera, state, index=self._frames)
+        self._frames += 1
+
+    def finish_movement(self, state: MovementState = MovementState.DONE) -> None:
+        """Let the drone say how the movement that was proposed in the last tick has ended.
+
+        Raises:
+            MissionError: no `MoveBy` was proposed in the last tick.
+        """
+        move = self.proposed
+        if not isinstance(move, MoveBy):
+            raise MissionError(f"no MoveBy was proposed in the last tick, but {move}")
+        if STATE not in self.board:
+            self.hover()
+        status = MovementStatus(id=move.id, state=state)
+        self.observe(replace(self.board[STATE], captured_s=self.clock.now(), movement=status))
+
+    @property
+    def proposed(self) -> Movement | None:
+        """The movement proposed in the last tick."""
+        return self.proposals.movement
+
+    @property
+    def pointed(self) -> GimbalTo | None:
+        """The camera direction proposed in the last tick."""
+        return self.proposals.gimbal
+
+    # --- the tree ---------------------------------------------------------------------------------
+
+    def setup(self) -> None:
+        """Set the tree up; the first tick does so by itself.
+
+        Raises:
+            InputError: a leaf cannot use what it was given.
+            NodeFailedError: another exception in a leaf's `on_setup`.
+        """
+        context = MissionContext(
+            board=self.strict_board,
+            clock=self.clock,
+            proposals=self.proposals,
+            policy=self._policy,
+            seed=self.seed,
+            segmenter=self.segmenter,
+        )
+        self.tree.setup(context)
+        self._ready = True
+
+    def _prepare(self) -> None:
+        """Get ready for a tick."""
+        if not self._ready:
+            self.setup()
+        self.proposals.clear()
+
+    def halt(self) -> None:
+        """Halt what runs, as a parent does that turns to another branch, or the operator."""
+        self.tree.halt()
+
+    def _policy(self, name: str) -> LeafPolicy:
+        if name in self.policies:
+            return self.policies[name]
+        return make_policy(name)
 
 
 class LeafBench(BenchWorld):

@@ -91,41 +91,17 @@ def _choice(_element: Element, children: list[_Outcomes]) -> _Outcomes:
     return (yes if asked >= _S else _NONE) | (no if asked >= _F else _NONE)
 
 
-def _switch(_element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return _any(children)
-
-
-def _try_catch(element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return _sequence(element, children[:-1])
-
-
 def _inverter(_element: Element, children: list[_Outcomes]) -> _Outcomes:
     child = children[0]
     return (_F if child >= _S else _NONE) | (_S if child >= _F else _NONE) | (child & _K)
 
 
-def _force_success(_element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return (_S if children[0] & (_S | _F) else _NONE) | (children[0] & _K)
+def _ended(child: _Outcomes, forced: _Outcomes) -> _Outcomes:
+    return (forced if child & (_S | _F) else _NONE) | (child & _K)
 
 
-def _force_failure(_element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return (_F if children[0] & (_S | _F) else _NONE) | (children[0] & _K)
-
-
-def _until_failure(_element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return children[0] & _F
-
-
-def _repeat(element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return children[0] - (_S if _endless(element, "num_cycles") else _NONE)
-
-
-def _retry(element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return children[0] - (_F if _endless(element, "num_attempts") else _NONE)
-
-
-def _endless(element: Element, port: str) -> bool:
-    return element.attributes.get(port, "").strip() == "-1"
+def _endless(element: Element, port: str, outcome: _Outcomes) -> _Outcomes:
+    return outcome if element.attributes.get(port, "").strip() == "-1" else _NONE
 
 
 def _run_once(element: Element, children: list[_Outcomes]) -> _Outcomes:
@@ -135,18 +111,6 @@ def _run_once(element: Element, children: list[_Outcomes]) -> _Outcomes:
 
 def _timeout(element: Element, children: list[_Outcomes]) -> _Outcomes:
     return children[0] | (_NONE if element.attributes.get("msec", "").strip() == "0" else _F)
-
-
-def _same(_element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return children[0]
-
-
-def _skip_unless(_element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return children[0] | _K
-
-
-def _precondition(element: Element, children: list[_Outcomes]) -> _Outcomes:
-    return children[0] | _literal(element.attributes.get("else", "FAILURE"))
 
 
 def _loop(element: Element, children: list[_Outcomes]) -> _Outcomes:
@@ -164,20 +128,24 @@ _RULES: Final[dict[str, _Rule]] = {
     **dict.fromkeys(("Fallback", "AsyncFallback", "ReactiveFallback"), _fallback),
     **dict.fromkeys(("Parallel", "ParallelAll"), _parallel),
     **dict.fromkeys(("IfThenElse", "WhileDoElse"), _choice),
-    **dict.fromkeys(("Switch2", "Switch3", "Switch4", "Switch5", "Switch6"), _switch),
+    **dict.fromkeys(
+        ("Switch2", "Switch3", "Switch4", "Switch5", "Switch6"), lambda _, found: _any(found)
+    ),
     **dict.fromkeys(("LoopBool", "LoopDouble", "LoopInt", "LoopString"), _loop),
-    **dict.fromkeys(("Delay", "WaitValueUpdate"), _same),
-    "TryCatch": _try_catch,
+    **dict.fromkeys(("Delay", "WaitValueUpdate"), lambda _, found: found[0]),
+    "TryCatch": lambda element, found: _sequence(element, found[:-1]),
     "Inverter": _inverter,
-    "ForceSuccess": _force_success,
-    "ForceFailure": _force_failure,
-    "KeepRunningUntilFailure": _until_failure,
-    "Repeat": _repeat,
-    "RetryUntilSuccessful": _retry,
+    "ForceSuccess": lambda _, found: _ended(found[0], _S),
+    "ForceFailure": lambda _, found: _ended(found[0], _F),
+    "KeepRunningUntilFailure": lambda _, found: found[0] & _F,
+    "Repeat": lambda element, found: found[0] - _endless(element, "num_cycles", _S),
+    "RetryUntilSuccessful": lambda element, found: found[0] - _endless(element, "num_attempts", _F),
     "RunOnce": _run_once,
     "Timeout": _timeout,
-    "SkipUnlessUpdated": _skip_unless,
-    "Precondition": _precondition,
+    "SkipUnlessUpdated": lambda _, found: found[0] | _K,
+    "Precondition": lambda element, found: (
+        found[0] | _literal(element.attributes.get("else", "FAILURE"))
+    ),
 }
 
 # What a condition attribute adds to the answers of its node.

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import ValueRangeError
+from uav_bt.testing.bench import BenchWorld
 from uav_bt.testing.events import EventLog
-from uav_bt.testing.world import BenchWorld
 from uav_bt.tree import MissionTree, NodeRegistry, Status
 from uav_bt.tree import load_tree as load_mission
 from uav_bt.tree import parse_tree as parse_mission

@@ -117,15 +117,6 @@ class Leaf(Node):
         self._view = BoardView(mission.board, self.path, reads=reads, writes=writes)
         self.on_setup(mission)
 
-    def _read_board(self, key: Key[T]) -> Reading[T]:
-        return self._board.read(key)
-
-    def _board_value(self, key: Key[T]) -> T | None:
-        return self._board.value(key)
-
-    def _write_board(self, key: Key[T], value: T) -> None:
-        self._board.write(key, value)
-
     def _notify_work(self, observer: Observer) -> None:
         if self.condition or self.node_status in (IDLE, RUNNING):  # else it is not ticked again
             super()._notify_work(observer)

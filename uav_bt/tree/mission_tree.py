@@ -13,7 +13,7 @@ from uav_bt.errors import MissionError, NodeFailedError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.node import Node
-from uav_bt.tree.nodes.subtree import SubTree
+from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.tree.variables import Variables
 

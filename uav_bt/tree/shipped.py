@@ -1,10 +1,13 @@
-"""Which tree file a person means: a path, the name of a shipped mission, a whole folder."""
+"""Tree files that ship with the package: found by name, and copied to start a mission from."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Final
 
-from uav_bt.errors import FileError
+from uav_bt.errors import FileError, UnknownNameError
+from uav_bt.files import writing
 
 
 def shipped_trees() -> Path:
@@ -54,3 +57,79 @@ def tree_files(tree: str | Path) -> tuple[Path, ...]:
     if not found:
         raise FileError(folder, "no tree file (*.xml) in this folder or below")
     return tuple(found)
+
+
+STARTERS: Final = {
+    "hover": "hover_and_look",
+    "land": "land_only",
+    "explore": "explore_and_land_segmentation",
+}
+"""What a mission can be started from: shipped missions, the smallest first."""
+
+_ROOT_TAG: Final = re.compile(r"<root\b[^>]*>\n")
+# A comment must not contain two hyphens in a row.
+_COMMENT: Final = """\
+  <!--
+    Begun from the shipped mission '{name}'. Change whatever you like, then:
+
+      uav-bt check FILE         reports all that is wrong with it, with line and column
+      uav-bt tree render FILE   draws it
+      uav-bt simulate FILE      ticks it with scripted leaves, to see what runs when
+      uav-bt fly FILE           flies it in the simulated lab
+      uav-bt tree nodes         lists all nodes with their attributes and defaults
+
+    How to read it:
+
+      Sequence               runs its children one after another, until one fails
+      Fallback               tries its children one after another, until one succeeds
+      ReactiveSequence       begins anew at its first child in every tick; a child that has
+                             done its part says so again, and the next one goes on
+      Repeat, Retry...,      have one child: run it again, try it again, stop it after
+      Timeout, Force...      some time, make a success or a failure of whatever it says
+      SubTree ID="X"         runs the tree X of this file
+      attribute="{{name}}"     a variable of this tree
+      attribute="{{@name}}"    a key of the mission board, where perception writes what it sees
+
+    A leaf (TakeOff, Turn, Land, ...) answers RUNNING until it is done, then SUCCESS or FAILURE.
+    What it is asked to do it does in the drone's own frame: metres, degrees clockwise.
+  -->
+"""
+
+
+def starter_mission(start: str = "hover") -> str:
+    """Return a tree file to begin with.
+
+    Args:
+        start: one of `STARTERS`.
+
+    Raises:
+        UnknownNameError: there is none of that name.
+    """
+    if start not in STARTERS:
+        raise UnknownNameError("starter mission", start, STARTERS)
+    name = STARTERS[start]
+    text = (shipped_trees() / f"{name}.xml").read_text(encoding="utf-8")
+    return _ROOT_TAG.sub(lambda tag: tag[0] + _COMMENT.format(name=name), text, count=1)
+
+
+def write_starter(path: Path, start: str = "hover") -> None:
+    """Write a tree file to begin with; one that exists is never touched.
+
+    Args:
+        path: the new file, `*.xml`.
+        start: one of `STARTERS`.
+
+    Raises:
+        UnknownNameError: there is no starter of that name.
+        FileError: the file exists, has another suffix or cannot be written.
+    """
+    text = starter_mission(start)
+    if path.suffix != ".xml":
+        raise FileError(path, "expected a name that ends in .xml, as tree files have")
+    with writing(path):
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError as error:
+            message = "there is such a file, and it is not overwritten; choose another name"
+            raise FileError(path, message) from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Final, TypeVar
 
-from uav_bt.board.blackboard import Key, Reading
+from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import BoardAccessError, InputError, MissionError
 from uav_bt.protocols import Clock
@@ -97,6 +97,11 @@ class Surroundings:
         key = None if reference.on_board else variables.board_key(reference.key)
         return reference if key is None else Reference(key, on_board=True)
 
+    @property
+    def _board(self) -> Blackboard | BoardView:
+        """The mission's board; a leaf has a view of it that allows what it declares."""
+        return self.mission.board
+
     # --- ports ------------------------------------------------------------------------------------
 
     def port(self, port: Port[T]) -> T:
@@ -119,7 +124,7 @@ class Surroundings:
         if reference is None:
             return Reading(self.port(port), 0.0)
         if reference.on_board:
-            reading = self._read_board(self._board_key(reference))
+            reading = self._board.read(self._board_key(reference))
             if reading.value is None:
                 return Reading(None, reading.age_s)
             return Reading(self._converted(port, reading.value), reading.age_s)
@@ -139,7 +144,7 @@ class Surroundings:
         if reference is None:
             return  # not connected
         if reference.on_board:
-            self._write_board(self._board_key(reference), value)
+            self._board.write(self._board_key(reference), value)
         else:
             self._variables[reference.key] = value
 
@@ -158,7 +163,7 @@ class Surroundings:
         if reference is None:
             raise BoardAccessError(f"node '{self.path}' declares no port '{port.name}'")
         if reference.on_board:
-            value = self._board_value(self._board_key(reference))
+            value = self._board.value(self._board_key(reference))
         else:
             entry = self._variables.entry(reference.key)
             value = None if entry is None else entry.value
@@ -183,12 +188,3 @@ class Surroundings:
         if key is None:
             key = self._keys[reference.key] = self.mission.board.key(reference.key)
         return key
-
-    def _board_value(self, key: Key[T]) -> T | None:
-        return self.mission.board.value(key)
-
-    def _read_board(self, key: Key[T]) -> Reading[T]:
-        return self.mission.board.read(key)
-
-    def _write_board(self, key: Key[T], value: T) -> None:
-        self.mission.board.write(key, value)

@@ -16,8 +16,8 @@ from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
 from uav_bt.tree.loading.palette import PaletteLeaf, PalettePort
 from uav_bt.tree.nodes import AlwaysSuccess, Inverter, Sequence
 from uav_bt.tree.render import FORMATS, render
-from uav_bt.tree.render.layout import Size, arrange
 from uav_bt.tree.render.sketch import Box, sketch
+from uav_bt.tree.render.svg import Size, arrange
 
 TREES = Path(__file__).parents[3] / "trees"
 SVG = "{http://www.w3.org/2000/svg}"

@@ -17,12 +17,10 @@ from uav_bt.board import ELAPSED, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
-from uav_bt.errors import BoardAccessError, FileError, UnknownNameError, ValueRangeError
-from uav_bt.protocols import LeafPolicy
+from uav_bt.errors import BoardAccessError, FileError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status
-from uav_bt.tree.dry_run.script_file import SimulationScript
-from uav_bt.tree.dry_run.scripted_tree import scripted_tree
-from uav_bt.tree.nodes.subtree import SubTree
+from uav_bt.tree.dry_run.script_file import SimulationScript, scripted_tree
+from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.observer import NodeEvent, observe
 from uav_bt.tree.status import RUNNING
 
@@ -89,13 +87,7 @@ class Simulation:
         self._answers: list[Answer] = []
         self._halted: list[str] = []
         self._given: dict[str, Any] = {}  # what the script wrote to the board
-        self.tree.setup(
-            MissionContext(
-                board=self._board,
-                clock=self._clock,
-                policy=_no_policy,
-            )
-        )
+        self.tree.setup(MissionContext(board=self._board, clock=self._clock))
         for name, scalar in script.variables.items():
             self.tree.variables[name] = scalar.value
         self._write_board()
@@ -161,10 +153,6 @@ class Simulation:
         board = self._board.snapshot()
         del board[ELAPSED.name]  # it changes every tick
         return values | {f"@{name}": value for name, (value, _) in board.items()}
-
-
-def _no_policy(name: str) -> LeafPolicy:
-    raise UnknownNameError("policy", name, ())  # scripted leaves ask for none
 
 
 def _short_names(tree: MissionTree) -> dict[str, str]:

@@ -18,9 +18,8 @@ from uav_bt.tree.loading.elements import (
     walk,
 )
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.fit import key_fits
 from uav_bt.tree.loading.source import Element
-from uav_bt.tree.loading.variable_checker import check_variables
+from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference

@@ -1,4 +1,4 @@
-"""A tree file's outline: its trees, its main tree, its node models."""
+"""A tree file's outline: its includes, its trees, its main tree, its node models."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from uav_bt.tree.loading.elements import (
     node_attributes,
 )
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.includes import Includes
 from uav_bt.tree.loading.models import read_models
-from uav_bt.tree.loading.source import Element
+from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
@@ -194,3 +193,51 @@ def _compare_model(
             findings.add(
                 path, element.at("name"), f"the node has no port '{name}'{hint}", label(model)
             )
+
+
+MAX_INCLUDES: Final = 50
+
+
+class Includes:
+    """Reads included files, each once.
+
+    Args:
+        main: the file that was asked for; its folder bounds what may be included.
+    """
+
+    def __init__(self, main: Path) -> None:
+        self._folder = main.resolve().parent if main.is_file() else None
+        self._main = main.resolve()
+        self.sources: dict[Path, bytes] = {}  # of the included files, by path
+
+    def read(self, include: Element, findings: Findings) -> list[Element]:
+        """Return the root of the included file; nothing when it was read before or is refused.
+
+        Args:
+            include: the element that names the file.
+            findings: where they are added.
+
+        Raises:
+            TreeError: the file cannot be read or is no XML.
+        """
+        attributes = include.attributes
+        message = ""
+        if set(attributes) != {"path"} or not attributes["path"]:
+            message = "needs exactly the attribute 'path'"
+        elif self._folder is None:
+            message = "only a tree that is loaded from a file can include another"
+        elif len(self.sources) >= MAX_INCLUDES:
+            message = f"more than {MAX_INCLUDES} files are included"
+        else:
+            target = (include.path.parent / attributes["path"]).resolve()
+            if target == self._main or target in self.sources:
+                return []
+            if not target.is_relative_to(self._folder):
+                message = f"'{attributes['path']}' lies outside the folder {self._folder}"
+            elif not target.is_file():
+                message = f"'{attributes['path']}': no such file beside {include.path}"
+            else:
+                self.sources[target] = read_source(target)
+                return [parse_source(self.sources[target], target)]
+        findings.add(include.path, include.at("path"), message, "include")
+        return []

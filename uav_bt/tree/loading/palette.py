@@ -22,20 +22,21 @@ from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.nodes.base import ControlNode, DecoratorNode
-from uav_bt.tree.port import Port
+from uav_bt.tree.port import PORT_TYPES, Port
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.status import Status
 
 # By the names that C++ engines and editors write; every other type takes any text.
-_INTEGERS: Final = frozenset(
-    {"int", "short", "long", "int8_t", "int16_t", "int32_t", "int64_t", "long long"}
-)
+_TYPES: Final[dict[str, type]] = {
+    **{known.cpp_name: type_ for type_, known in PORT_TYPES.items()},
+    **dict.fromkeys(("short", "long", "int8_t", "int16_t", "int32_t", "int64_t", "long long"), int),
+    "float": float,
+    "string": str,
+}
 _UNSIGNED: Final = frozenset(
     {"unsigned", "unsigned int", "unsigned short", "unsigned long", "uint8_t", "uint16_t"}
     | {"uint32_t", "uint64_t", "size_t", "unsigned long long"}
 )
-_NUMBERS: Final = frozenset({"double", "float"})
-_TEXTS: Final = frozenset({"std::string", "string"})
 _STATUSES: Final = frozenset({"NodeStatus", "BT::NodeStatus"})
 _STATUS_NAMES: Final = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED", "IDLE")
 
@@ -50,30 +51,28 @@ class PalettePort(Port[Any]):
         return False
 
 
-class PaletteLeaf(Leaf):
-    """An action or a condition of a palette."""
-
+class _PaletteNode(Node):
     def update(self) -> Status:
         """Refuse.
 
         Raises:
             MissionError: always.
         """
-        raise MissionError(_cannot_tick(self))
+        raise MissionError(
+            f"'{self.node_id}' is known from a palette only: it can be checked, not ticked"
+        )
 
 
-class PaletteControl(ControlNode):
+class PaletteLeaf(_PaletteNode, Leaf):
+    """An action or a condition of a palette."""
+
+
+class PaletteControl(_PaletteNode, ControlNode):
     """A control node of a palette."""
 
-    def _tick(self) -> Status:
-        raise MissionError(_cannot_tick(self))
 
-
-class PaletteDecorator(DecoratorNode):
+class PaletteDecorator(_PaletteNode, DecoratorNode):
     """A decorator of a palette."""
-
-    def _tick(self) -> Status:
-        raise MissionError(_cannot_tick(self))
 
 
 _BASES: Final[dict[NodeKind, type[Node]]] = {
@@ -82,10 +81,6 @@ _BASES: Final[dict[NodeKind, type[Node]]] = {
     NodeKind.CONTROL: PaletteControl,
     NodeKind.DECORATOR: PaletteDecorator,
 }
-
-
-def _cannot_tick(node: Node) -> str:
-    return f"'{node.node_id}' is known from a palette only: it can be checked, not ticked"
 
 
 def read_palette(path: Path) -> tuple[type[Node], ...]:
@@ -102,7 +97,8 @@ def read_palette(path: Path) -> tuple[type[Node], ...]:
     """
     root = parse_source(read_source(path), path)
     findings = Findings()
-    models = [root] if root.tag == "TreeNodesModel" else _models_of(root)
+    candidates = [root] if root.tag == "TreeNodesModel" else root.children
+    models = [element for element in candidates if element.tag == "TreeNodesModel"]
     if not models:
         expected = f"expected a <TreeNodesModel>, or a <root> that holds one; got <{root.tag}>"
         findings.add(path, root.position, expected)
@@ -113,10 +109,6 @@ def read_palette(path: Path) -> tuple[type[Node], ...]:
                 nodes[model.node_id] = _node_of(model, findings)
     findings.raise_any(path)
     return tuple(nodes.values())
-
-
-def _models_of(root: Element) -> list[Element]:
-    return [child for child in root.children if child.tag == "TreeNodesModel"]
 
 
 def _node_of(model: NodeModel, findings: Findings) -> type[Node]:
@@ -161,17 +153,11 @@ def _port_of(
 
 
 def _type_of(name: str) -> tuple[type, Any, tuple[str, ...]]:
-    if name in _INTEGERS:
-        return int, None, ()
     if name in _UNSIGNED:
         return int, _not_negative, ()
-    if name in _NUMBERS:
-        return float, None, ()
-    if name == "bool":
-        return bool, None, ()
     if name in _STATUSES:
         return str, None, _STATUS_NAMES
-    return (str if name in _TEXTS else object), None, ()
+    return _TYPES.get(name, object), None, ()
 
 
 def _not_negative(value: int) -> None:

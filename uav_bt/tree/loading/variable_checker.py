@@ -7,13 +7,14 @@ may also be set from Python, so there only a value that the file gives wrongly c
 
 from __future__ import annotations
 
+import inspect
 from typing import Any, Final
 
+from uav_bt.board.blackboard import Key
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import label
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.fit import key_fits, may_convert, related
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.loading.variable_uses import BoardUse, VariableUses
 from uav_bt.tree.port import Port
@@ -127,3 +128,48 @@ def _misfit(port: Port[Any] | None, write: Write) -> str | None:
     except ValueError as error:
         return f"holds a text that does not fit ({error})"
     return None
+
+
+_NUMBERS: Final = (int, float)
+_TEXTUAL: Final = (str, int, float, bool)  # what `Port.read` makes of a text
+
+
+def key_fits(port: Port[Any], key: Key[Any]) -> bool:
+    """Return whether a port can be connected to a board key.
+
+    Args:
+        port: of a node.
+        key: of the mission board.
+    """
+    if port.direction == "input":
+        return issubclass(key.type, port.type) or (port.type is float and key.type is int)
+    return issubclass(port.type, key.type) or (key.type is float and port.type is int)
+
+
+def may_convert(kind: type, wanted: type) -> bool:
+    """Return False when a value of one type can never be read as another; see `Port.read`.
+
+    Args:
+        kind: the type of the value.
+        wanted: the type of the port.
+    """
+    if object in {kind, wanted}:
+        return True
+    if kind is str:
+        return wanted in _TEXTUAL
+    if kind is bool:
+        return issubclass(bool, wanted) and wanted not in _NUMBERS
+    if kind in _NUMBERS and wanted in _TEXTUAL:
+        return True
+    return related(kind, wanted)
+
+
+def related(kind: type, other: type) -> bool:
+    """Return whether a value declared as one type may be an instance of the other, too."""
+    return (
+        issubclass(kind, other)
+        or issubclass(other, kind)
+        or any(
+            inspect.isabstract(one) or getattr(one, "_is_protocol", False) for one in (kind, other)
+        )
+    )

@@ -18,8 +18,7 @@ from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import Script, ScriptError, parse_script
-from uav_bt.tree.script.expressions import Assignment, Literal, Name
-from uav_bt.tree.script.kinds import certain_names, kind_of
+from uav_bt.tree.script.expressions import Assignment, Literal, Name, certain_names, kind_of
 
 _MAX_NODES: Final = 20_000  # as many as a tree may have once its subtrees are in place
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from uav_bt.tree.node import Node
+from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.nodes.branches import (
     IfThenElse,
     Switch2,
@@ -24,7 +25,6 @@ from uav_bt.tree.nodes.decorators import (
     RetryUntilSuccessful,
     RunOnce,
 )
-from uav_bt.tree.nodes.leaves import AlwaysFailure, AlwaysSuccess
 from uav_bt.tree.nodes.loops import LoopBool, LoopDouble, LoopInt, LoopString
 from uav_bt.tree.nodes.ordered import (
     AsyncFallback,
@@ -37,13 +37,14 @@ from uav_bt.tree.nodes.ordered import (
 )
 from uav_bt.tree.nodes.parallel import Parallel, ParallelAll
 from uav_bt.tree.nodes.scripts import (
+    AlwaysFailure,
+    AlwaysSuccess,
     Precondition,
     ScriptCondition,
     ScriptNode,
     SetBlackboard,
     UnsetBlackboard,
 )
-from uav_bt.tree.nodes.subtree import SubTree
 from uav_bt.tree.nodes.timers import Delay, Sleep, Timeout
 from uav_bt.tree.nodes.updates import SkipUnlessUpdated, WaitValueUpdate, WasEntryUpdated
 

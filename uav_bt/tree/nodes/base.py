@@ -1,11 +1,14 @@
-"""Bases of the nodes that have children."""
+"""Nodes with children: the bases of control nodes and decorators, and the subtree."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.status import FAILURE, SUCCESS, Status
+from uav_bt.tree.port import Port, parse_reference
+from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
+from uav_bt.tree.variables import Variables
 
 
 class ControlNode(Node):
@@ -51,3 +54,68 @@ class DecoratorNode(Node):
         if child.node_status is SUCCESS or child.node_status is FAILURE:
             child.set_status(Status.IDLE)
         return status
+
+
+class SubTree(DecoratorNode):
+    """Another tree of the file, with variables of its own.
+
+    Args:
+        name: the instance's name.
+        child: the root of the other tree.
+        entries: the inner tree's variables by name: `{outer}` shares the outer tree's variable,
+            `{@key}` is a key of the mission board, any other text is the variable's first value.
+        autoremap: all variables that are not private (`_x`) are the outer tree's.
+        tree_id: the other tree's id in its file; default: the instance's name.
+    """
+
+    node_id = "SubTree"
+    kind = NodeKind.SUBTREE
+
+    AUTOREMAP: ClassVar = Port(
+        "autoremap", bool, default=False, doc="share all variables that are not private (_x)"
+    )
+
+    def __init__(
+        self,
+        name: str | None,
+        child: Node,
+        /,
+        entries: Mapping[str, str] | None = None,
+        *,
+        autoremap: bool = False,
+        tree_id: str = "",
+        **conditions: object,
+    ) -> None:
+        super().__init__(name, child, **conditions)
+        self.tree_id = tree_id or self.name
+        self.attributes = dict(entries or {})  # as a tree file has them, for those who write one
+        if autoremap:
+            self.attributes["_autoremap"] = "true"
+        self._autoremap = autoremap
+        self._shared: dict[str, str] = {}
+        self._board_keys: dict[str, str] = {}
+        self._constants: dict[str, str] = {}
+        for inner, text in (entries or {}).items():
+            reference = parse_reference(text, inner)
+            if reference is None:
+                self._constants[inner] = text
+            elif reference.on_board:
+                self._board_keys[inner] = reference.key
+            else:
+                self._shared[inner] = reference.key
+
+    def open_scope(self, outer: Variables) -> Variables:
+        """Return the scope of the tree inside."""
+        return Variables(
+            outer,
+            self._shared,
+            board=self._board_keys,
+            constants=self._constants,
+            autoremap=self._autoremap,
+        )
+
+    def update(self) -> Status:
+        """Tick the child."""
+        if self.node_status is IDLE:
+            self.set_status(RUNNING)
+        return self.child.execute_tick()

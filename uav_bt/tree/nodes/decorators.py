@@ -2,69 +2,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
 
-class Inverter(DecoratorNode):
+class _Translated(DecoratorNode):
+    """Ticks its child and answers by a table; what the table lacks is passed on."""
+
+    _answers: ClassVar[Mapping[Status, Status]]
+
+    def update(self) -> Status:
+        """Tick the child."""
+        self.set_status(RUNNING)
+        status = self.child.execute_tick()
+        return self._answers.get(status, status)
+
+
+class Inverter(_Translated):
     """Turns SUCCESS into FAILURE and the other way round."""
 
-    def update(self) -> Status:
-        """Tick the child."""
-        self.set_status(RUNNING)
-        status = self.child.execute_tick()
-        if status is SUCCESS:
-            return FAILURE
-        if status is FAILURE:
-            return SUCCESS
-        return status
+    _answers: ClassVar = {SUCCESS: FAILURE, FAILURE: SUCCESS}
 
 
-class ForceSuccess(DecoratorNode):
+class ForceSuccess(_Translated):
     """Answers SUCCESS when its child finishes, however it finishes."""
 
-    def update(self) -> Status:
-        """Tick the child."""
-        self.set_status(RUNNING)
-        status = self.child.execute_tick()
-        return SUCCESS if status is FAILURE else status
+    _answers: ClassVar = {FAILURE: SUCCESS}
 
 
-class ForceFailure(DecoratorNode):
+class ForceFailure(_Translated):
     """Answers FAILURE when its child finishes, however it finishes."""
 
-    def update(self) -> Status:
-        """Tick the child."""
-        self.set_status(RUNNING)
-        status = self.child.execute_tick()
-        return FAILURE if status is SUCCESS else status
+    _answers: ClassVar = {SUCCESS: FAILURE}
 
 
-class KeepRunningUntilFailure(DecoratorNode):
+class KeepRunningUntilFailure(_Translated):
     """Starts its child again and again until it fails."""
 
-    def update(self) -> Status:
-        """Tick the child."""
-        self.set_status(RUNNING)
-        status = self.child.execute_tick()
-        return FAILURE if status is FAILURE else RUNNING
+    _answers: ClassVar = {SUCCESS: RUNNING, SKIPPED: RUNNING}
 
 
-class Repeat(DecoratorNode):
-    """Repeats its child until it has succeeded so many times, or failed once."""
+class _Counted(DecoratorNode):
+    """Ticks its child until it gives one answer, or has given the other so many times."""
 
-    NUM_CYCLES = Port("num_cycles", int, doc="how many times; -1: without end")
-    ports = (NUM_CYCLES,)
+    _limit: ClassVar[Port[int]]
+    _counts: ClassVar[Status]  # the answer that is counted, and given when the limit is reached
+    _ends: ClassVar[Status]  # the answer that ends it at once
+    _rereads: ClassVar[bool] = False  # the limit's port after each round
 
     _done = 0
 
     def update(self) -> Status:
         """Tick the child."""
-        cycles = self.port(self.NUM_CYCLES)
-        again = self._done < cycles or cycles == -1
+        limit = self.port(self._limit)
         self.set_status(RUNNING)
         child = self.child
+        again = self._done < limit or limit == -1
         while again:
             was_idle = child.node_status is IDLE
             status = child.execute_tick()
@@ -73,58 +70,44 @@ class Repeat(DecoratorNode):
             child.reset()
             if status is SKIPPED:
                 return SKIPPED
-            if status is FAILURE:
+            if status is self._ends:
                 self._done = 0
-                return FAILURE
+                return status
             self._done += 1
-            again = self._done < cycles or cycles == -1
+            if self._rereads:
+                limit = self.port(self._limit)
+            again = self._done < limit or limit == -1
             if was_idle and again:
                 return RUNNING
         self._done = 0
-        return SUCCESS
+        return self._counts
 
     def _halt(self) -> None:
         self._done = 0
         super()._halt()
 
 
-class RetryUntilSuccessful(DecoratorNode):
+class Repeat(_Counted):
+    """Repeats its child until it has succeeded so many times, or failed once."""
+
+    NUM_CYCLES = Port("num_cycles", int, doc="how many times; -1: without end")
+    ports = (NUM_CYCLES,)
+
+    _limit = NUM_CYCLES
+    _counts = SUCCESS
+    _ends = FAILURE
+
+
+class RetryUntilSuccessful(_Counted):
     """Tries its child again until it succeeds, or has failed so many times."""
 
     NUM_ATTEMPTS = Port("num_attempts", int, doc="how many times; -1: without end")
     ports = (NUM_ATTEMPTS,)
 
-    _tried = 0
-
-    def update(self) -> Status:
-        """Tick the child."""
-        attempts = self.port(self.NUM_ATTEMPTS)
-        again = self._tried < attempts or attempts == -1
-        self.set_status(RUNNING)
-        child = self.child
-        while again:
-            was_idle = child.node_status is IDLE
-            status = child.execute_tick()
-            if status is RUNNING:
-                return RUNNING
-            child.reset()
-            if status is SKIPPED:
-                return SKIPPED
-            if status is SUCCESS:
-                self._tried = 0
-                return SUCCESS
-            self._tried += 1
-            # The child may have changed the variable that the port refers to.
-            attempts = self.port(self.NUM_ATTEMPTS)
-            again = self._tried < attempts or attempts == -1
-            if was_idle and again:
-                return RUNNING
-        self._tried = 0
-        return FAILURE
-
-    def _halt(self) -> None:
-        self._tried = 0
-        super()._halt()
+    _limit = NUM_ATTEMPTS
+    _counts = FAILURE
+    _ends = SUCCESS
+    _rereads = True  # as the engine does: the child may have changed the variable
 
 
 class RunOnce(DecoratorNode):

@@ -1,4 +1,4 @@
-"""Nodes that run scripts and write variables."""
+"""The format's own leaves, but for those that wait, and the decorator that asks a script."""
 
 from __future__ import annotations
 
@@ -12,6 +12,23 @@ from uav_bt.tree.port import Port, parse_reference
 from uav_bt.tree.script import Script, parse_script
 from uav_bt.tree.script.values import assigned, truth
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, SUCCESS, Status
+
+
+class AlwaysSuccess(Leaf):
+    """Succeeds at once."""
+
+    def update(self) -> Status:
+        """Succeed."""
+        return SUCCESS
+
+
+class AlwaysFailure(Leaf):
+    """Fails at once."""
+
+    def update(self) -> Status:
+        """Fail."""
+        return FAILURE
+
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 from uav_bt.errors import BoardAccessError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
-from uav_bt.tree.nodes.subtree import SubTree
+from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.port import Port, port_text
 
 _MAX_TEXT: Final = 36  # characters; longer lines make a tree too wide to see at once

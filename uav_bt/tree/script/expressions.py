@@ -1,4 +1,4 @@
-"""What scripts are made of, and what each part comes to."""
+"""What scripts are made of, what each part comes to, and what of that is certain beforehand."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from uav_bt.tree.script.environment import Environment
 from uav_bt.tree.script.values import (
     MAX_TEXT,
+    Environment,
     ScriptError,
     Value,
     compare_equal,
@@ -230,3 +230,44 @@ class Assignment(Expression):
             value = _computed(self.sign[0], environment.read(self.name), value)
         kept: Value = environment.write(self.name, value)
         return kept
+
+
+def kind_of(expression: Expression) -> type | None:
+    """Return the type of an expression's value, or None when it is known only at run time."""
+    if isinstance(expression, Literal):
+        return type(expression.value)
+    if isinstance(expression, (Unary, Comparison)):
+        return float
+    if isinstance(expression, Binary):
+        return _joined(expression)
+    if isinstance(expression, Conditional):
+        then, otherwise = kind_of(expression.then), kind_of(expression.otherwise)
+        return then if then is otherwise else None
+    return None  # a name, or an assignment, which keeps the type of its variable
+
+
+def _joined(binary: Binary) -> type | None:
+    if binary.sign == "..":
+        return str
+    if binary.sign != "+":
+        return float
+    kinds = {kind_of(binary.left), kind_of(binary.right)}
+    if None in kinds:
+        return None
+    return str if kinds == {str} else float
+
+
+def certain_names(expression: Expression) -> Iterator[Name]:
+    """Iterate over the names that are read whenever the expression is evaluated."""
+    if isinstance(expression, Name):
+        yield expression
+    elif isinstance(expression, Conditional):
+        yield from certain_names(expression.condition)
+    elif isinstance(expression, Comparison):
+        yield from certain_names(expression.first)
+        yield from certain_names(expression.rest[0][1])  # a false link ends the chain
+    elif isinstance(expression, Assignment):
+        yield from certain_names(expression.value)
+    else:
+        for part in expression.parts():
+            yield from certain_names(part)
