@@ -25,15 +25,7 @@ HEADER = """\
 BUFFERS = {"NON_ACK": "noack", "HIGH_PRIO": "prio"}
 
 
-class Enums:
-    """Names lists of values; equal lists share a name."""
-
-    def __init__(self) -> None:
-        self.names: dict[tuple[str, ...], str] = {}
-
-    def name(self, values: tuple[str, ...], wanted: str) -> str:
-        """Return the name under which these values stand in the table."""
-        return self.names.setdefault(values, wanted)
+Enums = dict[tuple[str, ...], str]  # the names of lists of values; equal lists share a name
 
 
 def values_of(element: ET.Element, tag: str) -> tuple[str, ...]:
@@ -49,13 +41,13 @@ def arguments(
     for argument in message.findall("arg"):
         kind, own = argument.attrib["type"], argument.attrib["name"]
         if kind == "enum":
-            kind = f"enum:{enums.name(values_of(argument, 'enum'), f'{name}.{own}')}"
+            kind = f"enum:{enums.setdefault(values_of(argument, 'enum'), f'{name}.{own}')}"
         elif kind.startswith("enum:"):
             of = kind.removeprefix("enum:")
-            kind = f"enum:{enums.name(named[of], f'{project}.{of}')}"
+            kind = f"enum:{enums.setdefault(named[of], f'{project}.{of}')}"
         elif kind.startswith("bitfield:"):
             _, integer, of = kind.split(":")
-            kind = f"bits-{integer}:{enums.name(named[of], f'{project}.{of}')}"
+            kind = f"bits-{integer}:{enums.setdefault(named[of], f'{project}.{of}')}"
         yield f"{own}:{kind}"
 
 
@@ -88,7 +80,8 @@ def table(folder: Path) -> str:
     roots = [ET.parse(path).getroot() for path in sorted(folder.glob("*.xml"))]  # noqa: S314 (ours)
     generic = next((root for root in roots if root.get("name") == "generic"), None)
     shared = {} if generic is None else named_enums(generic)
-    enums, lines = Enums(), []
+    lines: list[str] = []
+    enums: Enums = {}
     for root in roots:
         named = shared | named_enums(root)
         for number, event, name, message in messages(root):
@@ -101,7 +94,7 @@ def table(folder: Path) -> str:
                 *arguments(message, name, named, enums),
             ]
             lines.append(" ".join(words))
-    listed = [f"enum {name} {' '.join(values)}" for values, name in enums.names.items()]
+    listed = [f"enum {name} {' '.join(values)}" for values, name in enums.items()]
     return HEADER + "\n".join([*listed, *lines]) + "\n"
 
 

@@ -27,6 +27,16 @@ class Received:
     values: Mapping[str, Any]
 
 
+def varint(value: int) -> bytes:
+    """Return a number of any size as a varint: seven bits a byte, the lowest first."""
+    encoded = bytearray()
+    while value > 0x7F:
+        encoded.append(value & 0x7F | 0x80)
+        value >>= 7
+    encoded.append(value)
+    return bytes(encoded)
+
+
 def encode(message: MessageType, values: Mapping[str, Any]) -> bytes:
     """Return a message as it goes over the wire.
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.telemetry import BatteryOptions
+from sim_bridge.loopback.handshake import Ports
 from sim_bridge.loopback.messages import message_table
-from sim_bridge.loopback.ports import Ports
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld

@@ -1,4 +1,4 @@
-"""How a client finds the drone and gets a command link: two small JSON exchanges over TCP.
+"""How a client finds the drone and gets a command link: its ports, and two JSON exchanges over TCP.
 
 Port 44445: the drone sends its identity as soon as a client connects, and keeps the connection;
 losing it is how a client notices that the drone is gone. Port 44444: the client sends the port for
@@ -8,11 +8,51 @@ events, the drone answers with the port for commands.
 from __future__ import annotations
 
 import asyncio
+import errno
 import json
 from dataclasses import dataclass
 from typing import Any, Final
 
 from sim_bridge.loopback.codec import WireError
+from uav_bt.errors import InputError
+
+
+class PortTakenError(InputError):
+    """A port of the drone is taken, or may not be used."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ports:
+    """Where the drone listens; 0 is any free port."""
+
+    discovery: int = 44445  # TCP
+    control: int = 44444  # TCP: requests for a link
+    commands: int = 2233  # UDP
+    http: int = 80  # TCP
+    rtsp: int = 554  # TCP: the video
+
+
+def port_error(error: OSError, address: str, port: int, service: str) -> PortTakenError:
+    """Return what to report when a port could not be bound.
+
+    Args:
+        error: what the system raised.
+        address: the numeric address.
+        port: the port; 0 for any free one.
+        service: what the port is for, for people.
+    """
+    where = f"the {service} port {port} of {address}"
+    if error.errno == errno.EADDRINUSE:
+        return PortTakenError(
+            f"{where} is taken; stop what uses it, choose another port, or another address such "
+            "as 127.0.0.2"
+        )
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return PortTakenError(f"{where} needs root; choose one above 1023, such as 8554")
+    if error.errno == errno.EADDRNOTAVAIL:
+        return PortTakenError(f"this machine has no address {address}; use one of 127.0.0.x")
+    return PortTakenError(f"{where} cannot be used: {error.strerror or error}")
+
 
 MAX_REQUEST_BYTES: Final = 8192  # a client's request has some 200
 _MODEL: Final = "0x0914"  # the ANAFI 4K

@@ -15,14 +15,15 @@ from sim_bridge.loopback.handshake import (
     MAX_REQUEST_BYTES,
     ConnectionRequest,
     Identity,
+    Ports,
     accepted,
     announcement,
+    port_error,
     read_request,
     refused,
 )
 from sim_bridge.loopback.link import Link, LinkTiming
 from sim_bridge.loopback.messages import Buffer, MessageTable, MessageType
-from sim_bridge.loopback.ports import Ports, port_error
 from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
 from uav_bt.errors import DroneError, InputError
 
@@ -68,7 +69,7 @@ class LoopbackServer:
         self._anafi = anafi
         self._table = table
         self._options = options or ServerOptions()
-        self._ports = self._options.ports
+        self.ports = self._options.ports  # where it really listens, once it is started
         self._client: _Client | None = None
         self._udp: asyncio.DatagramTransport | None = None
         self._servers: list[asyncio.Server] = []
@@ -78,11 +79,6 @@ class LoopbackServer:
         self._received = asyncio.Event()
         self._broken = asyncio.Event()
         self._failure: DroneError | None = None
-
-    @property
-    def ports(self) -> Ports:
-        """Where it really listens."""
-        return self._ports
 
     @property
     def client(self) -> str | None:
@@ -104,7 +100,7 @@ class LoopbackServer:
         except InputError:
             await self.close()
             raise
-        self._ports = Ports(
+        self.ports = Ports(
             discovery=discovery, control=control, commands=commands, http=http, rtsp=wanted.rtsp
         )
         self._schedule()
@@ -182,7 +178,7 @@ class LoopbackServer:
     async def _serve_discovery(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        writer.write(announcement(self._options.identity, self._ports.control))
+        writer.write(announcement(self._options.identity, self.ports.control))
         await writer.drain()
         while await reader.read(MAX_REQUEST_BYTES):
             pass  # clients send nothing here; the connection is what counts
@@ -202,7 +198,7 @@ class LoopbackServer:
                 writer.write(refused())
             else:
                 self._admit(host, request)
-                writer.write(accepted(self._ports.commands))
+                writer.write(accepted(self.ports.commands))
             await writer.drain()
 
     async def _probe(self) -> None:

@@ -13,12 +13,12 @@ from typing import Final
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
-from sim_bridge.loopback.world import location, to_earth
+from sim_bridge.loopback.world import location
 from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.simulation import Capture
 from uav_bt.protocols import Clock
-from uav_bt.types import Attitude
+from uav_bt.types import Attitude, rotate
 
 # s that rendering, encoding and sending take; the rest of the profile's latency is added.
 _PIPELINE_S: Final = 0.03
@@ -86,7 +86,7 @@ class TwinCamera:
         north_m = lens.x_m - level_m * math.cos(lens.yaw_rad) - start.x_m
         east_m = start.y_m + level_m * math.sin(lens.yaw_rad) - lens.y_m
         velocity, yaw_rad = measured.velocity, measured.attitude.yaw_rad
-        north_mps, east_mps = to_earth(velocity.forward_mps, velocity.right_mps, yaw_rad)
+        north_mps, east_mps = rotate(velocity.forward_mps, velocity.right_mps, yaw_rad)
         return VideoFrame(
             image=self._optics.degrade(clean, capture.index, capture.exposure),
             captured_s=captured_s,

@@ -75,7 +75,7 @@ class TwinWorld:
         self.lab: LabModel = _build_field() if scene is None else build_model(scene)
         self.start_pose: Pose = start_pose(self.scene, seed)
         self._simulation = Simulation(self.scene, self.lab, self.profile, seed, self.start_pose)
-        self._limits = WorldLimits(
+        self.limits = WorldLimits(
             max_speed_mps=self.profile.max_speed_mps,
             max_climb_mps=self.profile.max_climb_mps,
             max_yaw_rate_radps=self.profile.max_yaw_rate_radps,
@@ -90,21 +90,11 @@ class TwinWorld:
         self._movement: Movement = Hover()
         self._zero = _Zero(z_m=self.start_pose.z_m, altitude_m=0.0)
         self._offset_s = 0.0  # of the clock over the simulation's time
-        self._lost_s = 0.0
+        self.lost_s = 0.0  # left out because the machine was too slow
         self._failure: Exception | None = None
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._state = self._measure()
-
-    @property
-    def limits(self) -> WorldLimits:
-        """What the body can do."""
-        return self._limits
-
-    @property
-    def lost_s(self) -> float:
-        """Time that was left out because the machine was too slow, s."""
-        return self._lost_s
 
     def start(self) -> None:
         """Let time pass."""
@@ -159,7 +149,7 @@ class TwinWorld:
         lag_s = target_s - simulation.now_s
         if lag_s > _MAX_LAG_S:
             self._offset_s += lag_s
-            self._lost_s += lag_s
+            self.lost_s += lag_s
             return
         while self._inbox:
             simulation.enqueue(self._inbox.popleft())

@@ -130,33 +130,3 @@ def offset_m(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         (latitude_deg - HOME.latitude_deg) * north,
         (longitude_deg - HOME.longitude_deg) * east,
     )
-
-
-def to_earth(forward: float, right: float, heading_rad: float) -> tuple[float, float]:
-    """Turn a horizontal vector from the heading-aligned body frame into the earth's.
-
-    Args:
-        forward: ahead; any unit.
-        right: to the right; the same unit.
-        heading_rad: rad clockwise from north.
-
-    Returns:
-        The vector's north and east parts.
-    """
-    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
-    return forward * cosine - right * sine, forward * sine + right * cosine
-
-
-def to_body(north: float, east: float, heading_rad: float) -> tuple[float, float]:
-    """Turn a horizontal vector from the earth's frame into the heading-aligned body frame.
-
-    Args:
-        north: to the north; any unit.
-        east: to the east; the same unit.
-        heading_rad: rad clockwise from north.
-
-    Returns:
-        The vector's parts ahead and to the right.
-    """
-    cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
-    return north * cosine + east * sine, east * cosine - north * sine

@@ -12,14 +12,12 @@ from typing import Final
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.link import OlympeLink, probe
-from sim_bridge.olympe.moves import MoveLedger
 from sim_bridge.olympe.sdk import Sdk, load_sdk
 from sim_bridge.olympe.speed import SpeedHolder
-from sim_bridge.olympe.telemetry import STANDING_M, Telemetry
+from sim_bridge.olympe.telemetry import STANDING_M, MoveLedger, Telemetry
 from sim_bridge.olympe.video import FrameClock, NewestFrame
 from uav_bt.errors import DroneError
 from uav_bt.types import (
-    CameraModel,
     Command,
     CutMotors,
     FlyingState,
@@ -114,39 +112,14 @@ class OlympeDrone:
         self._sdk = sdk
         self._probe = probe_first
         self._commands = commands
-        self._clock = clock or FrameClock()
-        self._camera = anafi_camera(*config.image_size_px)
+        self.clock = clock or FrameClock()  # real time; it ticks with the frames
+        # The nominal intrinsics of its video; a camera file is more accurate.
+        self.camera = anafi_camera(*config.image_size_px)
+        self.scene: Final = None  # only simulated places are known
+        self.referee: Final = None  # there is no truth about a real drone
+        self.live = True  # a real drone is checked before it takes off
+        self.tick_s = 1.0 / 30.0  # frames do not come faster
         self._flight: _Flight | None = None
-
-    @property
-    def clock(self) -> FrameClock:
-        """Real time since the drone was made; it ticks with the frames."""
-        return self._clock
-
-    @property
-    def scene(self) -> None:
-        """Only simulated places are known."""
-        return
-
-    @property
-    def live(self) -> bool:
-        """True: a real drone is checked before it takes off."""
-        return True
-
-    @property
-    def tick_s(self) -> float:
-        """The shortest tick, s: frames do not come faster."""
-        return 1.0 / 30.0
-
-    @property
-    def camera(self) -> CameraModel:
-        """The nominal intrinsics of its video; a camera file is more accurate."""
-        return self._camera
-
-    @property
-    def referee(self) -> None:
-        """None: there is no truth about a real drone."""
-        return
 
     def connect(self) -> None:
         """Connect, set the limits, and start the video; takes seconds, also where it fails.
@@ -158,7 +131,7 @@ class OlympeDrone:
         """
         if self._flight is not None:
             return
-        config, clock = self._config, self._clock
+        config, clock = self._config, self.clock
         sdk = self._sdk()
         self._probe(config)
         telemetry = Telemetry(clock.now, take_off_surface_m=config.take_off_surface_m)
@@ -189,7 +162,7 @@ class OlympeDrone:
             DroneError: not connected.
         """
         flight = self._connected()
-        self._clock.frame_seen()
+        self.clock.frame_seen()
         state = flight.telemetry.state()
         above_carpet_m = self._config.take_off_surface_m + STANDING_M
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
@@ -229,7 +202,7 @@ class OlympeDrone:
             state = flight.telemetry.state()
             if state.flying in {FlyingState.HOVERING, FlyingState.FLYING}:
                 self._stop_moving(flight)
-                sticks = flight.speed.sticks(movement, state.velocity, self._clock.now())
+                sticks = flight.speed.sticks(movement, state.velocity, self.clock.now())
                 submit(lambda: link.steer(sticks))
             return
         flight.speed.reset()
@@ -265,7 +238,7 @@ class OlympeDrone:
     def _repeat(
         self, flight: _Flight, movement: Movement, order: Job, *, until: frozenset[FlyingState]
     ) -> None:
-        now_s = self._clock.now()
+        now_s = self.clock.now()
         if flight.telemetry.state().flying in until:
             return
         last = flight.last_order

@@ -12,10 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from sim_bridge.olympe.config import SKYCONTROLLER_HOST, OlympeConfig
-from sim_bridge.olympe.metadata import frame_metadata
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.speed import Sticks
-from sim_bridge.olympe.video import DecodedFrame
+from sim_bridge.olympe.video import DecodedFrame, frame_metadata
 from uav_bt.errors import DroneError
 from uav_bt.types import MoveBy
 

@@ -1,16 +1,100 @@
-"""The drone's events, as one `DroneState`."""
+"""The drone's events as one `DroneState`, and which `MoveBy` an end event belongs to.
+
+The drone's events carry no id, only distances. The firmware ends every relative movement with one
+event, and a second command ends the first one with "interrupted" (ARSDK,
+ardrone3.PilotingEvent.moveByEnd). Commands and events cross in transit, so those sent and not yet
+ended are kept in order.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from sim_bridge.olympe.moves import MoveLedger
-from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    DroneState,
+    FlyingState,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+    rotate,
+)
+
+Displacement = tuple[float, float, float, float]  # forward, right, down in metres; yaw in radians
+
+_REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Entry:
+    """A movement that was sent and has not ended."""
+
+    id: int | None  # None for the halt that replaces a movement which is no longer wanted
+    wanted: Displacement
+
+
+class MoveLedger:
+    """Keeps the movements that were sent to the drone until it reports how they ended."""
+
+    def __init__(self) -> None:
+        self._open: deque[_Entry] = deque()
+        self.status: MovementStatus | None = None  # of the latest `MoveBy`
+
+    @property
+    def moving(self) -> bool:
+        """Whether the latest `MoveBy` is still under way and wanted."""
+        return bool(self._open) and self._open[-1].id is not None
+
+    def is_latest(self, move: MoveBy) -> bool:
+        """Return whether a movement is the one sent last."""
+        return self.status is not None and self.status.id == move.id
+
+    def sent(self, move: MoveBy) -> None:
+        """Note a movement that is sent to the drone."""
+        wanted = (move.forward_m, move.right_m, move.down_m, move.yaw_rad)
+        self._open.append(_Entry(id=move.id, wanted=wanted))
+        self.status = MovementStatus(id=move.id, state=MovementState.RUNNING)
+
+    def halted(self) -> None:
+        """Note that a movement by zero is sent to the drone, which ends the one before."""
+        self._open.append(_Entry(id=None, wanted=(0.0, 0.0, 0.0, 0.0)))
+
+    def ended(self, error: str, flown: Displacement) -> None:
+        """Handle the drone's end event.
+
+        Args:
+            error: the event's: ok, interrupted, busy, notAvailable or unknown.
+            flown: the displacement that it reports.
+        """
+        if not self._open:
+            return
+        if error in _REFUSALS:
+            self._close(self._open.pop(), MovementState.REJECTED)
+        elif error == "interrupted":
+            self._close(self._open.popleft(), MovementState.INTERRUPTED)
+        else:
+            # A later command or an earlier event may have been lost: distances show which it is.
+            done = min(self._open, key=lambda entry: math.dist(entry.wanted, flown))
+            while self._open[0] is not done:
+                self._close(self._open.popleft(), MovementState.INTERRUPTED)
+            self._close(self._open.popleft(), MovementState.DONE)
+
+    def drop(self, state: MovementState = MovementState.INTERRUPTED) -> None:
+        """Close all open movements: the drone landed, or reports nothing any more."""
+        while self._open:
+            self._close(self._open.popleft(), state)
+
+    def _close(self, entry: _Entry, state: MovementState) -> None:
+        if entry.id is not None and self.status is not None and self.status.id == entry.id:
+            self.status = MovementStatus(id=entry.id, state=state)
+
 
 STANDING_M: Final = 0.05  # the body's centre above what the drone stands on
 
@@ -102,11 +186,14 @@ class Telemetry:
         with self._lock:
             known, movement = self._known, self._moves.status
         height_m = known.altitude_m + STANDING_M if known.ground_m is None else known.ground_m
+        forward_mps, right_mps = rotate(known.north_mps, known.east_mps, -known.attitude.yaw_rad)
         return DroneState(
             captured_s=known.received_s,
             flying=known.flying,
             attitude=known.attitude,
-            velocity=self._velocity(known),
+            velocity=BodyVelocity(
+                forward_mps=forward_mps, right_mps=right_mps, down_mps=known.down_mps
+            ),
             altitude_m=known.altitude_m,
             height_m=max(0.0, height_m),
             height_above_carpet_m=known.altitude_m + self._above_carpet_m,
@@ -140,15 +227,6 @@ class Telemetry:
     def _move_ended(self, args: Mapping[str, Any]) -> dict[str, Any]:
         self._moves.ended(args["error"], (args["dX"], args["dY"], args["dZ"], args["dPsi"]))
         return {}
-
-    @staticmethod
-    def _velocity(known: _Known) -> BodyVelocity:
-        cosine, sine = math.cos(known.attitude.yaw_rad), math.sin(known.attitude.yaw_rad)
-        return BodyVelocity(
-            forward_mps=cosine * known.north_mps + sine * known.east_mps,
-            right_mps=cosine * known.east_mps - sine * known.north_mps,
-            down_mps=known.down_mps,
-        )
 
 
 def _attitude(args: Mapping[str, Any]) -> dict[str, Any]:

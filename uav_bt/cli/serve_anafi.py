@@ -10,19 +10,18 @@ import click
 
 from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 from sim_bridge.loopback.firmware.telemetry import BatteryOptions
-from sim_bridge.loopback.handshake import Identity
-from sim_bridge.loopback.ports import Ports
+from sim_bridge.loopback.handshake import Identity, Ports
 from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.cli.options import image_size_option, profile_option, seed_option
 
 
-def _port(name: str, default: int, what: str) -> click.Option:
+def _port(name: str, what: str) -> click.Option:
     return click.Option(
         [f"--{name}-port"],
         type=click.IntRange(0, 65_535),
-        default=default,
+        default=getattr(Ports, name),
         show_default=True,
         help=f"{what}; 0 takes a free one.",
     )
@@ -106,11 +105,11 @@ def serve_anafi(
 
 
 serve_anafi.params += [
-    _port("discovery", 44445, "TCP, where clients find it"),
-    _port("control", 44444, "TCP, where clients ask for a link"),
-    _port("commands", 2233, "UDP, where commands go"),
-    _port("http", 80, "TCP, its web server"),
-    _port("rtsp", 554, "TCP, its video"),
+    _port("discovery", "TCP, where clients find it"),
+    _port("control", "TCP, where clients ask for a link"),
+    _port("commands", "UDP, where commands go"),
+    _port("http", "TCP, its web server"),
+    _port("rtsp", "TCP, its video"),
 ]
 
 

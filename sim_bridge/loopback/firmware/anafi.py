@@ -98,7 +98,7 @@ class Anafi:
         state = self._world.state()
         if state.flying is FlyingState.LANDED:
             self.battery.exchange()
-        elif not self._travel.under_way:
+        elif not self._travel.running:
             self._world.move(Hover())
         self._return_to_home.link_lost(state.time_s)
 

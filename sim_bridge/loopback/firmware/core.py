@@ -10,8 +10,8 @@ from typing import Final
 
 from sim_bridge.loopback.firmware.publisher import Handler, Publisher
 from sim_bridge.loopback.firmware.settings import Settings
-from sim_bridge.loopback.world import World, WorldState, to_body
-from uav_bt.types import Hover, MoveBy, MovementState, wrap_angle
+from sim_bridge.loopback.world import World, WorldState
+from uav_bt.types import Hover, MoveBy, MovementState, rotate, wrap_angle
 
 _STUCK_S: Final = 3.0  # s without progress after which something is in the way
 _PROGRESS_M: Final = 0.05
@@ -62,7 +62,7 @@ def step_to(
         yaw_rad: the heading at the end, rad clockwise from north.
     """
     heading = state.attitude.yaw_rad
-    forward, right = to_body(north_m - state.north_m, east_m - state.east_m, heading)
+    forward, right = rotate(north_m - state.north_m, east_m - state.east_m, -heading)
     return Step(
         forward_m=forward,
         right_m=right,
@@ -87,8 +87,8 @@ class Travel:
         self._yaw_rad = 0.0
 
     @property
-    def under_way(self) -> bool:
-        """Whether a movement runs."""
+    def running(self) -> bool:
+        """Whether a movement is carried out."""
         return self._ending is not None
 
     def start(self, step: Step, state: WorldState, ending: Ending) -> None:
@@ -153,7 +153,7 @@ class Travel:
         ending, self._ending = self._ending, None
         north_m = state.north_m - self._start.north_m
         east_m = state.east_m - self._start.east_m
-        forward_m, right_m = to_body(north_m, east_m, self._start.attitude.yaw_rad)
+        forward_m, right_m = rotate(north_m, east_m, -self._start.attitude.yaw_rad)
         done = Step(
             forward_m=forward_m,
             right_m=right_m,

@@ -11,9 +11,9 @@ from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.piloting import AIRBORNE, Flight
 from sim_bridge.loopback.firmware.publisher import Publisher
 from sim_bridge.loopback.handshake import Identity
-from sim_bridge.loopback.world import SATELLITES, WorldState, location, to_earth
+from sim_bridge.loopback.world import SATELLITES, WorldState, location
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import FlyingState
+from uav_bt.types import FlyingState, rotate
 
 _SENSORS = ("IMU", "barometer", "ultrasound", "GPS", "magnetometer", "vertical_camera")
 _CALIBRATED = ("xAxisCalibration", "yAxisCalibration", "zAxisCalibration")
@@ -183,7 +183,7 @@ class Telemetry(Part):
             pitch=attitude.pitch_rad,
             yaw=attitude.yaw_rad,
         )
-        north, east = to_earth(velocity.forward_mps, velocity.right_mps, attitude.yaw_rad)
+        north, east = rotate(velocity.forward_mps, velocity.right_mps, attitude.yaw_rad)
         publish(f"{_PILOTING}.SpeedChanged", speedX=north, speedY=east, speedZ=velocity.down_mps)
         publish(f"{_PILOTING}.AltitudeChanged", altitude=state.altitude_m)
         publish(f"{_PILOTING}.AltitudeAboveGroundChanged", altitude=state.height_m)

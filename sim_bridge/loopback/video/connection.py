@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Final, cast
 
-from sim_bridge.loopback.video.dialogue import CONTROL, Dialogue, refusal
+from sim_bridge.loopback.video.dialogue import Dialogue, describe, refusal
 from sim_bridge.loopback.video.encoder import ParameterSets
 from sim_bridge.loopback.video.rtp import RtpStream
-from sim_bridge.loopback.video.rtsp_message import Request, RequestReader, RtspError
-from sim_bridge.loopback.video.sdp import describe
+from sim_bridge.loopback.video.rtsp_message import RequestReader, RtspError
 from sim_bridge.loopback.video.streamer import Player, Streamer
 from sim_bridge.loopback.video.transport import (
     DatagramPair,
@@ -45,11 +44,6 @@ class ServerState:
     connections: set[Connection] = field(default_factory=set)
     # By the address that RTCP reports come from: a report keeps its session alive.
     reporting: dict[tuple[str, int], Connection] = field(default_factory=dict)
-
-    def report_received(self, address: tuple[str, int]) -> None:
-        """Note that a report came from an address."""
-        if (connection := self.reporting.get(address)) is not None:
-            connection.touch()
 
 
 class Connection(asyncio.Protocol):
@@ -93,9 +87,8 @@ class Connection(asyncio.Protocol):
             return
         self.touch()
         try:
-            for message in self._reader.feed(data):
-                if isinstance(message, Request):
-                    self._transport.write(self._dialogue.reply(message))
+            for request in self._reader.feed(data):
+                self._transport.write(self._dialogue.reply(request))
         except RtspError as error:
             self._end(error)
             return
@@ -132,7 +125,6 @@ class Connection(asyncio.Protocol):
             serial=self._state.serial,
             host=self._transport.get_extra_info("sockname")[0],
             session=round(1e6 * self._state.now()),
-            control=CONTROL,
         )
 
     def set_up(self, transport: Transport) -> str:

@@ -5,6 +5,7 @@ Source: RFC 2326, sections 10 and 11 and appendix A (the states of a session).
 
 from __future__ import annotations
 
+import base64
 import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,11 +13,13 @@ from random import Random
 from typing import Final, Protocol
 from urllib.parse import urlsplit
 
+from sim_bridge.loopback.video.encoder import CLOCK_HZ, ParameterSets
+from sim_bridge.loopback.video.rtp import PAYLOAD_TYPE
 from sim_bridge.loopback.video.rtsp_message import Request, RtspError, answer
 from sim_bridge.loopback.video.transport import Transport, choose_transport
 
-PATH: Final = "live"
-CONTROL: Final = "stream=0"
+_PATH: Final = "live"
+_CONTROL: Final = "stream=0"
 
 _METHODS: Final = "OPTIONS, DESCRIBE, SETUP, PLAY, PAUSE, GET_PARAMETER, TEARDOWN"
 # Methods of the RFC that a server of live video does not have.
@@ -139,7 +142,7 @@ class Dialogue:
         self._check_session(request)
         sequence, stamp = self._actions.play()
         self._state = _State.PLAYING
-        info = f"url={base}/{CONTROL};seq={sequence};rtptime={stamp}"
+        info = f"url={base}/{_CONTROL};seq={sequence};rtptime={stamp}"
         return _Reply(headers={"Session": self._session, "RTP-Info": info})
 
     def _pause(self, request: Request) -> _Reply:
@@ -177,6 +180,51 @@ def refusal(error: RtspError, sequence: str) -> bytes:
     return answer(error.status, sequence, headers, f"{error.why}\n".encode())
 
 
+def describe(sets: ParameterSets, *, serial: str, host: str, session: int) -> str:
+    """Return the SDP, by which a client knows the stream before it is set up.
+
+    Source: RFC 8866 (SDP), RFC 6184 section 8.2 (H.264), and what Parrot's libsdp and
+    libvideo-metadata read: `i=` of the medium is the name by which Olympe 8.5.0 finds it, and a
+    session-wide `a=range:npt=now-` is an error to that parser, so that there is none.
+
+    Args:
+        sets: the parameter sets of the H.264 stream.
+        serial: the drone's serial number, which Olympe shows as the session's metadata.
+        host: the server's numeric address.
+        session: a number for this session.
+    """
+    family = "IP6" if ":" in host else "IP4"
+    sprop = ",".join(base64.b64encode(unit).decode() for unit in (sets.sps, sets.pps))
+    parameters = (
+        "packetization-mode=1",
+        f"profile-level-id={sets.profile_level_id}",
+        f"sprop-parameter-sets={sprop}",
+    )
+    lines = (
+        "v=0",
+        f"o=- {session} 1 IN {family} {host}",
+        "s=ANAFI",
+        "i=ANAFI",
+        f"c=IN {family} {host}",
+        "t=0 0",
+        "a=tool:uav_bt",
+        "a=control:*",
+        "a=X-com-parrot-maker:Parrot",
+        "a=X-com-parrot-model:ANAFI",
+        "a=X-com-parrot-model-id:0914",
+        f"a=X-com-parrot-serial:{serial}",
+        f"m=video 0 RTP/AVP {PAYLOAD_TYPE}",
+        "i=Front camera",
+        f"a=rtpmap:{PAYLOAD_TYPE} H264/{CLOCK_HZ}",
+        f"a=fmtp:{PAYLOAD_TYPE} {';'.join(parameters)}",
+        f"a=control:{_CONTROL}",
+        "a=X-com-parrot-default-media:1",
+        "a=X-com-parrot-camera-type:front",
+        "a=X-com-parrot-camera-spectrum:visible",
+    )
+    return "".join(f"{line}\r\n" for line in lines)
+
+
 def _check_url(request: Request) -> str:
     """Return the stream's URL without the part that names the medium."""
     try:
@@ -184,6 +232,6 @@ def _check_url(request: Request) -> str:
     except ValueError as error:
         raise RtspError(400, "expected a URL such as rtsp://127.0.0.1/live") from error
     path = parts.path.strip("/")
-    if parts.scheme.lower() != "rtsp" or path not in {PATH, f"{PATH}/{CONTROL}"}:
-        raise RtspError(404, f"expected rtsp://ADDRESS/{PATH}")
-    return f"rtsp://{parts.netloc}/{PATH}"
+    if parts.scheme.lower() != "rtsp" or path not in {_PATH, f"{_PATH}/{_CONTROL}"}:
+        raise RtspError(404, f"expected rtsp://ADDRESS/{_PATH}")
+    return f"rtsp://{parts.netloc}/{_PATH}"

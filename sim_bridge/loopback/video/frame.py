@@ -1,14 +1,25 @@
-"""Frames of the video: an image, and the telemetry of the moment it was captured."""
+"""Frames of the video: an image and its telemetry, and that telemetry as Parrot's `TimedMetadata`.
+
+Field numbers and types are those of the message descriptors compiled into
+`olympe_deps/libvideo-metadata-protobuf.so` of the wheels parrot-olympe 7.7.5 and 8.5.0 (the same
+in both, except that 7.7.5 does not know `altitude_ato`, `zoom_level` and `spectrum`, and skips
+them). The layout of the RTP header extension is that of Parrot's libvideo-streaming
+(`vstrm_rtp_h264.h`): a word with the index of the last and of the present part and the padding,
+an offset, and the message, all big endian.
+"""
 
 from __future__ import annotations
 
+import math
+import struct
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.loopback.world import Location
+from sim_bridge.loopback.video import protobuf
+from sim_bridge.loopback.world import SATELLITES, Location
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import Attitude, FlyingState
 
@@ -59,3 +70,121 @@ class FrameSource(Protocol):
         instance to render now. A frame that was returned before is recognised by its time and not
         sent again.
         """
+
+
+EXTENSION_ID: Final = 0x5062
+MAX_METADATA_BYTES: Final = 300  # what Parrot's sender puts on one packet
+
+_UTC_ACCURACY_US: Final = 1_000  # 0 would mean that the time is not valid
+_MANUAL_PILOTING: Final = 1
+_VISIBLE_SPECTRUM: Final = 1
+_FLYING: Final = {
+    FlyingState.LANDED: 0,
+    FlyingState.TAKING_OFF: 1,
+    FlyingState.HOVERING: 2,
+    FlyingState.FLYING: 3,
+    FlyingState.LANDING: 4,
+    FlyingState.EMERGENCY: 5,
+}
+
+
+def timed_metadata(frame: VideoFrame) -> bytes:
+    """Return the frame's telemetry as an encoded `vmeta.TimedMetadata`."""
+    return protobuf.message(1, _drone(frame)) + protobuf.message(2, _camera(frame))
+
+
+def extension(metadata: bytes) -> bytes:
+    """Return the RTP header extension that carries a frame's metadata, its header included.
+
+    Raises:
+        ValueRangeError: more bytes than go on one packet.
+    """
+    if len(metadata) > MAX_METADATA_BYTES:
+        raise ValueRangeError(
+            f"metadata of a frame have at most {MAX_METADATA_BYTES} bytes, got {len(metadata)}"
+        )
+    padding = -len(metadata) % 4
+    words = 1 + (len(metadata) + padding) // 4
+    # One part, which is number 0 and the last one, and begins at offset 0.
+    head = struct.pack("!HHHH", EXTENSION_ID, words, padding, 0)
+    return head + metadata + bytes(padding)
+
+
+def quaternion(attitude: Attitude) -> tuple[float, float, float, float]:
+    """Return the rotation from body to north-east-down as w, x, y, z (yaw, pitch, roll in turn)."""
+    cr, sr = math.cos(attitude.roll_rad / 2), math.sin(attitude.roll_rad / 2)
+    cp, sp = math.cos(attitude.pitch_rad / 2), math.sin(attitude.pitch_rad / 2)
+    cy, sy = math.cos(attitude.yaw_rad / 2), math.sin(attitude.yaw_rad / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def _drone(frame: VideoFrame) -> bytes:
+    location = b"" if frame.location is None else protobuf.message(2, _location(frame.location))
+    return b"".join(
+        (
+            protobuf.message(1, _rotation(frame.attitude)),
+            location,
+            protobuf.double(3, frame.height_m),
+            protobuf.message(4, _vector(frame.velocity_mps)),
+            protobuf.signed(5, round(100.0 * frame.battery)),
+            protobuf.unsigned(7, _FLYING[frame.flying]),
+            protobuf.message(9, _vector(frame.position_m)),
+            protobuf.message(10, _vector(frame.position_m)),
+            protobuf.unsigned(12, _MANUAL_PILOTING),
+            protobuf.double(13, frame.altitude_m),
+        )
+    )
+
+
+def _camera(frame: VideoFrame) -> bytes:
+    # The base view is the one without pan and tilt by a pilot: the stabilised heading.
+    base = Attitude(yaw_rad=frame.attitude.yaw_rad)
+    horizontal_rad, vertical_rad = frame.fov_rad
+    utc = b""
+    if frame.captured_utc_s is not None:
+        utc = protobuf.unsigned(10, _microseconds(frame.captured_utc_s))
+        utc += protobuf.unsigned(11, _UTC_ACCURACY_US)
+    return b"".join(
+        (
+            protobuf.unsigned(1, _microseconds(frame.captured_s)),
+            protobuf.message(2, _rotation(base)),
+            protobuf.message(3, _rotation(frame.camera)),
+            protobuf.float32(8, horizontal_rad),
+            protobuf.float32(9, vertical_rad),
+            utc,
+            protobuf.message(15, _rotation(frame.camera)),
+            protobuf.float32(16, 1.0),
+            protobuf.unsigned(17, _VISIBLE_SPECTRUM),
+        )
+    )
+
+
+def _rotation(attitude: Attitude) -> bytes:
+    return b"".join(
+        protobuf.float32(number, part) for number, part in enumerate(quaternion(attitude), 1)
+    )
+
+
+def _vector(vector: NorthEastDown) -> bytes:
+    parts = (vector.north, vector.east, vector.down)
+    return b"".join(protobuf.float32(number, part) for number, part in enumerate(parts, 1))
+
+
+def _location(location: Location) -> bytes:
+    return b"".join(
+        (
+            protobuf.double(1, location.latitude_deg),
+            protobuf.double(2, location.longitude_deg),
+            protobuf.double(3, location.altitude_m),
+            protobuf.unsigned(4, SATELLITES),
+        )
+    )
+
+
+def _microseconds(time_s: float) -> int:
+    return round(1e6 * time_s)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 from typing import Final
 
+from sim_bridge.loopback.codec import varint
 from uav_bt.errors import ValueRangeError
 
 _VARINT: Final = 0  # wire types
@@ -27,7 +28,7 @@ def unsigned(number: int, value: int) -> bytes:
     """
     if not 0 <= value < 1 << _BITS:
         raise ValueRangeError(f"field {number} is an unsigned number of 64 bits, got {value}")
-    return _tag(number, _VARINT) + _varint(value) if value else b""
+    return _tag(number, _VARINT) + varint(value) if value else b""
 
 
 def signed(number: int, value: int) -> bytes:
@@ -53,17 +54,8 @@ def double(number: int, value: float) -> bytes:
 
 def message(number: int, content: bytes) -> bytes:
     """Return a field that is a message, a string or bytes."""
-    return _tag(number, _LENGTH_DELIMITED) + _varint(len(content)) + content
+    return _tag(number, _LENGTH_DELIMITED) + varint(len(content)) + content
 
 
 def _tag(number: int, wire_type: int) -> bytes:
-    return _varint(number << 3 | wire_type)
-
-
-def _varint(value: int) -> bytes:
-    out = bytearray()
-    while value > 0x7F:
-        out.append(value & 0x7F | 0x80)
-        value >>= 7
-    out.append(value)
-    return bytes(out)
+    return varint(number << 3 | wire_type)

@@ -15,7 +15,7 @@ from random import Random
 from typing import Final
 
 from sim_bridge.loopback.video.encoder import CLOCK_HZ, EncodedFrame
-from sim_bridge.loopback.video.metadata import extension
+from sim_bridge.loopback.video.frame import extension
 from uav_bt.errors import ValueRangeError
 
 PAYLOAD_TYPE: Final = 96  # the only one that Parrot's receiver takes

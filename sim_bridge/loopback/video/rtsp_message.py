@@ -47,22 +47,13 @@ class RtspError(Exception):
         status: the answer's status.
         why: a sentence for the reader of the answer.
         headers: that the answer has besides.
-        fatal: whether the connection must end, because the next request cannot be found.
     """
 
-    def __init__(
-        self,
-        status: int,
-        why: str,
-        *,
-        headers: Mapping[str, str] | None = None,
-        fatal: bool = False,
-    ) -> None:
+    def __init__(self, status: int, why: str, *, headers: Mapping[str, str] | None = None) -> None:
         super().__init__(why)
         self.status = status
         self.why = why
         self.headers = dict(headers or {})
-        self.fatal = fatal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,53 +72,43 @@ class Request:
         return number if number.isascii() and number.isdigit() and len(number) <= 10 else ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Interleaved:
-    """A packet that came on the same connection (RFC 2326, section 10.12)."""
-
-    channel: int
-    data: bytes
-
-
 class RequestReader:
-    """Finds messages in the bytes of one connection."""
+    """Finds requests in the bytes of one connection.
+
+    Packets between them (RTCP reports; RFC 2326, section 10.12) are skipped.
+    """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
-    def feed(self, data: bytes) -> Iterator[Request | Interleaved]:
-        """Take bytes and yield the messages that are complete now.
+    def feed(self, data: bytes) -> Iterator[Request]:
+        """Take bytes and yield the requests that are complete now.
 
         Raises:
-            RtspError: what came is no RTSP, or too large; fatal, the rest cannot be read.
+            RtspError: what came is no RTSP, or too large: the rest cannot be read either.
         """
         self._buffer += data
         while self._skip_blank_lines():
-            found = self._packet() if self._buffer[0] == _DOLLAR else self._request()
-            if found is None:
+            if self._buffer[0] == _DOLLAR:
+                end = 4 + int.from_bytes(self._buffer[2:4], "big")
+                if len(self._buffer) < max(4, end):
+                    return
+                del self._buffer[:end]
+            elif (request := self._request()) is not None:
+                yield request
+            else:
                 return
-            yield found
 
     def _skip_blank_lines(self) -> bool:
         skipped = len(self._buffer) - len(self._buffer.lstrip(b"\r\n"))
         del self._buffer[:skipped]
         return bool(self._buffer)
 
-    def _packet(self) -> Interleaved | None:
-        if len(self._buffer) < 4:
-            return None
-        end = 4 + int.from_bytes(self._buffer[2:4], "big")
-        if len(self._buffer) < end:
-            return None
-        packet = Interleaved(channel=self._buffer[1], data=bytes(self._buffer[4:end]))
-        del self._buffer[:end]
-        return packet
-
     def _request(self) -> Request | None:
         blank = _END_OF_HEAD.search(self._buffer, 0, MAX_HEAD_BYTES + 4)
         if blank is None:
             if len(self._buffer) > MAX_HEAD_BYTES:
-                raise RtspError(413, f"a request has at most {MAX_HEAD_BYTES} bytes", fatal=True)
+                raise RtspError(413, f"a request has at most {MAX_HEAD_BYTES} bytes")
             self._refuse_early()
             return None
         head = _parse_head(bytes(self._buffer[: blank.start()]))
@@ -144,7 +125,7 @@ class RequestReader:
         if start and (
             (len(method) > 32) or not re.fullmatch(rb"[A-Z_]+", method.partition(b"\r")[0])
         ):
-            raise RtspError(400, "this is not an RTSP request", fatal=True)
+            raise RtspError(400, "this is not an RTSP request")
 
 
 def answer(
@@ -172,21 +153,21 @@ def _parse_head(head: bytes) -> Request:
     try:
         lines = head.decode("utf-8").replace("\r\n", "\n").split("\n")
     except UnicodeDecodeError as error:
-        raise RtspError(400, "a request's head is UTF-8", fatal=True) from error
+        raise RtspError(400, "a request's head is UTF-8") from error
     words = lines[0].split(" ")
     if len(words) != 3 or not _METHOD.fullmatch(words[0]) or not words[2].startswith("RTSP/"):
-        raise RtspError(400, "expected 'METHOD URL RTSP/1.0' in the first line", fatal=True)
+        raise RtspError(400, "expected 'METHOD URL RTSP/1.0' in the first line")
     if not _URL.fullmatch(words[1]):
-        raise RtspError(400, "a URL has 1 to 1024 printable ASCII characters", fatal=True)
+        raise RtspError(400, "a URL has 1 to 1024 printable ASCII characters")
     if words[2] != _VERSION:
-        raise RtspError(505, f"expected {_VERSION}", fatal=True)
+        raise RtspError(505, f"expected {_VERSION}")
     if len(lines) - 1 > _MAX_HEADERS:
-        raise RtspError(400, f"a request has at most {_MAX_HEADERS} headers", fatal=True)
+        raise RtspError(400, f"a request has at most {_MAX_HEADERS} headers")
     headers: dict[str, str] = {}
     for line in lines[1:]:
         name, colon, value = line.partition(":")
         if not colon or not _TOKEN.fullmatch(name.strip()):
-            raise RtspError(400, "expected 'Name: value' in every header", fatal=True)
+            raise RtspError(400, "expected 'Name: value' in every header")
         headers[name.strip().lower()] = value.strip()
     return Request(method=words[0], url=words[1], headers=headers)
 
@@ -194,7 +175,7 @@ def _parse_head(head: bytes) -> Request:
 def _content_length(head: Request) -> int:
     text = head.headers.get("content-length", "0")
     if not text.isascii() or not text.isdigit() or len(text) > 9:
-        raise RtspError(400, "Content-Length is a number of bytes", fatal=True)
+        raise RtspError(400, "Content-Length is a number of bytes")
     if int(text) > MAX_BODY_BYTES:
-        raise RtspError(413, f"a body has at most {MAX_BODY_BYTES} bytes", fatal=True)
+        raise RtspError(413, f"a body has at most {MAX_BODY_BYTES} bytes")
     return int(text)

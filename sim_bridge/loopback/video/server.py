@@ -8,8 +8,7 @@ from collections.abc import Callable
 from random import Random, SystemRandom
 from typing import Final
 
-from sim_bridge.loopback.handshake import Identity
-from sim_bridge.loopback.ports import port_error
+from sim_bridge.loopback.handshake import Identity, port_error
 from sim_bridge.loopback.video.connection import Connection, ServerState
 from sim_bridge.loopback.video.encoder import EncoderConfig, parameter_sets
 from sim_bridge.loopback.video.frame import FrameSource
@@ -27,17 +26,12 @@ class VideoServer:
         self._state = state
         self._listening = listening
         host, port = listening.sockets[0].getsockname()[:2]
-        self._address: tuple[str, int] = (host, port)
-
-    @property
-    def address(self) -> tuple[str, int]:
-        """The address and the port it listens on."""
-        return self._address
+        self.address: tuple[str, int] = (host, port)  # where it listens
 
     @property
     def url(self) -> str:
         """Where a client finds the video."""
-        host, port = self._address
+        host, port = self.address
         return f"rtsp://{f'[{host}]' if ':' in host else host}:{port}/live"
 
     @property
@@ -107,7 +101,8 @@ async def serve_video(
             connection.tear_down()
 
     def report_received(address: tuple[str, int]) -> None:
-        state.report_received(address)
+        if (connection := state.reporting.get(address)) is not None:
+            connection.touch()
 
     try:
         datagrams = await open_datagram_pair(host, report_received)

@@ -8,12 +8,11 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from sim_bridge.loopback.video.encoder import Encoder, EncoderConfig
-from sim_bridge.loopback.video.frame import FrameSource
-from sim_bridge.loopback.video.metadata import timed_metadata
+from sim_bridge.loopback.video.frame import FrameSource, timed_metadata
 from sim_bridge.loopback.video.rtp import FramePackets, RtpStream
 from sim_bridge.loopback.video.transport import Sink
 
@@ -25,29 +24,19 @@ _POLL_S: Final = 0.004  # between two looks for a new frame; adds half of it to 
 _RATE_FRAMES: Final = 60  # the rate is the mean over so many frames
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class VideoStats:
     """What the video has done so far."""
 
-    playing: int  # clients now
-    frames_encoded: int
-    frames_sent: int  # added up over the clients
-    frames_dropped: int  # added up, too; left out because a client did not keep up
-    frames_late: int  # slots of the wanted rate that passed while the frame before was under way
-    packets_sent: int
-    bytes_sent: int
-    rate_hz: float  # reached lately; 0 before the second frame
-    encode_ms: float  # of the newest frame: fetching, encoding and cutting into packets
-
-
-@dataclass
-class Counters:
-    """What was sent, added up over all clients that ever played."""
-
-    frames_sent: int = 0
-    frames_dropped: int = 0
+    playing: int = 0  # clients now
+    frames_encoded: int = 0
+    frames_sent: int = 0  # added up over all clients that ever played, like the next ones
+    frames_dropped: int = 0  # left out because a client did not keep up
     packets_sent: int = 0
     bytes_sent: int = 0
+    frames_late: int = 0  # slots of the wanted rate that passed while a frame was being made
+    rate_hz: float = 0.0  # reached lately; 0 before the second frame
+    encode_ms: float = 0.0  # of the newest frame: fetching, encoding and cutting into packets
 
 
 class Player:
@@ -73,12 +62,18 @@ class Player:
         """Send nothing before the next key frame: the client cannot decode what comes before."""
         self._needs_key = True
 
-    def send(self, frame: FramePackets, now_s: float, counters: Counters) -> None:
-        """Send a frame, unless the client cannot use it or does not keep up."""
+    def send(self, frame: FramePackets, now_s: float, stats: VideoStats) -> None:
+        """Send a frame, unless the client cannot use it or does not keep up.
+
+        Args:
+            frame: the frame as packets.
+            now_s: the monotonic time.
+            stats: counts what is sent.
+        """
         if self._sink.congested:
             self._needs_key = True
         if self._needs_key and not (frame.is_key and self.wants_key):
-            counters.frames_dropped += 1
+            stats.frames_dropped += 1
             return
         self._needs_key = False
         if now_s - self._reported_s >= _REPORT_INTERVAL_S:
@@ -86,9 +81,9 @@ class Player:
             self._sink.send_control(self.stream.report(now_s))
         packets = tuple(self.stream.packets(frame))
         self._sink.send_data(packets)
-        counters.frames_sent += 1
-        counters.packets_sent += len(packets)
-        counters.bytes_sent += sum(len(packet) for packet in packets)
+        stats.frames_sent += 1
+        stats.packets_sent += len(packets)
+        stats.bytes_sent += sum(len(packet) for packet in packets)
 
     def goodbye(self, now_s: float) -> None:
         """Send the client a BYE packet."""
@@ -126,10 +121,7 @@ class Streamer:
         self._captured_s = float("-inf")  # the thread's: capture time of the newest encoded frame
         self._task: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
-        self._counters = Counters()
-        self._encoded = 0
-        self._late = 0
-        self._encode_s = 0.0
+        self._stats = VideoStats()
         self._times_s: deque[float] = deque(maxlen=_RATE_FRAMES)
 
     def add(self, player: Player) -> None:
@@ -150,14 +142,7 @@ class Streamer:
         """Return what was done so far."""
         times_s = self._times_s
         rate_hz = (len(times_s) - 1) / (times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
-        return VideoStats(
-            playing=len(self._players),
-            frames_encoded=self._encoded,
-            frames_late=self._late,
-            rate_hz=rate_hz,
-            encode_ms=1e3 * self._encode_s,
-            **vars(self._counters),
-        )
+        return replace(self._stats, playing=len(self._players), rate_hz=rate_hz)
 
     async def close(self) -> None:
         """Stop; a frame under way is finished first. Safe to call twice."""
@@ -192,13 +177,14 @@ class Streamer:
             if packets is None:
                 await self._pause(_POLL_S)
                 continue
-            self._encode_s = loop.time() - began_s
-            self._late += int(self._encode_s / period_s)
-            self._encoded += 1
+            encode_s = loop.time() - began_s
+            self._stats.encode_ms = 1e3 * encode_s
+            self._stats.frames_late += int(encode_s / period_s)
+            self._stats.frames_encoded += 1
             self._times_s.append(loop.time())
             now_s = self._now()
             for player in tuple(self._players):
-                player.send(packets, now_s, self._counters)
+                player.send(packets, now_s, self._stats)
             # On the grid where it can be, so that the rate is kept; never faster to make up.
             due_s = max(due_s + period_s, loop.time())
             await self._pause(due_s - loop.time())

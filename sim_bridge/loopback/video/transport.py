@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from sim_bridge.loopback.ports import PortTakenError
+from sim_bridge.loopback.handshake import PortTakenError
 from sim_bridge.loopback.video.rtsp_message import RtspError
 
 # What may wait in a client's buffer; with more, whole frames are left out until it has caught up.

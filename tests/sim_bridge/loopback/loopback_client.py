@@ -8,9 +8,9 @@ from collections import deque
 from typing import Any
 
 from sim_bridge.loopback.codec import Received, decode, encode
-from sim_bridge.loopback.frames import SEQUENCES, FrameType, WireFrame, pack, parse, unpack
+from sim_bridge.loopback.handshake import Ports
+from sim_bridge.loopback.link import SEQUENCES, FrameType, WireFrame, pack, parse, unpack
 from sim_bridge.loopback.messages import Buffer, message_table
-from sim_bridge.loopback.ports import Ports
 
 PATIENCE_S = 60.0  # a test that waits longer has failed, however busy the machine
 REPEAT_S = 0.1

@@ -12,9 +12,9 @@ from random import Random
 import pytest
 
 from sim_bridge.loopback.firmware.anafi import Anafi
+from sim_bridge.loopback.handshake import Ports, PortTakenError
 from sim_bridge.loopback.link import LinkTiming
 from sim_bridge.loopback.messages import message_table
-from sim_bridge.loopback.ports import Ports, PortTakenError
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
 from sim_bridge.loopback.world import WorldState
 from tests.sim_bridge.loopback.loopback_client import PATIENCE_S, Client

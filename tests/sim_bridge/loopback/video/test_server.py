@@ -14,7 +14,7 @@ import av
 import numpy as np
 import pytest
 
-from sim_bridge.loopback.ports import PortTakenError
+from sim_bridge.loopback.handshake import PortTakenError
 from sim_bridge.loopback.video import connection
 from sim_bridge.loopback.video.connection import MAX_CONNECTIONS
 from sim_bridge.loopback.video.encoder import EncoderConfig
