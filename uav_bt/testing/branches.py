@@ -15,9 +15,8 @@ from typing import Final
 
 from uav_bt.tree import NodeKind, NodeRegistry
 from uav_bt.tree.loading.document import Document, outline
-from uav_bt.tree.loading.elements import label, node_id_of, walk
 from uav_bt.tree.loading.findings import Findings, Position
-from uav_bt.tree.loading.source import Element, parse_source, read_source
+from uav_bt.tree.loading.source import Element, node_id_of, parse_source, read_source, walk
 
 
 class Outcome(enum.Enum):
@@ -228,7 +227,7 @@ def tree_branches(
     found = [
         NodeBranches(
             position=element.position,
-            label=label(element),
+            label=element.label,
             outcomes=analysis.outcomes(element),
         )
         for element in elements

@@ -11,10 +11,9 @@ from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.elements import label, node_id_of
 from uav_bt.tree.loading.findings import Finding, Findings, Position
 from uav_bt.tree.loading.palette import PalettePort
-from uav_bt.tree.loading.source import MAX_DEPTH, Element
+from uav_bt.tree.loading.source import MAX_DEPTH, Element, node_id_of
 from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -85,7 +84,7 @@ class Builder:
         try:
             plan = self._plan(root, name, f"{self._document.main}/{name}", depth=1)
         except _TooLargeError as error:
-            finding = Finding(str(main.path), main.position, str(error), label(main))
+            finding = Finding(str(main.path), main.position, str(error), main.label)
             raise TreeError(self._document.path, [finding]) from error
         plans = list(plan.walk())
         self._apply_by_id(by_id, plans)
@@ -139,12 +138,7 @@ class Builder:
     def _check_override(self, target: str, attributes: Mapping[str, str], plan: _Plan) -> None:
         element, lead = plan.element, f"override of '{target}': "
         for name in _FIXED.intersection(attributes):
-            self._findings.add(
-                element.path,
-                element.position,
-                f"{lead}'{name}' cannot be replaced",
-                label(element),
-            )
+            self._findings.note(element, f"{lead}'{name}' cannot be replaced")
         # The file itself is good by now, so whatever is found comes from the override.
         found = Findings()
         replaced = {**element.attributes, **attributes}
@@ -207,12 +201,7 @@ class Builder:
         try:
             leaf.check_script(script)
         except ValueRangeError as error:
-            self._findings.add(
-                plan.element.path,
-                plan.element.position,
-                f"mock of '{target}': {error}",
-                label(plan.element),
-            )
+            self._findings.note(plan.element, f"mock of '{target}': {error}")
 
     def _make(self, plan: _Plan) -> Node:
         self.places[plan.path] = Place(plan.element.path, plan.element.position)

@@ -9,16 +9,15 @@ from typing import Any, Final
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.loading.document import Document, autoremaps
-from uav_bt.tree.loading.elements import (
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.source import (
     KIND_TAGS,
+    Element,
     check_no_text,
-    label,
     node_attributes,
     node_id_of,
     walk,
 )
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.source import Element
 from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -48,7 +47,7 @@ class Checker:
         check_variables(self._document, self._registry, self._findings)
 
     def _note(self, element: Element, message: str, attribute: str = "") -> None:
-        self._findings.add(element.path, element.at(attribute), message, label(element))
+        self._findings.note(element, message, attribute)
 
     def _check_node(self, element: Element) -> None:
         for child in element.children:

@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.elements import (
-    check_attributes,
-    check_no_text,
-    label,
-    node_attributes,
-)
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.models import read_models
-from uav_bt.tree.loading.source import Element, parse_source, read_source
+from uav_bt.tree.loading.source import (
+    Element,
+    check_attributes,
+    check_no_text,
+    node_attributes,
+    parse_source,
+    read_source,
+)
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry
@@ -124,16 +125,11 @@ def _read_tree(element: Element, document: Document, findings: Findings) -> None
         return
     if len(element.children) != 1:
         count = len(element.children)
-        findings.add(
-            path, element.position, f"needs exactly one child, has {count}", label(element)
-        )
+        findings.note(element, f"needs exactly one child, has {count}")
     if tree_id in document.trees:
         first = document.trees[tree_id]
-        findings.add(
-            path,
-            element.at("ID"),
-            f"this ID is taken by the tree at {first.path}:{first.position}",
-            label(element),
+        findings.note(
+            element, f"this ID is taken by the tree at {first.path}:{first.position}", "ID"
         )
         return
     document.trees[tree_id] = element
@@ -180,18 +176,13 @@ def _compare_model(
 ) -> None:
     path = model.path
     if node.kind.value != model.tag:
-        findings.add(
-            path,
-            model.position,
-            f"described as {model.tag}, but the node is of kind {node.kind.value}",
-            label(model),
-        )
+        findings.note(model, f"described as {model.tag}, but the node is of kind {node.kind.value}")
     known = [port.name for port in node.ports]
     for name, element in ports.items():
         if name not in known:
             hint = did_you_mean(name, known)
             findings.add(
-                path, element.at("name"), f"the node has no port '{name}'{hint}", label(model)
+                path, element.at("name"), f"the node has no port '{name}'{hint}", model.label
             )
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from uav_bt.errors import TreeError
+
+if TYPE_CHECKING:
+    from uav_bt.tree.loading.source import Element
 
 MAX_FINDINGS: Final = 500  # more are not read, and each costs the search for a suggestion
 
@@ -65,6 +68,19 @@ class Findings:
         if len(self._found) >= MAX_FINDINGS:
             more = f"{MAX_FINDINGS} errors are enough: the rest of the file was not checked"
             raise TreeError(path, [*self, Finding(str(path), WHOLE_FILE, more)])
+
+    def note(self, element: Element, message: str, attribute: str = "") -> None:
+        """Note what is wrong with an element.
+
+        Args:
+            element: of a tree file.
+            message: what is wrong.
+            attribute: the attribute concerned; default: the whole element.
+
+        Raises:
+            TreeError: there are too many findings.
+        """
+        self.add(element.path, element.at(attribute), message, element.label)
 
     def __iter__(self) -> Iterator[Finding]:
         """Iterate in the order of the file."""

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.elements import check_attributes, label
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.source import Element
+from uav_bt.tree.loading.source import Element, check_attributes
 from uav_bt.tree.node import NodeKind
 
 PORT_DIRECTIONS: Final = {"input_port": "input", "output_port": "output", "inout_port": "inout"}
@@ -56,7 +55,7 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
             findings.add(model.path, model.position, "attribute 'ID' is missing", model.tag)
             continue
         if node_id in seen:
-            findings.add(model.path, model.at("ID"), "described twice", label(model))
+            findings.note(model, "described twice", "ID")
         seen.add(node_id)
         found.append(NodeModel(model, kind, node_id, _read_ports(model, findings)))
     return found
@@ -73,15 +72,15 @@ def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
                 path,
                 port.position,
                 f"<{port.tag}> cannot stand here{did_you_mean(port.tag, PORT_DIRECTIONS)}",
-                label(model),
+                model.label,
             )
             continue
         check_attributes(port, _PORT_ATTRIBUTES, findings)
         name = port.attributes.get("name", "")
         if not name:
-            findings.add(path, port.position, "attribute 'name' is missing", label(model))
+            findings.add(path, port.position, "attribute 'name' is missing", model.label)
         elif name in ports:
-            findings.add(path, port.at("name"), f"port '{name}' is described twice", label(model))
+            findings.add(path, port.at("name"), f"port '{name}' is described twice", model.label)
         else:
             ports[name] = port
     return ports

@@ -15,7 +15,6 @@ from typing import Any, Final
 
 from uav_bt.errors import MissionError
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.elements import label
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_models
 from uav_bt.tree.loading.source import Element, parse_source, read_source
@@ -146,7 +145,7 @@ def _port_of(
     except ValueError as error:
         attribute = "default" if default else "name"
         findings.add(
-            element.path, element.at(attribute), f"port '{name}': {error}", label(model.element)
+            element.path, element.at(attribute), f"port '{name}': {error}", model.element.label
         )
         return None
     return port

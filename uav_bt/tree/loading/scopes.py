@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from uav_bt.board.blackboard import Key
-from uav_bt.tree.loading.elements import label
 from uav_bt.tree.loading.source import Element
 from uav_bt.tree.port import Port
 
@@ -32,7 +31,7 @@ class Use:
         """Return node, attribute and place."""
         element = self.element
         return (
-            f"{label(element)}, attribute '{self.attribute}', "
+            f"{element.label}, attribute '{self.attribute}', "
             f"at {element.path}:{element.at(self.attribute)}"
         )
 

@@ -8,13 +8,15 @@ it begins.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-from uav_bt.errors import TreeError
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
+from uav_bt.errors import TreeError, did_you_mean
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
+from uav_bt.tree.node import NodeKind
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 MAX_DEPTH: Final = 100  # deeper trees would meet Python's own recursion limit when ticked
@@ -37,6 +39,12 @@ class Element:
     attribute_positions: dict[str, Position]
     children: list[Element] = field(default_factory=list)
     text: str = ""
+
+    @property
+    def label(self) -> str:
+        """How messages name the element."""
+        name = self.attributes.get("name") or self.attributes.get("ID")
+        return f"{self.tag} '{name}'" if name else self.tag
 
     def at(self, attribute: str) -> Position:
         """Return where an attribute stands, or where the element does when it has none such."""
@@ -162,3 +170,55 @@ def parse_source(data: bytes, path: Path) -> Element:
 
 def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeError:
     return TreeError(path, [Finding(str(path), position, message)])
+
+
+KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
+
+# What graphical editors write for themselves; it means nothing to the engine.
+EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath", "_uid"})
+
+
+def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
+    """Note every attribute that the element cannot have.
+
+    Args:
+        element: of a tree file.
+        known: the attributes that it can have.
+        findings: where they are added.
+    """
+    for attribute in element.attributes:
+        if attribute in known or attribute in EDITOR_ATTRIBUTES:
+            continue
+        findings.note(
+            element, f"unknown attribute '{attribute}'{did_you_mean(attribute, known)}", attribute
+        )
+
+
+def check_no_text(element: Element, findings: Findings) -> None:
+    """Note text between tags, which a tree file has no place for."""
+    text = element.text.strip()
+    if text:
+        findings.note(element, f"unexpected text '{text[:40]}'")
+
+
+def walk(element: Element) -> Iterator[Element]:
+    """Iterate over everything below an element."""
+    for child in element.children:
+        yield child
+        yield from walk(child)
+
+
+def node_id_of(element: Element) -> str:
+    """Return the id of the node; `<Explore/>` and `<Action ID="Explore"/>` are the same."""
+    if element.tag in KIND_TAGS and element.tag != NodeKind.SUBTREE.value:
+        return element.attributes.get("ID", "")
+    return element.tag
+
+
+def node_attributes(element: Element) -> dict[str, str]:
+    """Return the attributes that are ports (or a subtree's entries)."""
+    return {
+        name: text
+        for name, text in element.attributes.items()
+        if name not in {"ID", "name", "_autoremap"} and name not in EDITOR_ATTRIBUTES
+    }

@@ -13,7 +13,6 @@ from typing import Any, Final
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.elements import label
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.loading.variable_uses import BoardUse, VariableUses
@@ -53,12 +52,7 @@ class _VariableChecker:
 
     def _note(self, use: Use, message: str) -> None:
         element = use.element
-        self._findings.add(
-            element.path,
-            element.at(use.attribute),
-            f"attribute '{use.attribute}'{message}",
-            label(element),
-        )
+        self._findings.note(element, f"attribute '{use.attribute}'{message}", use.attribute)
 
     # --- variables --------------------------------------------------------------------------------
 
@@ -82,17 +76,16 @@ class _VariableChecker:
         hint = did_you_mean(slot.name, scope.known_names())
         self._note(
             read.use,
-            f": nothing writes variable '{slot.name}' of tree '{tree}', and {label(door)} at "
+            f": nothing writes variable '{slot.name}' of tree '{tree}', and {door.label} at "
             f"{door.path}:{door.position} gives no entry '{slot.name}'{hint}",
         )
         for name in unused:
             if did_you_mean(name, [slot.name]):
-                self._findings.add(
-                    door.path,
-                    door.at(name),
+                self._findings.note(
+                    door,
                     f"entry '{name}' is used by no node of tree '{tree}'"
                     f"{did_you_mean(name, [slot.name])}",
-                    label(door),
+                    name,
                 )
 
     # --- board keys by another name ---------------------------------------------------------------
