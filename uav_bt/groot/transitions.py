@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
-from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, NamedTuple
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.groot.numbering import TreeNumbering
@@ -82,8 +81,6 @@ _ROOT_UID: Final = 1
 class TransitionRecorder:
     """Notes a tree's transitions from when it is attached until it is detached.
 
-    Use it as a context manager, or attach and detach it.
-
     Args:
         numbering: of the tree.
         clock: the mission's; it dates the transitions.
@@ -115,20 +112,6 @@ class TransitionRecorder:
             self._root_ended = True
         noted, self._noted = self._noted, []
         return [Transition(round(time_s * 1e6), uid, status) for time_s, uid, status in noted]
-
-    def __enter__(self) -> Self:
-        """Attach."""
-        self.attach()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Detach."""
-        self.detach()
 
     def _note(self, node: Node, event: NodeEvent) -> None:
         if event is not NodeEvent.STATUS:

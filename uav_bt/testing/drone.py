@@ -106,7 +106,7 @@ class ScriptedDrone:
         self.live = False
         self.tick_s = None
         self.connected = False
-        self.commands: list[Command] = []  # everything it was told, in order
+        self.commands: list[Command] = []  # everything it was sent, in order
         self.x_m = 0.0  # world, from where it took off
         self.y_m = 0.0
         self._script = list(observations)
@@ -117,11 +117,11 @@ class ScriptedDrone:
         self.state = DroneState(captured_s=self.clock.now(), flying=FlyingState.LANDED)
 
     def connect(self) -> None:
-        """Note that somebody connected."""
+        """Note the connection."""
         self.connected = True
 
     def disconnect(self) -> None:
-        """Note that somebody let go."""
+        """Note that the connection has ended."""
         self.connected = False
 
     def observe(self) -> Observation:
@@ -189,31 +189,31 @@ class ScriptedDrone:
 
     def _interrupt(self) -> None:
         if self._move is not None:
-            self._tell(self._move.id, MovementState.INTERRUPTED)
+            self._report(self._move.id, MovementState.INTERRUPTED)
             self._move = None
 
-    def _tell(self, movement_id: int, state: MovementState) -> None:
+    def _report(self, movement_id: int, state: MovementState) -> None:
         status = MovementStatus(id=movement_id, state=state)
         self.state = replace(self.state, movement=status)
 
     def _move_by(self, move: MoveBy) -> None:
         if not self._airborne:
-            self._tell(move.id, MovementState.REJECTED)
+            self._report(move.id, MovementState.REJECTED)
             return
-        told = self.state.movement
-        if told is not None and told.id == move.id and told.state is not MovementState.RUNNING:
-            return  # it ended already; a drone is told once
+        reported = self.state.movement
+        if reported and reported.id == move.id and reported.state is not MovementState.RUNNING:
+            return  # it has ended; proposed again, it is not flown again
         if self._move is None or self._move.id != move.id:
             self._interrupt()
             self._move = move
             self._ticks_left = self.config.movement_ticks
             self.state = replace(self.state, flying=FlyingState.FLYING)
-            self._tell(move.id, MovementState.RUNNING)
+            self._report(move.id, MovementState.RUNNING)
         self._ticks_left -= 1
         if self._ticks_left <= 0:
             self._shift(move.forward_m, move.right_m, move.down_m, move.yaw_rad)
             self.state = replace(self.state, flying=FlyingState.HOVERING)
-            self._tell(move.id, MovementState.DONE)
+            self._report(move.id, MovementState.DONE)
             self._move = None
 
     def _fly(self, velocity: Velocity) -> None:

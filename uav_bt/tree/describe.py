@@ -42,7 +42,8 @@ class NodeInfo:
     origin: str  # module and class
 
 
-def _summary(node: type[Node]) -> str:
+def summary(node: type[Node]) -> str:
+    """Return the first line of a node class's docstring."""
     lines = (node.__doc__ or "").strip().splitlines()
     return lines[0].strip() if lines else ""
 
@@ -69,7 +70,7 @@ def describe(node: type[Node]) -> NodeInfo:
     return NodeInfo(
         node_id=node.node_id,
         kind=node.kind.value,
-        doc=_summary(node),
+        doc=summary(node),
         ports=tuple(_describe_port(port) for port in node.ports),
         reads=_names(leaf.reads) if leaf else (),
         writes=_names(leaf.writes) if leaf else (),

@@ -99,9 +99,10 @@ def test_a_tree_is_left_as_it_was() -> None:
     tree.setup(make_context())
     tree.tick()
     recorder = TransitionRecorder(TreeNumbering(tree), ManualClock())
-    with recorder:
-        assert all(node.observer is not None for node in tree.nodes())
-        tree.tick()
+    recorder.attach()
+    assert all(node.observer is not None for node in tree.nodes())
+    tree.tick()
+    recorder.detach()
     recorder.detach()  # once more does no harm
     assert all(node.observer is None for node in tree.nodes())
     tree.tick()
@@ -111,8 +112,10 @@ def test_a_tree_is_left_as_it_was() -> None:
 def test_several_can_watch_one_tree() -> None:
     """Each has all transitions; one that is detached leaves the others in place."""
     tree, first, clock = watched(leaf("a", "S"))
-    with TransitionRecorder(TreeNumbering(tree), clock) as second:
-        tree.tick()
+    second = TransitionRecorder(TreeNumbering(tree), clock)
+    second.attach()
+    tree.tick()
+    second.detach()
     tree.tick()
     assert taken(second) == "1S 1I"
     assert taken(first) == "1S 1I 1S 1I"
@@ -130,14 +133,15 @@ def test_watching_changes_nothing_and_misses_nothing() -> None:
         clock = ManualClock()
         numbering = TreeNumbering(trees[0])
         replayed = [Status.IDLE] * len(numbering.nodes)
-        with TransitionRecorder(numbering, clock) as recorder:
-            for index in range(len(trace["ticks"])):
-                answers = [_advance(tree, trace, index) for tree in trees]
-                assert answers[0] == answers[1], trace["id"]
-                for _, uid, status in recorder.take():
-                    assert replayed[uid - 1] is not status, trace["id"]
-                    replayed[uid - 1] = status
-                assert replayed == _standing(trees[0]), trace["id"]
+        recorder = TransitionRecorder(numbering, clock)
+        recorder.attach()
+        for index in range(len(trace["ticks"])):
+            answers = [_advance(tree, trace, index) for tree in trees]
+            assert answers[0] == answers[1], trace["id"]
+            for _, uid, status in recorder.take():
+                assert replayed[uid - 1] is not status, trace["id"]
+                replayed[uid - 1] = status
+            assert replayed == _standing(trees[0]), trace["id"]
 
 
 def _set_up(trace: dict[str, Any]) -> MissionTree:

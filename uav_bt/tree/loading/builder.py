@@ -13,7 +13,7 @@ from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import Finding, Findings, Position
 from uav_bt.tree.loading.palette import PalettePort
-from uav_bt.tree.loading.source import MAX_DEPTH, Element, node_id_of
+from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of
 from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -23,9 +23,6 @@ from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.scripted import ScriptedLeaf, mock_class
 
 POLICY_PORT: Final = "policy"  # by this name a leaf declares the port that names its leaf policy
-MAX_NODES: Final = 20_000  # subtrees inside subtrees multiply
-
-
 _FIXED: Final = frozenset({"ID", "_autoremap", "name"})  # these say which nodes there are
 
 
@@ -171,17 +168,14 @@ class Builder:
                 )
 
     def _check_policies(self, plans: list[_Plan]) -> None:
-        """Refuse names of policies that nobody registered; one in a variable shows in flight."""
+        """Refuse names of policies that are not registered; one in a variable shows in flight."""
         known = self._registry.policies
         if known is None:
             return
         for plan in plans:
             leaf = self._leaf_class(plan)
-            port = (
-                next((port for port in leaf.ports if port.name == POLICY_PORT), None)
-                if leaf
-                else None
-            )
+            ports = leaf.ports if leaf else ()
+            port = next((port for port in ports if port.name == POLICY_PORT), None)
             if port is None or plan.mock is not None or isinstance(port, PalettePort):
                 continue
             name = str(plan.attributes.get(POLICY_PORT, port.default))

@@ -90,15 +90,18 @@ class Checker:
             self._note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
         return node
 
-    def _check_children(self, element: Element, fewest: int, most: int | None) -> None:
+    def _check_children(self, element: Element, min_count: int, max_count: int | None) -> None:
         count = len(element.children)
-        if count >= fewest and (most is None or count <= most):
+        if count >= min_count and (max_count is None or count <= max_count):
             return
-        if most == fewest:
-            some = "exactly one child" if fewest == 1 else f"exactly {fewest} children"
-            needed = some if fewest else "no children"
+        if max_count is None:
+            needed = f"at least {min_count}"
+        elif max_count != min_count:
+            needed = f"{min_count} to {max_count} children"
         else:
-            needed = f"at least {fewest}" if most is None else f"{fewest} to {most} children"
+            needed = {0: "no children", 1: "exactly one child"}.get(
+                min_count, f"exactly {min_count} children"
+            )
         self._note(element, f"needs {needed}, has {count}")
 
     # --- ports ------------------------------------------------------------------------------------
@@ -133,8 +136,7 @@ class Checker:
                 continue
             key = self._board_keys.get(part.name[1:])
             if key is None:
-                hint = did_you_mean(part.name[1:], self._board_keys)
-                message = f"the board has no key '{part.name[1:]}'{hint}"
+                message = self._no_key(part.name[1:])
             elif not issubclass(key.type, (int, float, str)):
                 message = f"board key '{key.name}' holds {key.type.__name__}, no number and no text"
             else:
@@ -144,12 +146,7 @@ class Checker:
     def _check_board_reference(self, element: Element, port: Port[Any], at: Reference) -> None:
         key = self._board_keys.get(at.key)
         if key is None:
-            hint = did_you_mean(at.key, self._board_keys)
-            self._note(
-                element,
-                f"attribute '{port.name}': the board has no key '{at.key}'{hint}",
-                port.name,
-            )
+            self._note(element, f"attribute '{port.name}': {self._no_key(at.key)}", port.name)
         elif not key_fits(port, key):
             self._note(
                 element,
@@ -157,6 +154,9 @@ class Checker:
                 f"but board key '{at.key}' holds {key.type.__name__}",
                 port.name,
             )
+
+    def _no_key(self, key: str) -> str:
+        return f"the board has no key '{key}'{did_you_mean(key, self._board_keys)}"
 
     # --- subtrees ---------------------------------------------------------------------------------
 
@@ -208,12 +208,7 @@ class Checker:
             self._note(element, f"attribute '{name}': {error}", name)
             return
         if reference is not None and reference.on_board and reference.key not in self._board_keys:
-            hint = did_you_mean(reference.key, self._board_keys)
-            self._note(
-                element,
-                f"attribute '{name}': the board has no key '{reference.key}'{hint}",
-                name,
-            )
+            self._note(element, f"attribute '{name}': {self._no_key(reference.key)}", name)
 
     def _check_recursion(self) -> None:
         uses = {

@@ -21,6 +21,7 @@ from uav_bt.tree.node import NodeKind
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 MAX_DEPTH: Final = 100  # deeper trees would meet Python's own recursion limit when ticked
 MAX_ELEMENTS: Final = 20_000
+MAX_NODES: Final = 20_000  # of a tree; subtrees inside subtrees multiply
 MAX_ATTRIBUTES: Final = 200  # of one element; nodes have less than ten
 MAX_VALUE: Final = 20_000  # characters of an attribute; scripts have some dozens
 _MAX_TEXT: Final = 1_000  # characters kept of a text between tags; it only serves messages

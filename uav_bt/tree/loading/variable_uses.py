@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
-from uav_bt.tree.loading.source import MAX_DEPTH, Element, node_id_of, walk
+from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of, walk
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import Script, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment, Literal, Name, certain_names, kind_of
-
-_MAX_NODES: Final = 20_000  # as many as a tree may have once its subtrees are in place
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ class VariableUses:
 
     def _visit(self, element: Element, scope: Scope, chain: tuple[str, ...]) -> None:
         self._count += 1
-        if self._count > _MAX_NODES:
+        if self._count > MAX_NODES:
             self._obscured.append(scope)
             return
         given = self._document.entries(element)

@@ -30,10 +30,6 @@ def _queue(value: Port[Any]) -> Port[Any]:
     return Port("queue", object, doc=doc, check=check)
 
 
-def _value(kind: type) -> Port[Any]:
-    return Port("value", kind, doc="where the element goes", direction="output")
-
-
 class _Loop(DecoratorNode):
     """Ticks its child once for each element.
 
@@ -43,6 +39,12 @@ class _Loop(DecoratorNode):
 
     QUEUE: ClassVar[Port[Any]]
     VALUE: ClassVar[Port[Any]]
+
+    def __init_subclass__(cls, *, element: type, **kwargs: Any) -> None:
+        cls.VALUE = Port("value", element, doc="where the element goes", direction="output")
+        cls.QUEUE = _queue(cls.VALUE)
+        cls.ports = (cls.QUEUE, IF_EMPTY, cls.VALUE)
+        super().__init_subclass__(**kwargs)
 
     def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
         super().__init__(name, child, **given)
@@ -55,7 +57,7 @@ class _Loop(DecoratorNode):
         if self.node_status is IDLE:
             self._busy = False
             if fixed:
-                self._left = deque(self._elements(self.port(self.QUEUE)))
+                self._left = deque(_split(self.VALUE, self.port(self.QUEUE)))
         if not self._busy:
             if not fixed:
                 self._left = self._shared_queue()
@@ -70,9 +72,6 @@ class _Loop(DecoratorNode):
         self._busy = status is RUNNING
         return FAILURE if status is FAILURE else RUNNING
 
-    def _elements(self, text: str) -> list[Any]:
-        return _split(self.VALUE, text)
-
     def _shared_queue(self) -> MutableSequence[Any] | None:
         value = self.port_reading(self.QUEUE).value
         if value is None or isinstance(value, MutableSequence):
@@ -82,33 +81,17 @@ class _Loop(DecoratorNode):
         )
 
 
-class LoopBool(_Loop):
+class LoopBool(_Loop, element=bool):
     """Ticks its child once for each element of a queue of truth values."""
 
-    VALUE = _value(bool)
-    QUEUE = _queue(VALUE)
-    ports = (QUEUE, IF_EMPTY, VALUE)
 
-
-class LoopDouble(_Loop):
+class LoopDouble(_Loop, element=float):
     """Ticks its child once for each element of a queue of numbers."""
 
-    VALUE = _value(float)
-    QUEUE = _queue(VALUE)
-    ports = (QUEUE, IF_EMPTY, VALUE)
 
-
-class LoopInt(_Loop):
+class LoopInt(_Loop, element=int):
     """Ticks its child once for each element of a queue of integers."""
 
-    VALUE = _value(int)
-    QUEUE = _queue(VALUE)
-    ports = (QUEUE, IF_EMPTY, VALUE)
 
-
-class LoopString(_Loop):
+class LoopString(_Loop, element=str):
     """Ticks its child once for each element of a queue of texts."""
-
-    VALUE = _value(str)
-    QUEUE = _queue(VALUE)
-    ports = (QUEUE, IF_EMPTY, VALUE)

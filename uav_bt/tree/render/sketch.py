@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from uav_bt.errors import BoardAccessError
+from uav_bt.tree.describe import summary
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes.base import SubTree
@@ -66,7 +67,6 @@ def sketch(root: Node) -> Box:
 def _box(node: Node, children: tuple[Box, ...]) -> Box:
     usual = node.tree_id if isinstance(node, SubTree) else node.node_id
     tag = f"SubTree {usual}" if isinstance(node, SubTree) else usual
-    doc = (type(node).__doc__ or "").strip().splitlines()
     return Box(
         tag=one_line(tag),
         name="" if node.name == usual else one_line(node.name),
@@ -74,7 +74,7 @@ def _box(node: Node, children: tuple[Box, ...]) -> Box:
         attributes=tuple(one_line(f"{name}={text}") for name, text in _given(node)),
         keys=tuple(_keys(node)),
         path=one_line(node.path, 500),
-        doc=one_line(doc[0] if doc else "", 200),
+        doc=one_line(summary(type(node)), 200),
         children=children,
     )
 
