@@ -84,7 +84,12 @@ class TreeWatch:
 
 
 class LiveListeners:
-    """Makes what follows a tree that is about to fly."""
+    """Makes what follows a tree that is about to fly.
+
+    Args:
+        log: where transitions are written.
+        publisher: shows the tree; it is open.
+    """
 
     def __init__(self, log: BtlogWriter | None, publisher: GrootPublisher | None) -> None:
         self._log = log

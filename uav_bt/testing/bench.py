@@ -59,7 +59,12 @@ class BenchWorld:
     # --- the drone --------------------------------------------------------------------------------
 
     def hover(self, *, height_m: float = 1.5, gimbal_pitch_rad: float = 0.0) -> None:
-        """Write what the runner writes before each tick, for a drone that hovers and sees black."""
+        """Write what the runner writes before each tick, for a drone that hovers and sees black.
+
+        Args:
+            height_m: above ground and take-off point.
+            gimbal_pitch_rad: 0 level, negative down.
+        """
         self.observe(
             DroneState(
                 captured_s=self.clock.now(),

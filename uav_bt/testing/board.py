@@ -18,6 +18,10 @@ class StrictBlackboard(Blackboard):
 
     In flight a stale value reads as none, and a leaf copes. In a test it mostly means that the test
     forgot to refresh its board, and would pass for the wrong reason.
+
+    Args:
+        clock: the mission's; it dates what is written.
+        keys: which keys there are from the start.
     """
 
     def __init__(self, clock: Clock, keys: Iterable[Key[Any]]) -> None:

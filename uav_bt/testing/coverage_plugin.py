@@ -9,8 +9,8 @@ from typing import Any, Final
 import pytest
 
 from uav_bt.errors import FileError, InputError
-from uav_bt.testing.collector import is_tree_file
 from uav_bt.testing.coverage import FileCoverage, TreeCoverage, percentage
+from uav_bt.testing.plugin import is_tree_file
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.shipped import tree_files
 
@@ -69,7 +69,13 @@ def _shown(file: Path, folder: Path) -> Path:
 
 
 class CoveragePlugin:
-    """Watches every tree that is made during the run, and reports at its end."""
+    """Watches every tree that is made during the run, and reports at its end.
+
+    Args:
+        coverage: of the files that count.
+        minimum: the share of branches below which the run fails, percent.
+        reports: False in a worker process, which hands over what it has seen.
+    """
 
     def __init__(self, coverage: TreeCoverage, minimum: float, *, reports: bool) -> None:
         self._coverage = coverage

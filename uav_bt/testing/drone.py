@@ -32,7 +32,13 @@ from uav_bt.types import (
 def pinhole(
     width_px: int = 64, height_px: int = 36, fov_rad: float = math.radians(69)
 ) -> CameraModel:
-    """Return a small camera as wide as the ANAFI's video."""
+    """Return a small camera as wide as the ANAFI's video.
+
+    Args:
+        width_px: of its images.
+        height_px: of its images.
+        fov_rad: horizontal field of view.
+    """
     focal_px = width_px / 2 / math.tan(fov_rad / 2)
     return CameraModel(
         width_px=width_px,
@@ -47,7 +53,14 @@ def pinhole(
 def blank_frame(
     camera: CameraModel, state: DroneState, *, index: int = 0, captured_s: float | None = None
 ) -> Frame:
-    """Return a black frame with a state's telemetry."""
+    """Return a black frame with a state's telemetry.
+
+    Args:
+        camera: gives the image its size.
+        state: the telemetry.
+        index: of the frame.
+        captured_s: time of capture, mission clock; default: the state's.
+    """
     return Frame(
         image=np.zeros((camera.height_px, camera.width_px, 3), dtype=np.uint8),
         index=index,

@@ -6,18 +6,13 @@ this machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Final
 
 import pytest
 
-if TYPE_CHECKING:
-    from uav_bt.clock import ManualClock  # see the module's docstring
-    from uav_bt.testing.bench import LeafBench  # see the module's docstring
-    from uav_bt.testing.board import StrictBlackboard
-    from uav_bt.testing.drone import ScriptedDrone  # see the module's docstring
-    from uav_bt.testing.tree_bench import TreeBench
+from uav_bt import testing
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -72,47 +67,87 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     config = parent.config
     if not (config.getoption("check_trees") or config.getini("uav_bt_check_trees")):
         return None
-    from uav_bt.testing.collector import TreeFile, is_tree_file  # noqa: PLC0415  # see above
-
     return TreeFile.from_parent(parent, path=file_path) if is_tree_file(file_path) else None
 
 
 @pytest.fixture
-def leaf_bench() -> Callable[..., LeafBench]:
+def leaf_bench() -> Callable[..., testing.LeafBench]:
     """Return a maker of benches: `leaf_bench(Explore, policy="segmentation")`."""
-    from uav_bt.testing.bench import LeafBench  # noqa: PLC0415  # see the module's docstring
-
-    return LeafBench
+    return testing.LeafBench
 
 
 @pytest.fixture
-def tree_bench() -> Callable[..., TreeBench]:
+def tree_bench() -> Callable[..., testing.TreeBench]:
     """Return a maker of benches: `tree_bench("mission.xml", mocks={"Land": "RRS"})`."""
-    from uav_bt.testing.tree_bench import load_tree  # noqa: PLC0415  # see the module's docstring
-
-    return load_tree
+    return testing.load_tree
 
 
 @pytest.fixture
-def manual_clock() -> ManualClock:
+def manual_clock() -> testing.ManualClock:
     """Return a clock that moves only by `advance`."""
-    from uav_bt.clock import ManualClock  # noqa: PLC0415  # see the module's docstring
-
-    return ManualClock()
+    return testing.ManualClock()
 
 
 @pytest.fixture
-def strict_board(manual_clock: ManualClock) -> StrictBlackboard:
+def strict_board(manual_clock: testing.ManualClock) -> testing.StrictBlackboard:
     """Return an empty board of its own, on the manual clock, that refuses wrong access."""
     from uav_bt.board import MISSION_KEYS  # noqa: PLC0415  # see the module's docstring
-    from uav_bt.testing.board import StrictBlackboard  # noqa: PLC0415
 
-    return StrictBlackboard(manual_clock, MISSION_KEYS)
+    return testing.StrictBlackboard(manual_clock, MISSION_KEYS)
 
 
 @pytest.fixture
-def scripted_drone(manual_clock: ManualClock) -> ScriptedDrone:
+def scripted_drone(manual_clock: testing.ManualClock) -> testing.ScriptedDrone:
     """Return a drone without a world, on the manual clock."""
-    from uav_bt.testing.drone import ScriptedDrone  # noqa: PLC0415  # see the module's docstring
+    return testing.ScriptedDrone(clock=manual_clock)
 
-    return ScriptedDrone(clock=manual_clock)
+
+# The root element with its format stands at the beginning; a long comment may come before.
+_HEAD_BYTES: Final = 20_000
+_MARK: Final = b"BTCPP_format"
+
+
+def is_tree_file(path: Path) -> bool:
+    """Return whether an XML file is marked as a tree file, be it damaged."""
+    with path.open("rb") as file:
+        return _MARK in file.read(_HEAD_BYTES)
+
+
+class _RefusedError(Exception):
+    """A tree file has findings."""
+
+
+class TreeFile(pytest.File):
+    """A tree file among the test files."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """Return its only test."""
+        yield TreeCheck.from_parent(self, name="check")
+
+
+class TreeCheck(pytest.Item):
+    """The strict check of a tree file."""
+
+    def runtest(self) -> None:
+        """Check the file.
+
+        Raises:
+            _RefusedError: there are findings.
+        """
+        from uav_bt.tree.loading.loader import check_file  # noqa: PLC0415  # see above
+
+        here = Path.cwd()
+        path = self.path
+        findings = check_file(path.relative_to(here) if path.is_relative_to(here) else path)
+        if findings:
+            raise _RefusedError("\n".join(map(str, findings)))
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Show the findings alone, without a traceback."""
+        if isinstance(excinfo.value, _RefusedError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return how reports name the test."""
+        return self.path, 0, f"tree file {self.path.name}"

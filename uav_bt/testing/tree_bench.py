@@ -167,7 +167,15 @@ def parse_tree(
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     tick_s: float = 0.1,
 ) -> TreeBench:
-    """Put the text of a tree file on a bench; otherwise as `load_tree`."""
+    """Put the text of a tree file on a bench; otherwise as `load_tree`.
+
+    Args:
+        source: the text.
+        registry: the nodes that may occur; default: all installed.
+        mocks: scripts of leaves; see `load_tree`.
+        overrides: attribute values that replace the text's, by a node's name or path.
+        tick_s: time between two ticks.
+    """
     tree = parse_mission(source, _nodes(registry), mocks=mocks, overrides=overrides)
     return TreeBench(tree, tick_s=tick_s)
 

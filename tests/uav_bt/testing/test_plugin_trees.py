@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uav_bt.testing import collector, coverage_plugin
+from uav_bt.testing import coverage_plugin
 from uav_bt.tree import NodeRegistry
 
 pytest_plugins = ["pytester"]
@@ -13,7 +13,6 @@ pytest_plugins = ["pytester"]
 @pytest.fixture(scope="module", autouse=True)
 def _loaded() -> None:
     """Load what the inner runs load, which otherwise each would do anew."""
-    assert collector
     assert coverage_plugin
     NodeRegistry.installed()
 
@@ -241,7 +240,7 @@ def test_tree_files_are_collected_and_checked(pytester: pytest.Pytester) -> None
         ]
     )
     assert "Traceback" not in result.stdout.str()
-    assert "collector.py" not in result.stdout.str()
+    assert "testing/plugin.py" not in result.stdout.str()
 
 
 def test_the_ini_file_can_ask_for_the_collection(pytester: pytest.Pytester) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.testing import collector, coverage_plugin
+from uav_bt.testing import coverage_plugin
 from uav_bt.tree import NodeRegistry
 
 pytest_plugins = ["pytester"]
@@ -27,7 +27,6 @@ WITHOUT = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest", "-p", "no:benc
 @pytest.fixture(scope="module", autouse=True)
 def _loaded() -> None:
     """Load what the inner runs load, which otherwise each would do anew."""
-    assert collector
     assert coverage_plugin
     NodeRegistry.installed()
 

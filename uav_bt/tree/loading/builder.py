@@ -48,7 +48,13 @@ class _TooLargeError(Exception):
 
 
 class Builder:
-    """Makes the nodes of a document's main tree."""
+    """Makes the nodes of a document's main tree.
+
+    Args:
+        document: the file's outline.
+        registry: the nodes that may occur.
+        findings: where they are added.
+    """
 
     def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
         self._document = document

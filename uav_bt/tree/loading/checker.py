@@ -30,7 +30,13 @@ _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
 
 
 class Checker:
-    """Notes all that is wrong with the trees of a document."""
+    """Notes all that is wrong with the trees of a document.
+
+    Args:
+        document: the file's outline.
+        registry: the nodes that may occur.
+        findings: where they are added.
+    """
 
     def __init__(self, document: Document, registry: NodeRegistry, findings: Findings) -> None:
         self._document = document

@@ -196,7 +196,12 @@ def check_attributes(element: Element, known: frozenset[str], findings: Findings
 
 
 def check_no_text(element: Element, findings: Findings) -> None:
-    """Note text between tags, which a tree file has no place for."""
+    """Note text between tags, which a tree file has no place for.
+
+    Args:
+        element: of a tree file.
+        findings: where they are added.
+    """
     text = element.text.strip()
     if text:
         findings.note(element, f"unexpected text '{text[:40]}'")

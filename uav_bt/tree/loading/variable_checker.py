@@ -112,7 +112,7 @@ def _misfit(port: Port[Any] | None, write: Write) -> str | None:
     if kind is UNKNOWN:
         return None
     if port is None:
-        fits = any(related(kind, known) for known in _IN_SCRIPTS)
+        fits = any(_related(kind, known) for known in _IN_SCRIPTS)
         return None if fits else f"holds {kind.__name__}, no number and no text"
     if write.text is None:
         return None if may_convert(kind, port.type) else f"holds {kind.__name__}"
@@ -154,10 +154,10 @@ def may_convert(kind: type, wanted: type) -> bool:
         return issubclass(bool, wanted) and wanted not in _NUMBERS
     if kind in _NUMBERS and wanted in _TEXTUAL:
         return True
-    return related(kind, wanted)
+    return _related(kind, wanted)
 
 
-def related(kind: type, other: type) -> bool:
+def _related(kind: type, other: type) -> bool:
     """Return whether a value declared as one type may be an instance of the other, too."""
     return (
         issubclass(kind, other)

@@ -86,7 +86,13 @@ class ScriptCondition(Leaf):
 
 
 class Precondition(DecoratorNode):
-    """Asks a script before it starts its child, and answers something else when that says no."""
+    """Asks a script before it starts its child, and answers something else when that is false.
+
+    Args:
+        name: the instance's name; default: the node's id.
+        child: the child.
+        given: values of the ports.
+    """
 
     IF = Port("if", str, doc="a script that ends in true or false", check=parse_script)
     ELSE = Port("else", str, default="FAILURE", doc="the answer otherwise", choices=ANSWER_NAMES)

@@ -58,7 +58,12 @@ def truth(value: object) -> bool:
 
 
 def compare_equal(left: float, right: float) -> bool:
-    """Return whether two reals count as equal."""
+    """Return whether two reals count as equal.
+
+    Args:
+        left: a real.
+        right: another.
+    """
     return left == right or abs(left - right) <= _EPSILON
 
 
