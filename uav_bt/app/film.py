@@ -27,7 +27,8 @@ from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, HELIPAD_BOX
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.status import LiveStatus
-from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Intruding, Panes
+from uav_bt.display.video.depth_panes import Intruding
+from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickListener

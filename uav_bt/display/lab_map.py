@@ -29,7 +29,7 @@ from uav_bt.mission.runner import TickRecord
 from uav_bt.types import Pose, Pose2D
 from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
-_CARPET: Final[Colour] = (52, 66, 54)
+CARPET_COLOUR: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)
 _FLOOR_GRID: Final[Colour] = (30, 33, 40)
 _UNNAMED: Final[Colour] = (150, 156, 166)  # before the mission names a phase
@@ -56,6 +56,12 @@ class MapItem(Pose2D):
     def corners(self) -> list[Point]:
         """Return the four corners in world metres, counter-clockwise."""
         return self.rectangle(self.size_m[0] / 2, self.size_m[1] / 2)
+
+    def letter(self) -> list[list[Point]]:
+        """Return the strokes of a helipad's H in world metres."""
+        a, b = 0.22 * self.size_m[0], 0.28 * self.size_m[1]
+        strokes = (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0)))
+        return [[self.to_world(*end) for end in stroke] for stroke in strokes]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +134,7 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
     _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
     if lab_map is not None:
         carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab_map.carpet_size_m, 0.0))
-        polygon(image, frame.all_to_px(carpet.corners()), _CARPET)
+        polygon(image, frame.all_to_px(carpet.corners()), CARPET_COLOUR)
         _grid(image, frame, lab_map.carpet_size_m, _CARPET_GRID)
         if lab_map.helipad is not None:
             _draw_helipad(image, frame, lab_map.helipad)
@@ -154,11 +160,9 @@ def _draw_box(image: Image, frame: MapFrame, box: MapItem) -> None:
 
 def _draw_helipad(image: Image, frame: MapFrame, pad: MapItem) -> None:
     polygon(image, frame.all_to_px(pad.corners()), _mixed(pad.colour, BACKDROP, 0.35), pad.colour)
-    a, b = 0.22 * pad.size_m[0], 0.28 * pad.size_m[1]
     stroke_px = max(2, round(0.05 * frame.scale_px_per_m))
-    for start, end in (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0))):
-        ends = [pad.to_world(*start), pad.to_world(*end)]
-        line(image, frame.all_to_px(ends), (255, 255, 255), stroke_px)
+    for stroke in pad.letter():
+        line(image, frame.all_to_px(stroke), (255, 255, 255), stroke_px)
 
 
 def _label(image: Image, frame: MapFrame, item: MapItem, text: str) -> None:
@@ -248,6 +252,7 @@ class FlownPath:
 
     def __init__(self) -> None:
         self.points: list[PathPoint] = []
+        self.phases: list[str] = []  # in the order in which they first appeared
         self.distance_m = 0.0
         self.pose: Pose | None = None  # None before the first tick
         self._odometry = Odometry()
@@ -261,6 +266,8 @@ class FlownPath:
             self.distance_m += math.hypot(pose.x_m - self.pose.x_m, pose.y_m - self.pose.y_m)
         self.pose = pose
         self.points.append(PathPoint(x_m=pose.x_m, y_m=pose.y_m, phase=record.phase))
+        if record.phase not in self.phases:
+            self.phases.append(record.phase)
         return pose
 
     def _reckoned(self, record: TickRecord) -> Pose:

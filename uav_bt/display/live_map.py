@@ -73,7 +73,6 @@ class LiveMap:
         self._camera = camera
         self._lab = draw_lab(lab_map, self._frame)
         self._drawn = 1  # points of the path that are already on the image
-        self._phases: list[str] = []
 
     def draw(
         self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: HelipadFix | None
@@ -88,7 +87,7 @@ class LiveMap:
         """
         self._draw_new_path(flown)
         image = self._lab.copy()
-        draw_legend(image, phase_colours(self._phases))
+        draw_legend(image, phase_colours(flown.phases))
         if flown.pose is not None:
             seen = ground_view(self._camera, pitch_rad, max(height_m, 0.0))
             # With the lens itself: a wedge when it points ahead, a rectangle when it points down.
@@ -102,10 +101,7 @@ class LiveMap:
 
     def _draw_new_path(self, flown: FlownPath) -> None:
         points = flown.points
-        for phase in dict.fromkeys(point.phase for point in points[max(0, self._drawn - 1) :]):
-            if phase and phase not in self._phases:
-                self._phases.append(phase)
-        colours = phase_colours(self._phases)
+        colours = phase_colours(flown.phases)
         for before, after in zip(points[self._drawn - 1 :], points[self._drawn :], strict=False):
             ends = [(before.x_m, before.y_m), (after.x_m, after.y_m)]
             line(self._lab, self._frame.all_to_px(ends), colours[after.phase], _PATH_PX)

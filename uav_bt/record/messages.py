@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 from foxglove import messages as foxglove
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from uav_bt.record.channels import Quality
 from uav_bt.record.images import encode_image, encoding_of
@@ -17,8 +17,7 @@ WORLD: Final = "world"  # z up, origin in the carpet's middle
 BODY: Final = "drone"  # x forward, y left, z up: what viewers draw arrows and axes for
 CAMERA_FRAME_ID: Final = "camera"  # OpenCV's: x right, y down, z forward
 
-_Quaternion = tuple[float, float, float, float]  # x, y, z, w
-_OPTICAL: Final[_Quaternion] = (-0.5, 0.5, -0.5, 0.5)  # from OpenCV's axes to forward, left, up
+_OPTICAL: Final = Rotation.from_quat((-0.5, 0.5, -0.5, 0.5))  # OpenCV's axes: forward, left, up
 _NS: Final = 1_000_000_000
 
 
@@ -89,7 +88,7 @@ def pose(where: Pose, attitude: Attitude, time_ns: int) -> bytes:
         frame_id=WORLD,
         pose=foxglove.Pose(
             position=foxglove.Vector3(x=where.x_m, y=where.y_m, z=where.z_m),
-            orientation=_rotation(_body(where, attitude)),
+            orientation=_quaternion(_body(where, attitude)),
         ),
     ).encode()
 
@@ -107,16 +106,11 @@ def transforms(
         time_ns: on the record's timeline.
     """
     body = _body(where, attitude)
-    level = _product(_about(2, where.yaw_rad), _about(1, -gimbal_pitch_rad))
-    ahead_m = _turned(body, (camera.forward_offset_m, 0.0, 0.0))
+    at_m = np.array([where.x_m, where.y_m, where.z_m])
+    lens_m = at_m + body.apply([camera.forward_offset_m, 0.0, 0.0])
     return (
-        _transform(BODY, (where.x_m, where.y_m, where.z_m), body, time_ns),
-        _transform(
-            CAMERA_FRAME_ID,
-            (where.x_m + ahead_m[0], where.y_m + ahead_m[1], where.z_m + ahead_m[2]),
-            _product(level, _OPTICAL),
-            time_ns,
-        ),
+        _transform(BODY, at_m, body, time_ns),
+        _transform(CAMERA_FRAME_ID, lens_m, _level(where, gimbal_pitch_rad) * _OPTICAL, time_ns),
     )
 
 
@@ -137,46 +131,25 @@ def log_line(level: str, message: str, name: str, time_ns: int) -> bytes:
     ).encode()
 
 
-def _transform(
-    child: str, at_m: tuple[float, float, float], turn: _Quaternion, time_ns: int
-) -> bytes:
+def _transform(child: str, at_m: NDArray[np.float64], turn: Rotation, time_ns: int) -> bytes:
     return foxglove.FrameTransform(
         timestamp=_stamp(time_ns),
         parent_frame_id=WORLD,
         child_frame_id=child,
-        translation=foxglove.Vector3(x=at_m[0], y=at_m[1], z=at_m[2]),
-        rotation=_rotation(turn),
+        translation=foxglove.Vector3(x=float(at_m[0]), y=float(at_m[1]), z=float(at_m[2])),
+        rotation=_quaternion(turn),
     ).encode()
 
 
-def _rotation(turn: _Quaternion) -> foxglove.Quaternion:
-    return foxglove.Quaternion(x=turn[0], y=turn[1], z=turn[2], w=turn[3])
+def _quaternion(turn: Rotation) -> foxglove.Quaternion:
+    x, y, z, w = turn.as_quat()
+    return foxglove.Quaternion(x=x, y=y, z=z, w=w)
 
 
-def _body(where: Pose, attitude: Attitude) -> _Quaternion:
+def _body(where: Pose, attitude: Attitude) -> Rotation:
     # With y to the left and z up a nose that rises turns negatively about y.
-    tilt = _product(_about(1, -attitude.pitch_rad), _about(0, attitude.roll_rad))
-    return _product(_about(2, where.yaw_rad), tilt)
+    return Rotation.from_euler("ZYX", [where.yaw_rad, -attitude.pitch_rad, attitude.roll_rad])
 
 
-def _about(axis: int, angle_rad: float) -> _Quaternion:
-    half = math.sin(angle_rad / 2.0)
-    x, y, z = (half if index == axis else 0.0 for index in range(3))
-    return x, y, z, math.cos(angle_rad / 2.0)
-
-
-def _product(one: _Quaternion, other: _Quaternion) -> _Quaternion:
-    """Return the turn that is first `other` and then `one`."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = one, other
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-
-
-def _turned(turn: _Quaternion, vector: tuple[float, float, float]) -> tuple[float, float, float]:
-    x, y, z, w = turn
-    moved = _product(_product(turn, (*vector, 0.0)), (-x, -y, -z, w))
-    return moved[:3]
+def _level(where: Pose, gimbal_pitch_rad: float) -> Rotation:
+    return Rotation.from_euler("ZY", [where.yaw_rad, -gimbal_pitch_rad])

@@ -137,24 +137,21 @@ def test_small_records_go_without_relative_depth() -> None:
     assert moment.metric_depth is not None
 
 
-def turned(turn: messages._Quaternion, vector: tuple[float, float, float]) -> list[float]:
-    return list(messages._turned(turn, vector))
-
-
 def test_a_nose_that_rises_points_up_and_a_right_wing_that_drops_points_down() -> None:
     pose = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=math.pi / 2)
     level = messages._body(pose, messages.Attitude())
-    assert turned(level, (1.0, 0.0, 0.0)) == pytest.approx([0.0, 1.0, 0.0])
+    assert level.apply((1.0, 0.0, 0.0)) == pytest.approx([0.0, 1.0, 0.0])
     nose_up = messages._body(pose, messages.Attitude(pitch_rad=0.2))
-    assert turned(nose_up, (1.0, 0.0, 0.0))[2] == pytest.approx(math.sin(0.2))
+    assert nose_up.apply((1.0, 0.0, 0.0))[2] == pytest.approx(math.sin(0.2))
     rolled = messages._body(pose, messages.Attitude(roll_rad=0.2))
-    assert turned(rolled, (0.0, -1.0, 0.0))[2] == pytest.approx(-math.sin(0.2))
+    assert rolled.apply((0.0, -1.0, 0.0))[2] == pytest.approx(-math.sin(0.2))
 
 
 def test_a_camera_that_looks_down_sees_downwards() -> None:
-    forward = messages._product(messages._about(1, math.pi / 2), messages._OPTICAL)
-    assert turned(forward, (0.0, 0.0, 1.0)) == pytest.approx([0.0, 0.0, -1.0])
+    pose = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=0.0)
+    axis = (messages._level(pose, -math.pi / 2) * messages._OPTICAL).apply((0.0, 0.0, 1.0))
+    assert axis == pytest.approx([0.0, 0.0, -1.0])
     level = messages._OPTICAL
-    assert turned(level, (0.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0, 0.0])
-    assert turned(level, (1.0, 0.0, 0.0)) == pytest.approx([0.0, -1.0, 0.0])
-    assert turned(level, (0.0, 1.0, 0.0)) == pytest.approx([0.0, 0.0, -1.0])
+    assert level.apply((0.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0, 0.0])
+    assert level.apply((1.0, 0.0, 0.0)) == pytest.approx([0.0, -1.0, 0.0])
+    assert level.apply((0.0, 1.0, 0.0)) == pytest.approx([0.0, 0.0, -1.0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import cv2
@@ -12,35 +11,18 @@ from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour, circle
 from uav_bt.display.phrases import describe_corridor
-from uav_bt.display.rerun.setting import DEPTH_LENS, LENS, MASK, ViewSetting
-from uav_bt.display.video.depth_panes import FARTHEST_M
-from uav_bt.display.video.panes import project_fix
-from uav_bt.errors import ShapeError
+from uav_bt.display.rerun.setting import DEPTH_LENS, LENS, MASK, Entities, ViewSetting
+from uav_bt.display.video.depth_panes import FARTHEST_M, intruding_pixels
+from uav_bt.display.video.panes import pad_circle
+from uav_bt.record.images import encode_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
-_JPEG_QUALITY: Final = 88  # a tenth of the raw image; the record keeps the lossless one
 _EDGE_PX: Final = 1.2  # half the width of drawn lines, in pixels of the image
-_PAD_RADIUS_M: Final = 0.3
-_NEAR_M: Final = 0.3  # closer to the pad than this, a mark is of no use
 _SHOWN_M: Final = 0.35  # from the lens to its image in the lab
 _NO_IMAGE_M: Final = 1e-3  # the depth's lens draws no frustum of its own
 _BACKGROUND_ID: Final = 0
 
 Strip = NDArray[np.float32]
-
-
-def jpeg(image: NDArray[np.uint8], quality: int = _JPEG_QUALITY) -> bytes:
-    """Return an image, (H, W, 3) uint8 RGB, as JPEG.
-
-    Raises:
-        ShapeError: OpenCV cannot encode it.
-    """
-    done, content = cv2.imencode(
-        ".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
-    )
-    if not done:
-        raise ShapeError("image", expected="HxWx3 uint8", actual=image.shape)
-    return content.tobytes()
 
 
 def outlines(mask: NDArray[np.uint8], size_px: tuple[int, int]) -> list[Strip]:
@@ -77,7 +59,7 @@ class ImageView:
         self._frame_index: int | None = None
         self._mask_s: float | None = None
         self._depth_s: float | None = None
-        self._drawn: set[str] = set()
+        self._entities = Entities(stream)
         self._depth_size_px: tuple[int, int] | None = None
         stream.log(LENS, _pinhole(camera, _SHOWN_M), static=True)
         names = zip(setting.class_names, setting.class_colours, strict=True)
@@ -98,27 +80,28 @@ class ImageView:
             return
         if frame.index != self._frame_index:
             self._frame_index = frame.index
-            image = rr.EncodedImage(contents=jpeg(frame.image), media_type="image/jpeg")
+            # A tenth of the raw image; the record keeps the lossless one.
+            jpeg, _ = encode_image(frame.image, "high")
+            image = rr.EncodedImage(contents=jpeg, media_type="image/jpeg")
             self._stream.log(f"{LENS}/image", image)
-        ring = None if fix is None else ring_of(fix, frame, self._setting.camera)
+        ring = None if fix is None else pad_circle(fix, frame, self._setting.camera)
         if ring is None or fix is None:
-            self._clear(f"{LENS}/helipad")
+            self._entities.clear(f"{LENS}/helipad")
             return
         colour = ACCENT if fix.detected else INK
-        self._draw(f"{LENS}/helipad", [ring], colour, [f"helipad {fix.range_m:.2f} m"])
+        strip = np.asarray(circle(*ring), dtype=np.float32)
+        self._draw(f"{LENS}/helipad", [strip], colour, [f"helipad {fix.range_m:.2f} m"])
 
     def show_mask(self, class_map: ClassMap | None) -> None:
         """Draw the mask, and its edges over the camera's image."""
         if class_map is None:
-            self._clear(f"{MASK}/ids")
-            self._clear(f"{LENS}/mask_edges")
+            self._entities.clear(f"{MASK}/ids", f"{LENS}/mask_edges")
             self._mask_s = None
             return
         if class_map.captured_s == self._mask_s:
             return
         self._mask_s = class_map.captured_s
-        self._stream.log(f"{MASK}/ids", rr.SegmentationImage(class_map.ids))
-        self._drawn.add(f"{MASK}/ids")
+        self._entities.draw(f"{MASK}/ids", rr.SegmentationImage(class_map.ids))
         strips: list[Strip] = []
         colours: list[Colour] = []
         for class_ in np.unique(class_map.ids):
@@ -127,10 +110,8 @@ class ImageView:
             found = outlines((class_map.ids == class_).view(np.uint8), self._size_px)
             strips += found
             colours += [self._colour(int(class_))] * len(found)
-        self._stream.log(
-            f"{LENS}/mask_edges", rr.LineStrips2D(strips, colors=colours, radii=_EDGE_PX)
-        )
-        self._drawn.add(f"{LENS}/mask_edges")
+        edges = rr.LineStrips2D(strips, colors=colours, radii=_EDGE_PX)
+        self._entities.draw(f"{LENS}/mask_edges", edges)
 
     def _colour(self, class_: int) -> Colour:
         colours = self._setting.class_colours
@@ -155,8 +136,7 @@ class ImageView:
             class_map: the newest class map.
         """
         if depth is None:
-            self._clear(f"{DEPTH_LENS}/metres")
-            self._clear(f"{LENS}/intrusions")
+            self._entities.clear(f"{DEPTH_LENS}/metres", f"{LENS}/intrusions")
             self._depth_s = None
             return
         if depth.captured_s == self._depth_s:
@@ -170,8 +150,7 @@ class ImageView:
         # Half precision is 2 mm fine at 4 m, and half as large.
         metres = np.where(np.isfinite(depth.depth), depth.depth, np.nan).astype(np.float16)
         image = rr.DepthImage(metres, meter=1.0, colormap="turbo", depth_range=[0.0, FARTHEST_M])
-        self._stream.log(f"{DEPTH_LENS}/metres", image)
-        self._drawn.add(f"{DEPTH_LENS}/metres")
+        self._entities.draw(f"{DEPTH_LENS}/metres", image)
         self._show_intrusions(depth, corridor, frame, class_map)
 
     def _show_intrusions(
@@ -181,33 +160,18 @@ class ImageView:
         frame: Frame | None,
         class_map: ClassMap | None,
     ) -> None:
-        entity, intruding = f"{LENS}/intrusions", self._setting.intruding
-        together = (
-            frame is not None
-            and class_map is not None
-            and depth.captured_s == class_map.captured_s == frame.captured_s
-        )
-        if intruding is None or corridor is None or not together:
-            self._clear(entity)
-            return
-        mask = intruding(frame, class_map, depth)  # type: ignore[arg-type]  # they are together
-        strips = outlines(mask.astype(np.uint8), self._size_px)
-        if not strips:
-            self._clear(entity)
+        entity = f"{LENS}/intrusions"
+        mask = intruding_pixels(self._setting.intruding, frame, class_map, depth)
+        strips = [] if mask is None else outlines(mask.astype(np.uint8), self._size_px)
+        if corridor is None or not strips:
+            self._entities.clear(entity)
             return
         words = [describe_corridor(corridor), *[""] * (len(strips) - 1)]
         self._draw(entity, sorted(strips, key=len, reverse=True), ALARM, words)
 
     def _draw(self, entity: str, strips: list[Strip], colour: Colour, labels: list[str]) -> None:
-        self._drawn.add(entity)
-        self._stream.log(
-            entity, rr.LineStrips2D(strips, colors=[colour], radii=2 * _EDGE_PX, labels=labels)
-        )
-
-    def _clear(self, entity: str) -> None:
-        if entity in self._drawn:
-            self._drawn.remove(entity)
-            self._stream.log(entity, rr.Clear(recursive=False))
+        lines = rr.LineStrips2D(strips, colors=[colour], radii=2 * _EDGE_PX, labels=labels)
+        self._entities.draw(entity, lines)
 
 
 def _pinhole(camera: CameraModel, image_m: float) -> rr.Pinhole:
@@ -219,18 +183,3 @@ def _pinhole(camera: CameraModel, image_m: float) -> rr.Pinhole:
         camera_xyz=rr.ViewCoordinates.RDF,
         image_plane_distance=image_m,
     )
-
-
-def ring_of(fix: HelipadFix, frame: Frame, camera: CameraModel) -> Strip | None:
-    """Return the ring around the helipad in the image's pixels; None when it is not in view."""
-    right_m, down_m, depth_m = project_fix(fix, frame, camera)
-    if depth_m <= _NEAR_M:
-        return None
-    x = camera.cx_px + camera.fx_px * right_m / depth_m
-    y = camera.cy_px + camera.fy_px * down_m / depth_m
-    if not (0 <= x < camera.width_px and 0 <= y < camera.height_px):
-        return None
-    radius_px = camera.fx_px * _PAD_RADIUS_M / depth_m
-    if not math.isfinite(radius_px):
-        return None
-    return np.asarray(circle(x, y, radius_px), dtype=np.float32)

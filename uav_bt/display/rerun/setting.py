@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from uav_bt.display.canvas import BACKDROP, Colour
 from uav_bt.display.lab_map import LabMap
+from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
+from uav_bt.types import CameraModel
 
-Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
-"""Returns which pixels of a depth map are inside the corridor, (H, W)."""
+
+class Entities:
+    """What is drawn and may be taken away again.
+
+    Args:
+        stream: where to.
+    """
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        self._drawn: set[str] = set()
+
+    def draw(self, entity: str, *things: Any) -> None:
+        """Draw an entity, in place of what it was.
+
+        Args:
+            entity: its path.
+            things: Rerun's archetypes.
+        """
+        self._stream.log(entity, *things)
+        self._drawn.add(entity)
+
+    def clear(self, *entities: str) -> None:
+        """Take entities away that are drawn."""
+        for entity in self._drawn.intersection(entities):
+            self._drawn.remove(entity)
+            self._stream.log(entity, rr.Clear(recursive=False))
 
 
 @dataclass(frozen=True, kw_only=True)

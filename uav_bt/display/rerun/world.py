@@ -12,7 +12,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
-from uav_bt.display.lab_map import FlownPath, LabMap, MapItem, phase_colours
+from uav_bt.display.lab_map import CARPET_COLOUR, FlownPath, LabMap, MapItem, phase_colours
 from uav_bt.display.rerun.setting import (
     BODY,
     CORRIDOR,
@@ -24,6 +24,7 @@ from uav_bt.display.rerun.setting import (
     PATH,
     WORLD,
     CorridorSize,
+    Entities,
     ViewSetting,
 )
 from uav_bt.types import (
@@ -39,7 +40,6 @@ from uav_bt.types import (
 )
 from uav_bt.types.dead_reckoning import PoseHistory
 
-_CARPET: Final[Colour] = (52, 66, 54)
 _PLANE: Final = (120, 170, 255, 26)
 _INTRUDED: Final = (*ALARM, 110)
 _THIN_M: Final = 0.004
@@ -89,11 +89,10 @@ class WorldView:
         self._camera = setting.camera
         self._corridor = setting.corridor
         self._history = PoseHistory[Pose](_KEPT_S)
-        self._phases: list[str] = []
         self._frame_index: int | None = None
         self._corridor_s: float | None = None
         self._before: Pose | None = None
-        self._drawn: set[str] = set()
+        self._entities = Entities(stream)
         stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         half = [size_m / 2.0 for size_m in BODY_SIZE_M]
         body = rr.Boxes3D(half_sizes=[half], colors=[INK], fill_mode="solid")
@@ -113,11 +112,9 @@ class WorldView:
         self._history.add(time_s, pose)
         self._stream.log(BODY, _placed(pose))
         phase = flown.points[-1].phase
-        if phase and phase not in self._phases:
-            self._phases.append(phase)
         if self._before is not None:
             ends = [[one.x_m, one.y_m, one.z_m] for one in (self._before, pose)]
-            colour = phase_colours(self._phases)[phase]
+            colour = phase_colours(flown.phases)[phase]
             self._stream.log(PATH, rr.LineStrips3D([ends], colors=[colour], radii=0.012))
         self._before = pose
 
@@ -134,7 +131,7 @@ class WorldView:
     def show_corridor(self, corridor: Corridor | None) -> None:
         """Draw the five planes where they were when the corridor's frame was taken."""
         if self._corridor is None or corridor is None:
-            self._clear(CORRIDOR)
+            self._entities.clear(CORRIDOR)
             self._corridor_s = None
             return
         if corridor.captured_s == self._corridor_s:
@@ -152,8 +149,7 @@ class WorldView:
             fill_mode="transparentfillmajorwireframe",
             radii=0.004,
         )
-        self._stream.log(CORRIDOR, _placed(pose), boxes)
-        self._drawn.add(CORRIDOR)
+        self._entities.draw(CORRIDOR, _placed(pose), boxes)
 
     def show_memory(self, obstacles: ObstaclePoints | None, fix: HelipadFix | None) -> None:
         """Draw remembered obstacles and edges, and where the drone believes the helipad to be."""
@@ -161,28 +157,22 @@ class WorldView:
         if pose is None:
             return
         if obstacles is None or not len(obstacles.points_m) + len(obstacles.edges_m):
-            self._clear(OBSTACLES)
+            self._entities.clear(OBSTACLES)
         else:
             points = rr.Points3D(
                 _on_carpet(pose, np.vstack([obstacles.points_m, obstacles.edges_m])),
                 colors=[ALARM] * len(obstacles.points_m) + [INK] * len(obstacles.edges_m),
                 radii=_OBSTACLE_M,
             )
-            self._stream.log(OBSTACLES, points)
-            self._drawn.add(OBSTACLES)
+            self._entities.draw(OBSTACLES, points)
         if fix is None:
-            self._clear(FIX)
+            self._entities.clear(FIX)
             return
         at = _on_carpet(pose, np.array([[fix.forward_m, fix.right_m]]))
         colour = ACCENT if fix.detected else INK
         sure_m = max(fix.std_m, 0.05)
-        self._stream.log(FIX, rr.Points3D(at, colors=[colour], radii=sure_m, labels=["helipad"]))
-        self._drawn.add(FIX)
-
-    def _clear(self, entity: str) -> None:
-        if entity in self._drawn:
-            self._drawn.remove(entity)
-            self._stream.log(entity, rr.Clear(recursive=False))
+        mark = rr.Points3D(at, colors=[colour], radii=sure_m, labels=["helipad"])
+        self._entities.draw(FIX, mark)
 
 
 def _placed(pose: Pose) -> rr.Transform3D:
@@ -211,7 +201,7 @@ def draw_lab(stream: rr.RecordingStream, lab: LabMap) -> None:
     carpet = rr.Boxes3D(
         centers=[[0.0, 0.0, -0.005]],
         half_sizes=[[wide / 2.0, deep / 2.0, 0.005]],
-        colors=[_CARPET],
+        colors=[CARPET_COLOUR],
         fill_mode="solid",
     )
     stream.log(f"{LAB}/carpet", carpet, static=True)
@@ -238,7 +228,6 @@ def _boxes(things: list[MapItem], colours: list[Colour], *, filled: bool) -> rr.
 
 
 def _letter(pad: MapItem) -> rr.LineStrips3D:
-    a, b, top_m = 0.22 * pad.size_m[0], 0.28 * pad.size_m[1], pad.size_m[2] + 0.005
-    strokes = (((-a, -b), (-a, b)), ((a, -b), (a, b)), ((-a, 0.0), (a, 0.0)))
-    lines = [[(*pad.to_world(*end), top_m) for end in stroke] for stroke in strokes]
+    top_m = pad.size_m[2] + 0.005
+    lines = [[(*end, top_m) for end in stroke] for stroke in pad.letter()]
     return rr.LineStrips3D(lines, colors=[(255, 255, 255)], radii=0.02)

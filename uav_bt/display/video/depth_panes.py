@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import cv2
@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 from uav_bt.display.canvas import ACCENT, ALARM, DIM, INK, PANEL, Colour, Image, line, put, tag
 from uav_bt.display.canvas import text_width_px as wide_px
 from uav_bt.display.phrases import describe_corridor, describe_free
-from uav_bt.types import Corridor, DepthMap
+from uav_bt.types import ClassMap, Corridor, DepthMap, Frame
+
+Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
+"""Returns which pixels of a depth map are inside the corridor, (H, W)."""
 
 FARTHEST_M: Final = 5.0  # of the scale: the carpet's length
 _UNKNOWN: Final[Colour] = (70, 74, 84)  # grey: no colour of the scale
@@ -29,9 +32,15 @@ def _scale_colours() -> NDArray[np.uint8]:
     return np.asarray(cv2.applyColorMap(ramp, cv2.COLORMAP_TURBO)[:, 0, ::-1], dtype=np.uint8)
 
 
+@functools.cache
+def _panel(size_px: tuple[int, int]) -> Image:
+    """Return the empty pane; filling with a colour takes ten times as long as copying."""
+    return np.full((size_px[1], size_px[0], 3), PANEL, dtype=np.uint8)
+
+
 def empty_pane(words: str, size_px: tuple[int, int]) -> Image:
     """Return a pane with a line of text only."""
-    image: Image = np.full((size_px[1], size_px[0], 3), PANEL, dtype=np.uint8)
+    image = _panel(size_px).copy()
     scale = 0.5
     while wide_px(words, scale) > size_px[0] - 16 and scale > 0.3:
         scale -= 0.05
@@ -90,6 +99,29 @@ def _draw_bar(image: Image, farthest_m: float) -> None:
         right = left + _BAR_WIDTH_PX
         line(image, [(right, row), (right + 3, row)], INK)
         put(image, f"{metres} m", (right + 5, row + 4), scale=0.32)
+
+
+def intruding_pixels(
+    intruding: Intruding | None,
+    frame: Frame | None,
+    class_map: ClassMap | None,
+    depth: DepthMap | None,
+) -> NDArray[np.bool_] | None:
+    """Return which pixels of a depth map are inside the corridor, (H, W).
+
+    Args:
+        intruding: finds them.
+        frame: the newest.
+        class_map: the newest.
+        depth: the newest metric one.
+
+    Returns:
+        None where something is missing, or the three are not of one capture.
+    """
+    if intruding is None or frame is None or class_map is None or depth is None:
+        return None
+    together = depth.captured_s == class_map.captured_s == frame.captured_s
+    return intruding(frame, class_map, depth) if together else None
 
 
 def draw_corridor(

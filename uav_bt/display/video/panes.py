@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +17,6 @@ from uav_bt.display.canvas import (
     ALARM,
     DIM,
     INK,
-    PANEL,
     Colour,
     Image,
     Point,
@@ -29,6 +27,8 @@ from uav_bt.display.canvas import (
     text_width_px,
 )
 from uav_bt.display.phrases import describe_fix, describe_movement
+from uav_bt.display.video.depth_panes import empty_pane
+from uav_bt.errors import ShapeError
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
 from uav_bt.types.projection import camera_axes
@@ -69,12 +69,34 @@ def project_fix(fix: HelipadFix, frame: Frame, camera: CameraModel) -> tuple[flo
     return right_m, down_m, depth_m
 
 
+def pad_circle(
+    fix: HelipadFix, frame: Frame, camera: CameraModel
+) -> tuple[float, float, float] | None:
+    """Return the circle around the helipad in an image; None when it is not in view.
+
+    Args:
+        fix: where the helipad lies.
+        frame: the telemetry of the image.
+        camera: intrinsics at the image's size.
+
+    Returns:
+        Column, row and radius, pixels.
+    """
+    right_m, down_m, depth_m = project_fix(fix, frame, camera)
+    if depth_m <= _NEAR_M:
+        return None
+    x = camera.cx_px + camera.fx_px * right_m / depth_m
+    y = camera.cy_px + camera.fy_px * down_m / depth_m
+    inside = 0 <= x < camera.width_px and 0 <= y < camera.height_px
+    return (x, y, camera.fx_px * _PAD_RADIUS_M / depth_m) if inside else None
+
+
 def draw_camera(readings: Readings, camera: CameraModel, size_px: tuple[int, int]) -> Image:
     """Return the camera's image with the helipad's mark and the policy's reason."""
     record = readings.record
     frame = record.observation.frame
     if frame is None:
-        return _empty("no image yet", size_px)
+        return empty_pane("no image yet", size_px)
     image = resize_image(frame.image, size_px)
     if readings.fix.value is not None:
         mark_fix(image, readings.fix.value, frame, camera)
@@ -99,20 +121,17 @@ def mark_fix(image: Image, fix: HelipadFix, frame: Frame, camera: CameraModel) -
     if frame.height_above_carpet_m < PAD_HEIGHT_M + _NEAR_M:
         return  # on the pad or about to be: it fills the view
     height_px, width_px = image.shape[:2]
-    right_m, down_m, depth_m = project_fix(fix, frame, camera)
     colour = ACCENT if fix.detected else INK
     words = f"helipad {fix.range_m:.2f} m"
-    half_words_px = (text_width_px(words, 0.45) + 12) / 2
-    shown = camera.resized(width_px, height_px)
-    if depth_m > _NEAR_M:
-        x = shown.cx_px + shown.fx_px * right_m / depth_m
-        y = shown.cy_px + shown.fy_px * down_m / depth_m
-        if 0 <= x < width_px and 0 <= y < height_px:
-            radius_px = min(max(shown.fx_px * _PAD_RADIUS_M / depth_m, 10.0), 150.0)
-            _reticle(image, (x, y), radius_px, colour)
-            at_px = (round(x - half_words_px), round(y - radius_px) - 32)
-            tag(image, words, at_px, colour=colour)
-            return
+    ring = pad_circle(fix, frame, camera.resized(width_px, height_px))
+    if ring is not None:
+        x, y, radius_px = *ring[:2], min(max(ring[2], 10.0), 150.0)
+        _reticle(image, (x, y), radius_px, colour)
+        half_words_px = (text_width_px(words, 0.45) + 12) / 2
+        at_px = (round(x - half_words_px), round(y - radius_px) - 32)
+        tag(image, words, at_px, colour=colour)
+        return
+    right_m, down_m, _ = project_fix(fix, frame, camera)
     _arrow(image, math.atan2(down_m, right_m), words, colour)
 
 
@@ -145,28 +164,37 @@ def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> No
         )
 
 
+def class_table(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the colours of all 256 ids; those without one get the alarm colour.
+
+    Args:
+        colours: (N, 3) uint8 RGB by class id.
+
+    Returns:
+        (256, 3) uint8 RGB.
+
+    Raises:
+        ShapeError: the colours have another shape.
+    """
+    if colours.ndim != 2 or colours.shape[1] != 3 or len(colours) > 256:
+        raise ShapeError("class colours", expected="Nx3", actual=colours.shape)
+    table = np.full((256, 3), ALARM, dtype=np.uint8)
+    table[: len(colours)] = colours
+    return table
+
+
 def draw_class_map(
-    readings: Readings, colours: NDArray[np.uint8], size_px: tuple[int, int]
+    class_map: ClassMap | None, table: NDArray[np.uint8], size_px: tuple[int, int]
 ) -> Image:
     """Return the class map in its colours, as large as the camera's image.
 
     Args:
-        readings: of this tick.
-        colours: (N, 3) uint8 RGB by class id; an id beyond them is drawn in the alarm colour.
+        class_map: None draws an empty pane.
+        table: (256, 3) uint8 RGB by class id.
         size_px: width and height of the pane.
     """
-    class_map = readings.class_map.value
     if class_map is None:
-        return _empty("no class map", size_px)
-    return colour_class_map(class_map, colours, size_px)
-
-
-def colour_class_map(
-    class_map: ClassMap, colours: NDArray[np.uint8], size_px: tuple[int, int]
-) -> Image:
-    """Return a class map's pane; see `draw_class_map`."""
-    table = np.full((256, 3), ALARM, dtype=np.uint8)
-    table[: len(colours)] = colours
+        return empty_pane("no class map", size_px)
     image: Image = np.asarray(
         cv2.resize(table[class_map.ids], size_px, interpolation=cv2.INTER_NEAREST), dtype=np.uint8
     )
@@ -175,22 +203,9 @@ def colour_class_map(
     return image
 
 
-@functools.cache
-def _panel(size_px: tuple[int, int]) -> Image:
-    """Return the empty pane; filling with a colour takes ten times as long as copying."""
-    return np.full((size_px[1], size_px[0], 3), PANEL, dtype=np.uint8)
-
-
-def _empty(words: str, size_px: tuple[int, int]) -> Image:
-    image = _panel(size_px).copy()
-    left = (size_px[0] - text_width_px(words)) // 2
-    put(image, words, (left, size_px[1] // 2), colour=DIM)
-    return image
-
-
 def draw_readings(readings: Readings, size_px: tuple[int, int]) -> Image:
     """Return the text pane: the active branch on the left, the numbers on the right."""
-    image = _panel(size_px).copy()
+    image = empty_pane("", size_px)
     record = readings.record
     put(image, record.phase or "-", (18, 38), scale=0.85, colour=ACCENT, bold=True)
     clock = f"{readings.elapsed_s:.1f} s"

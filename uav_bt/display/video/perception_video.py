@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from uav_bt.display.canvas import ACCENT, BACKDROP, DIM, Image, tag
 from uav_bt.display.phrases import describe_fix
 from uav_bt.display.video.depth_panes import draw_corridor, draw_depth
-from uav_bt.display.video.panes import colour_class_map, mark_fix, resize_image
-from uav_bt.errors import ShapeError
+from uav_bt.display.video.panes import class_table, draw_class_map, mark_fix, resize_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
 _WIDTH_PX: Final = 1280
@@ -46,9 +45,7 @@ class PerceptionPanes:
     """
 
     def __init__(self, camera: CameraModel, *, class_colours: NDArray[np.uint8]) -> None:
-        if class_colours.ndim != 2 or class_colours.shape[1] != 3 or len(class_colours) > 256:
-            raise ShapeError("class colours", expected="Nx3", actual=class_colours.shape)
-        self._camera, self._colours = camera, class_colours
+        self._camera, self._colours = camera, class_table(class_colours)
         aspect = (camera.width_px / camera.fx_px) / (camera.height_px / camera.fy_px)
         aspect = min(max(aspect, 1.0 / _FLATTEST), _FLATTEST)
         self._size_px = (_WIDTH_PX, round(_WIDTH_PX / aspect / 2) * 2)
@@ -65,7 +62,7 @@ class PerceptionPanes:
         (width_px, height_px), (wide, high) = self._size_px, self._pane_px
         image: Image = np.full((height_px, width_px, 3), BACKDROP, dtype=np.uint8)
         image[:high, :wide] = self._draw_frame(seen)
-        image[-high:, :wide] = colour_class_map(seen.class_map, self._colours, self._pane_px)
+        image[-high:, :wide] = draw_class_map(seen.class_map, self._colours, self._pane_px)
         image[:high, -wide:] = draw_depth(seen.depth, self._pane_px, why_none=seen.refusal)
         image[-high:, -wide:] = draw_corridor(
             seen.frame.image, seen.corridor, seen.intruding, self._pane_px

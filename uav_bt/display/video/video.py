@@ -6,7 +6,7 @@ Where the mission makes metric depth, the class map shares its quarter with dept
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -32,21 +32,25 @@ from uav_bt.display.canvas import (
 )
 from uav_bt.display.lab_map import FlownPath, LabMap
 from uav_bt.display.live_map import LiveMap
-from uav_bt.display.video.depth_panes import corridor_rows, draw_corridor, draw_depth
+from uav_bt.display.video.depth_panes import (
+    Intruding,
+    corridor_rows,
+    draw_corridor,
+    draw_depth,
+    intruding_pixels,
+)
 from uav_bt.display.video.panes import (
     Readings,
+    class_table,
     draw_camera,
     draw_class_map,
     draw_readings,
     draw_rows,
 )
 from uav_bt.display.video.video_file import VideoFile
-from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.mission.runner import TickRecord
-from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
-
-Intruding = Callable[[Frame, ClassMap, DepthMap], NDArray[np.bool_]]
-"""Returns which pixels of a depth map are inside the corridor, (H, W)."""
+from uav_bt.types import CameraModel
 
 _WIDTH: Final = 1280
 _HEIGHT: Final = 720
@@ -101,11 +105,9 @@ class Panes:
         lab_map: LabMap | None,
         title: str = "",
     ) -> None:
-        if class_colours.ndim != 2 or class_colours.shape[1] != 3 or len(class_colours) > 256:
-            raise ShapeError("class colours", expected="Nx3", actual=class_colours.shape)
         self._board = board
         self._camera = camera
-        self._colours = class_colours
+        self._colours = class_table(class_colours)
         self._title = title
         self._shows_depth = False
         self._intruding: Intruding | None = None
@@ -140,20 +142,20 @@ class Panes:
         return image
 
     def _draw_perception(self, readings: Readings, size_px: tuple[int, int]) -> Image:
-        depth = self._board.read(METRIC_DEPTH)
+        depth, class_map = self._board.read(METRIC_DEPTH), readings.class_map.value
         self._shows_depth = self._shows_depth or depth.known
         if not self._shows_depth:
-            return draw_class_map(readings, self._colours, size_px)
+            return draw_class_map(class_map, self._colours, size_px)
         corridor, frame = self._board.read(CORRIDOR).value, readings.record.observation.frame
         quarter_px = ((size_px[0] - _GAP) // 2, (size_px[1] - _GAP) // 2)
         wide, high = quarter_px
         image: Image = np.full((size_px[1], size_px[0], 3), BACKDROP, dtype=np.uint8)
-        image[:high, :wide] = draw_class_map(readings, self._colours, quarter_px)
+        image[:high, :wide] = draw_class_map(class_map, self._colours, quarter_px)
         image[:high, -wide:] = draw_depth(depth.value, quarter_px)
         image[-high:, :wide] = draw_corridor(
             None if frame is None else frame.image,
             corridor,
-            self._marked(frame, readings.class_map.value, depth.value),
+            intruding_pixels(self._intruding, frame, class_map, depth.value),
             quarter_px,
         )
         image[-high:, -wide:] = PANEL
@@ -161,14 +163,6 @@ class Panes:
             image[-high:, -wide:], corridor_rows(depth.value, corridor, depth.age_s), (10, 28)
         )
         return image
-
-    def _marked(
-        self, frame: Frame | None, class_map: ClassMap | None, depth: DepthMap | None
-    ) -> NDArray[np.bool_] | None:
-        if self._intruding is None or frame is None or class_map is None or depth is None:
-            return None
-        together = depth.captured_s == class_map.captured_s == frame.captured_s
-        return self._intruding(frame, class_map, depth) if together else None
 
     def _draw_map(self, readings: Readings, flown: FlownPath) -> Image:
         state = readings.record.observation.state

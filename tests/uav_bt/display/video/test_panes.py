@@ -12,6 +12,7 @@ from uav_bt.board import CLASS_MAP, HELIPAD
 from uav_bt.display.canvas import ACCENT, ALARM
 from uav_bt.display.video.panes import (
     Readings,
+    class_table,
     draw_camera,
     draw_class_map,
     draw_readings,
@@ -38,6 +39,9 @@ def readings(world: World, record: TickRecord) -> Readings:
 def frame_of(world: World, **changes: float) -> Frame:
     state = replace(world.tick().observation.state, **changes)
     return blank_frame(CAMERA, state)
+
+
+TABLE = class_table(COLOURS)
 
 
 def has(image: NDArray[np.uint8], colour: int | tuple[int, int, int]) -> bool:
@@ -92,17 +96,15 @@ def test_the_feedback_of_the_running_leaf_is_written_on_the_image() -> None:
 def test_before_the_first_frame_the_panes_say_so() -> None:
     world = World()
     now = readings(world, world.tick(frame=False))
-    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(now, COLOURS, PANE_PX)):
+    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(None, TABLE, PANE_PX)):
         assert image.shape == (359, 638, 3)
         assert len(np.unique(image.reshape(-1, 3), axis=0)) > 1, "a text"
 
 
 def test_classes_are_drawn_in_their_colours_and_unknown_ones_stand_out() -> None:
-    world = World()
     ids = np.full((28, 56), 5, dtype=np.uint8)
     ids[:, 28:] = 99
-    world.board.write(CLASS_MAP, ClassMap(ids=ids, captured_s=0.0))
-    image = draw_class_map(readings(world, world.tick()), COLOURS, PANE_PX)
+    image = draw_class_map(ClassMap(ids=ids, captured_s=0.0), TABLE, PANE_PX)
     assert tuple(image[200, 100]) == tuple(COLOURS[5])
     assert tuple(image[200, 600]) == ALARM
 
