@@ -25,7 +25,6 @@ FLOOR_ONE = {
         "errors",
         "files",
         "plugins",
-        "progress",
         "protocols",
         "yaml_file",
     )

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from perception.camera.checkerboards import MIN_CORNERS, Corners, Grey, find_any_board, find_board
 from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 from uav_bt.types import CameraModel
 
 Photographs = Mapping[str, Callable[[], Grey]]

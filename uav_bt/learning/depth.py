@@ -27,8 +27,7 @@ from uav_bt.errors import FileError
 from uav_bt.learning.dataset import footage_of
 from uav_bt.learning.diary import Diary
 from uav_bt.learning.scenes import VALIDATION_SCENES
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import Segmenter
+from uav_bt.protocols import Advance, Segmenter, silent
 from uav_bt.types import CameraModel
 
 CURVES: Final = ("loss", "abs_rel", "obstacle_error_m", "carpet_error_m")

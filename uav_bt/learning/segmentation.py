@@ -24,7 +24,7 @@ from perception.segmentation.training.picks import Pick, draw_picks, gather_patc
 from uav_bt.errors import FileError
 from uav_bt.files import whole_file
 from uav_bt.learning.views import Image, ViewPlan, twin_views
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"

@@ -25,8 +25,7 @@ from perception.networks.onnx_runtime import shrunk
 from uav_bt.errors import FileError, WeightsError
 from uav_bt.learning.dataset import fingerprint, image_of
 from uav_bt.learning.diary import Diary
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import Advice
+from uav_bt.protocols import Advance, Advice, silent
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader

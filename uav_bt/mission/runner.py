@@ -12,9 +12,8 @@ from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
-from uav_bt.mission.arbiter import Arbiter
 from uav_bt.mission.judge import Judge, Verdict
-from uav_bt.mission.safety import Limits, Override
+from uav_bt.mission.safety import Arbiter, Limits, Override
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final, Protocol
+from typing import IO, Any, Final
 
 from uav_bt import __version__
 from uav_bt.files import writing
@@ -43,30 +43,6 @@ class Timeline:
     def since_start(self, time_ns: int) -> float:
         """Return the seconds from the record's start to one of its times."""
         return (time_ns - self.start_ns) / _NS
-
-
-class RecordSink(Protocol):
-    """Where encoded messages go."""
-
-    def write(self, channel: Channel, time_ns: int, data: bytes) -> None:
-        """Take a message."""
-        ...
-
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Take a metadata record."""
-        ...
-
-    def flush(self) -> None:
-        """Make what was written readable, whatever happens to this process."""
-        ...
-
-    def finish(self) -> None:
-        """Write index and summary, and close."""
-        ...
-
-    def abandon(self) -> None:
-        """Close without a summary: what is there stays marked as unfinished."""
-        ...
 
 
 class RecordFile:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Final, Self
@@ -15,7 +15,7 @@ from uav_bt.mission.runner import TickRecord
 from uav_bt.record import channels, messages
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, NodeNote, RecordConfig, TreeNote
 from uav_bt.record.encoder import LogLine, MomentEncoder, RawMoment
-from uav_bt.record.record_file import Attachment, RecordFile, RecordSink, Timeline
+from uav_bt.record.record_file import Attachment, RecordFile, Timeline
 from uav_bt.record.values import dump, encode
 from uav_bt.record.worker import RecordWorker
 from uav_bt.tree import MissionTree
@@ -74,11 +74,10 @@ class FlightRecorder:
         *,
         start_ns: int,
         config: RecordConfig | None = None,
-        sink: Callable[[RecordFile], RecordSink] | None = None,
     ) -> None:
         self._context = context
         self._nodes = tuple(tree.nodes())
-        self._sink: RecordSink = file if sink is None else sink(file)
+        self._file = file
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
         self._phase = ""
         self._override: str | None = None
@@ -87,15 +86,15 @@ class FlightRecorder:
         self.losses = RecordLosses()
         self._lines: list[LogLine] = []
         self._handler = _Lines(self._lines)
-        self._begin(file, camera, facts)
+        self._begin(camera, facts)
         config = config or RecordConfig()
         encoder = MomentEncoder(self._timeline, camera, config)
-        self._worker = RecordWorker(self._sink, encoder.encode, config)
+        self._worker = RecordWorker(self._file, encoder.encode, config)
         logging.getLogger().addHandler(self._handler)
 
-    def _begin(self, file: RecordFile, camera: CameraModel, facts: FlightFacts) -> None:
+    def _begin(self, camera: CameraModel, facts: FlightFacts) -> None:
         at_ns = self._timeline.start_ns
-        file.metadata(
+        self._file.metadata(
             START,
             {
                 **facts.values,
@@ -106,10 +105,10 @@ class FlightRecorder:
             },
         )
         for attachment in facts.attachments:
-            file.attach(attachment, at_ns)
-        file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
-        file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
-        file.flush()
+            self._file.attach(attachment, at_ns)
+        self._file.write(channels.TREE, at_ns, dump(encode(self._tree_note())))
+        self._file.write(channels.CALIBRATION, at_ns, messages.calibration(camera, at_ns))
+        self._file.flush()
 
     def _tree_note(self) -> TreeNote:
         places = {node.path: place for place, node in enumerate(self._nodes)}
@@ -147,18 +146,18 @@ class FlightRecorder:
     def _note_changes(self, record: TickRecord) -> None:
         if record.phase != self._phase:
             self._phase = record.phase
-            self._say("Info", f"phase: {record.phase}")
+            self._log("Info", f"phase: {record.phase}")
         override = None if record.override is None else record.override.value
         if override != self._override:
             self._override = override
-            self._say("Warning", f"override: {override}" if override else "override over")
+            self._log("Warning", f"override: {override}" if override else "override over")
         kind = type(record.command.movement)
         if kind is not self._movement:
             self._movement = kind
             if kind in {TakeOff, Land, Release, CutMotors}:
-                self._say("Info", f"sent: {kind.__name__}")
+                self._log("Info", f"sent: {kind.__name__}")
 
-    def _say(self, level: str, message: str) -> None:
+    def _log(self, level: str, message: str) -> None:
         self._lines.append(LogLine(level=level, message=message, name=_RUNNER))
 
     def finish(self, end: Mapping[str, str] | None = None) -> RecordLosses:
@@ -179,7 +178,7 @@ class FlightRecorder:
         if failure is None:
             failure = self._conclude(end or {})
         if failure is not None:
-            self._sink.abandon()
+            self._file.abandon()
         self.losses = self._losses(failure)
         if str(self.losses):
             _LOG.warning("the flight's record is incomplete: %s", self.losses)
@@ -196,7 +195,7 @@ class FlightRecorder:
     def _conclude(self, end: Mapping[str, str]) -> Exception | None:
         losses = self._losses(None)
         try:
-            self._sink.metadata(
+            self._file.metadata(
                 END,
                 {
                     **end,
@@ -204,7 +203,7 @@ class FlightRecorder:
                     "lost_ticks": str(losses.lost_ticks),
                 },
             )
-            self._sink.finish()
+            self._file.finish()
         except OSError as error:
             return error
         return None

@@ -14,7 +14,7 @@ from functools import partial
 from typing import Generic, TypeVar
 
 from uav_bt.record.channels import Channel, RecordConfig
-from uav_bt.record.record_file import RecordSink
+from uav_bt.record.record_file import RecordFile
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ class RecordWorker(Generic[T]):
 
     def __init__(
         self,
-        sink: RecordSink,
+        sink: RecordFile,
         encode: Callable[[T, bool], Iterable[Encoded]],
         config: RecordConfig,
     ) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 
 import pytest
 
 from uav_bt.board.context import Proposals
-from uav_bt.mission.arbiter import Arbiter
-from uav_bt.mission.safety import SAFETY, Circumstances, Limits, Override, rule_in_force
+from uav_bt.errors import ProposalConflictError, ValueRangeError
+from uav_bt.mission.safety import SAFETY, Arbiter, Circumstances, Limits, Override, rule_in_force
 from uav_bt.types import (
     Command,
     CutMotors,
@@ -18,7 +19,10 @@ from uav_bt.types import (
     GimbalTo,
     Hover,
     Land,
+    MoveBy,
+    Movement,
     Release,
+    TakeOff,
     Velocity,
 )
 
@@ -114,3 +118,214 @@ def test_calm_circumstances_leave_the_word_to_the_leaves() -> None:
 
 def test_every_rule_says_why() -> None:
     assert all(rule.why for rule in SAFETY)
+
+
+LIMITS = Limits(speed_mps=1.0, climb_mps=0.5, yaw_rate_radps=1.5, ceiling_m=2.4)
+DOWN = GimbalTo(pitch_rad=-1.0)
+
+
+def state_of(
+    flying: FlyingState = FlyingState.HOVERING,
+    *,
+    height_m: float = 1.5,
+    battery: float = 1.0,
+    pilot: bool = False,
+) -> DroneState:
+    return DroneState(
+        captured_s=0.0,
+        flying=flying,
+        height_above_carpet_m=height_m,
+        battery=battery,
+        pilot_has_control=pilot,
+    )
+
+
+def proposals_of(movement: Movement | None = None, gimbal: GimbalTo | None = None) -> Proposals:
+    proposals = Proposals()
+    if movement is not None:
+        proposals.propose("Mission/leaf", movement)
+    if gimbal is not None:
+        proposals.propose_gimbal("Mission/leaf", gimbal)
+    return proposals
+
+
+def decide(movement: Movement, *, height_m: float = 1.5) -> Movement:
+    """Return what becomes of a proposal in calm circumstances."""
+    arbiter = Arbiter(LIMITS)
+    state = state_of(height_m=height_m)
+    return arbiter.decide(proposals_of(movement), state, frame_age_s=0.0).movement
+
+
+# --- proposals ------------------------------------------------------------------------------------
+
+
+def test_nothing_proposed_means_hover() -> None:
+    arbiter = Arbiter(LIMITS)
+    command = arbiter.decide(Proposals(), state_of(), frame_age_s=0.0)
+    assert command == Command(movement=Hover(), gimbal=None)
+    assert arbiter.override is None
+
+
+def test_movement_and_gimbal_are_channels_of_their_own() -> None:
+    """Two leaves may share a tick when each has its channel."""
+    proposals = Proposals()
+    proposals.propose("a", Land())
+    proposals.propose_gimbal("b", DOWN)
+    command = Arbiter(LIMITS).decide(proposals, state_of(), frame_age_s=0.0)
+    assert command == Command(movement=Land(), gimbal=DOWN)
+    assert proposals.movement_owner == "a"
+
+
+def test_a_gimbal_alone_points_a_hovering_drone() -> None:
+    command = Arbiter(LIMITS).decide(proposals_of(gimbal=DOWN), state_of(), frame_age_s=0.0)
+    assert command == Command(movement=Hover(), gimbal=DOWN)
+
+
+def test_a_conflict_of_movements_names_both_leaves_and_keeps_the_first() -> None:
+    proposals = proposals_of(Land())
+    with pytest.raises(
+        ProposalConflictError, match=r"'Mission/leaf' and 'Mission/other'.*movement"
+    ):
+        proposals.propose("Mission/other", Land())
+    assert proposals.movement == Land()
+
+
+def test_a_conflict_of_camera_directions_names_both_leaves() -> None:
+    proposals = proposals_of(gimbal=DOWN)
+    with pytest.raises(ProposalConflictError, match=r"'Mission/leaf' and 'Mission/other'.*gimbal"):
+        proposals.propose_gimbal("Mission/other", DOWN)
+
+
+def test_a_leaf_may_change_its_mind_within_a_tick() -> None:
+    proposals = proposals_of(Land(), DOWN)
+    proposals.propose("Mission/leaf", Hover())
+    proposals.propose_gimbal("Mission/leaf", GimbalTo(pitch_rad=0.0))
+    assert proposals.movement == Hover()
+    assert proposals.gimbal == GimbalTo(pitch_rad=0.0)
+
+
+def test_clearing_forgets_all_but_the_count_of_ids() -> None:
+    proposals = proposals_of(Land(), DOWN)
+    first = proposals.next_id()
+    proposals.clear()
+    assert (proposals.movement, proposals.movement_owner, proposals.gimbal) == (None, None, None)
+    proposals.propose("Mission/other", Hover())
+    assert proposals.next_id() == first + 1
+
+
+# --- overrides ------------------------------------------------------------------------------------
+
+# Everything that can override, strongest first, with what is then sent.
+OVERRIDES = [
+    (Override.MANUAL, Release()),
+    (Override.ABORT, Land()),
+    (Override.BATTERY, Land()),
+    (Override.STALE_FRAME, Hover()),
+]
+
+
+@pytest.mark.parametrize("first", range(len(OVERRIDES)))
+def test_the_strongest_override_wins_over_all_weaker_ones(first: int) -> None:
+    """From each place in the order on, everything below is the case as well."""
+    override, movement = OVERRIDES[first]
+    arbiter = Arbiter(LIMITS)
+    command = arbiter.decide(
+        proposals_of(MoveBy(id=1, forward_m=1.0)),
+        state_of(pilot=first == 0, battery=0.05 if first <= 2 else 1.0),
+        frame_age_s=5.0,
+        abort=first <= 1,
+    )
+    assert arbiter.override is override
+    assert command.movement == movement
+
+
+def test_an_override_ends_with_its_reason() -> None:
+    arbiter = Arbiter(LIMITS)
+    proposals = proposals_of(MoveBy(id=1, forward_m=1.0))
+    arbiter.decide(proposals, state_of(), frame_age_s=5.0)
+    assert arbiter.override is Override.STALE_FRAME
+    command = arbiter.decide(proposals, state_of(), frame_age_s=0.1)
+    assert arbiter.override is None
+    assert command.movement == MoveBy(id=1, forward_m=1.0)
+
+
+def test_only_a_stale_frame_leaves_the_camera_to_the_leaves() -> None:
+    """Pointing it may be the cure; a landing or a pilot is not interfered with."""
+    proposals = proposals_of(Hover(), DOWN)
+    arbiter = Arbiter(LIMITS)
+    assert arbiter.decide(proposals, state_of(), frame_age_s=5.0).gimbal == DOWN
+    assert arbiter.decide(proposals, state_of(battery=0.0), frame_age_s=0.0).gimbal is None
+    assert arbiter.decide(proposals, state_of(pilot=True), frame_age_s=0.0).gimbal is None
+    assert arbiter.decide(proposals, state_of(), frame_age_s=0.0, abort=True).gimbal is None
+
+
+def test_a_drone_on_the_ground_may_take_off_before_its_first_frame() -> None:
+    arbiter = Arbiter(LIMITS)
+    standing = state_of(FlyingState.LANDED, height_m=0.0)
+    command = arbiter.decide(proposals_of(TakeOff()), standing, frame_age_s=math.inf)
+    assert command.movement == TakeOff()
+
+
+@pytest.mark.parametrize("flying", [FlyingState.TAKING_OFF, FlyingState.LANDING])
+def test_a_stale_frame_interrupts_neither_take_off_nor_landing(flying: FlyingState) -> None:
+    command = Arbiter(LIMITS).decide(proposals_of(Land()), state_of(flying), frame_age_s=9.0)
+    assert command.movement == Land()
+
+
+def test_limits_are_reached_only_beyond_them() -> None:
+    """The critical charge and the oldest frame are themselves still good."""
+    arbiter = Arbiter(LIMITS)
+    proposals = proposals_of(CutMotors())
+    arbiter.decide(
+        proposals, state_of(battery=LIMITS.critical_battery), frame_age_s=LIMITS.stale_frame_s
+    )
+    assert arbiter.override is None
+
+
+# --- limits ---------------------------------------------------------------------------------------
+
+
+def test_what_lies_within_the_limits_passes_unchanged() -> None:
+    for movement in (
+        Velocity(forward_mps=0.6, right_mps=-0.8, down_mps=0.5, yaw_rate_radps=-1.5),
+        Velocity(),
+        MoveBy(id=3, forward_m=0.3, right_m=0.1, down_m=-0.8, yaw_rad=1.0),
+        Land(),
+    ):
+        assert decide(movement) == movement
+
+
+def test_horizontal_speed_is_shortened_and_keeps_its_direction() -> None:
+    fast = decide(Velocity(forward_mps=3.0, right_mps=-4.0))
+    assert isinstance(fast, Velocity)
+    assert (fast.forward_mps, fast.right_mps) == pytest.approx((0.6, -0.8))
+
+
+@pytest.mark.parametrize(("asked", "given"), [(2.0, 0.5), (-2.0, -0.5)])
+def test_climbing_and_sinking_are_limited(asked: float, given: float) -> None:
+    assert decide(Velocity(down_mps=asked)) == Velocity(down_mps=given)
+
+
+@pytest.mark.parametrize(("asked", "given"), [(9.0, 1.5), (-9.0, -1.5)])
+def test_turning_is_limited_both_ways(asked: float, given: float) -> None:
+    assert decide(Velocity(yaw_rate_radps=asked)) == Velocity(yaw_rate_radps=given)
+
+
+def test_nobody_climbs_through_the_ceiling() -> None:
+    """A step ends at the ceiling; under it only sinking is left."""
+    step = decide(MoveBy(id=1, forward_m=0.3, down_m=-2.0), height_m=1.5)
+    assert isinstance(step, MoveBy)
+    assert step.down_m == pytest.approx(-0.9)
+    assert (step.id, step.forward_m) == (1, 0.3)
+    above = decide(MoveBy(id=1, down_m=-0.1), height_m=2.6)
+    assert isinstance(above, MoveBy)
+    assert above.down_m == 0.0
+    assert decide(MoveBy(id=1, down_m=0.4), height_m=2.6) == MoveBy(id=1, down_m=0.4)
+    assert decide(Velocity(down_mps=-0.3), height_m=2.4) == Velocity(down_mps=0.0)
+    assert decide(Velocity(down_mps=0.3), height_m=2.4) == Velocity(down_mps=0.3)
+
+
+@pytest.mark.parametrize("name", ["speed_mps", "climb_mps", "yaw_rate_radps", "ceiling_m"])
+def test_limits_must_be_positive(name: str) -> None:
+    with pytest.raises(ValueRangeError, match="must be positive"):
+        dataclasses.replace(LIMITS, **{name: 0.0})

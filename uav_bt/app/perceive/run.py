@@ -13,7 +13,7 @@ from uav_bt.app.perceive.pipeline import Perceived
 from uav_bt.app.perceive.streams import TimedImage
 from uav_bt.errors import InputError
 from uav_bt.files import writing
-from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advance, silent
 
 _Write = Callable[[TimedImage, Perceived], None]
 

@@ -17,7 +17,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.rerun import sinks
-from uav_bt.display.rerun.background import BackgroundFollower, Statuses
+from uav_bt.display.rerun.flight_view import BackgroundFollower, Statuses
 from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting, tree_nodes
 from uav_bt.mission.runner import TickListener
 from uav_bt.protocols import Drone

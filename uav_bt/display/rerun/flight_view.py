@@ -1,20 +1,26 @@
-"""A flight in Rerun: a tick listener that draws every tick on one timeline."""
+"""A flight in Rerun: a tick listener that draws every tick, in a thread of its own when live."""
 
 from __future__ import annotations
 
+import logging
+import queue
+import threading
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
 
 import rerun as rr
 
 from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, OBSTACLES
 from uav_bt.board.blackboard import Blackboard
+from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import FlownPath
 from uav_bt.display.phrases import describe_movement
 from uav_bt.display.rerun.images import ImageView
 from uav_bt.display.rerun.plots import FlightPlots, TreeGraph
 from uav_bt.display.rerun.setting import TIMELINE, WORDS, ViewSetting
 from uav_bt.display.rerun.world import WorldView
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.tree import Status
 
 
@@ -73,9 +79,9 @@ class FlightView:
         self._world.show_memory(obstacles, fix)
         self._tree.show(self._statuses())
         self._plots.show(record, corridor=corridor, obstacles=obstacles, fix=fix)
-        self._say(record)
+        self._log_words(record)
 
-    def _say(self, record: TickRecord) -> None:
+    def _log_words(self, record: TickRecord) -> None:
         """Log what the mission does and what the drone is commanded, when it changes."""
         leaf = record.active[-1] if record.active else "idle"
         command = describe_movement(record.command.movement)
@@ -87,3 +93,95 @@ class FlightView:
             self._words = words
             level = "WARN" if record.override is not None else "INFO"
             self._stream.log(WORDS, rr.TextLog(words, level=level))
+
+
+_LOG = logging.getLogger(__name__)
+_WAITING_TICKS: Final = 32  # their frames are in memory: 22 MB at 640x360
+
+Statuses = Callable[[], Mapping[str, Status]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Moment:
+    record: TickRecord
+    board: dict[str, tuple[Any, float]]  # value and capture time by key
+    statuses: Mapping[str, Status]
+
+
+class BackgroundFollower:
+    """Hands ticks to a follower in another thread; what it has no time for is left out.
+
+    A view must not bring a drone down: a follower that raises gets no more ticks.
+
+    Args:
+        make: makes the follower from a board and statuses that do not change during a tick.
+        board: of the mission.
+        statuses: returns the nodes' statuses by path.
+        waiting_ticks: how many may wait.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Blackboard, Statuses], TickListener],
+        board: Blackboard,
+        statuses: Statuses,
+        *,
+        waiting_ticks: int = _WAITING_TICKS,
+    ) -> None:
+        self.left_out = 0  # ticks
+        self.failure: Exception | None = None
+        self._board = board
+        self._statuses = statuses
+        self._clock = ManualClock()
+        self._mirror = Blackboard(self._clock, board.keys.values())
+        self._tick_statuses: Mapping[str, Status] = {}
+        self._follower = make(self._mirror, lambda: self._tick_statuses)
+        self._waiting: queue.Queue[_Moment | None] = queue.Queue(waiting_ticks)
+        self._thread = threading.Thread(target=self._follow, name="view", daemon=True)
+        self._thread.start()
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Hand a tick on."""
+        if self.failure is not None:
+            return
+        moment = _Moment(
+            record=record, board=self._board.snapshot(), statuses=dict(self._statuses())
+        )
+        try:
+            self._waiting.put_nowait(moment)
+        except queue.Full:
+            self.left_out += 1
+
+    def close(self) -> None:
+        """Return when all that waits has been followed; safe to call twice."""
+        if self._thread.is_alive():
+            self._waiting.put(None)
+            self._thread.join()
+        if self.left_out:
+            _LOG.warning("the view left out %d ticks: this machine is too busy", self.left_out)
+            self.left_out = 0
+
+    def _follow(self) -> None:
+        while (moment := self._waiting.get()) is not None:
+            if self.failure is None:
+                self._show(moment)
+
+    def _show(self, moment: _Moment) -> None:
+        try:
+            self._reflect(moment)
+            self._follower.on_tick(moment.record)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the flight goes on
+            self.failure = error
+            _LOG.warning("the view ended: %s: %s", type(error).__name__, error)
+
+    def _reflect(self, moment: _Moment) -> None:
+        self._clock.sleep_until(moment.record.time_s)
+        self._tick_statuses = moment.statuses
+        for name, key in self._board.keys.items():
+            if name not in self._mirror.keys:
+                self._mirror.declare(key)
+            if name in moment.board:
+                value, captured_s = moment.board[name]
+                self._mirror.write(key, value, captured_s)
+            else:
+                self._mirror.forget(key)

@@ -30,12 +30,6 @@ _FILE_S: Final = 120.0  # for what is still on its way to the disk
 _FLUSH_S: Final = 20.0  # for what is still on its way to a viewer that may be gone
 
 
-def has_display(environment: Mapping[str, str] | None = None) -> bool:
-    """Return whether a window can open here."""
-    given = os.environ if environment is None else environment
-    return sys.platform == "darwin" or bool(given.get("DISPLAY") or given.get("WAYLAND_DISPLAY"))
-
-
 def need_display(instead: str, environment: Mapping[str, str] | None = None) -> None:
     """Make sure that a window can open here.
 
@@ -46,7 +40,8 @@ def need_display(instead: str, environment: Mapping[str, str] | None = None) -> 
     Raises:
         InputError: it cannot.
     """
-    if not has_display(environment):
+    given = os.environ if environment is None else environment
+    if not (sys.platform == "darwin" or given.get("DISPLAY") or given.get("WAYLAND_DISPLAY")):
         raise InputError(
             "there is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are not set): "
             f"{instead}"

@@ -23,8 +23,7 @@ from perception.camera.ground_plane import CameraView
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.depth import DepthViewPlan
 from uav_bt.learning.scenes import TESTING_SCENES
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 Masks = Literal["unet", "exact"]

@@ -18,8 +18,7 @@ from uav_bt.learning.depth_tables.tables import (
     pair_table,
     sensitivity_table,
 )
-from uav_bt.progress import Advance, silent
-from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
 
 _Rows = Sequence[Any]
 _MAKERS: Final[Mapping[str, Callable[[DepthQuestions, Masks, Advance], _Rows]]] = {
