@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Final, Literal
 
@@ -33,7 +34,7 @@ _file_argument = click.argument("file", type=INPUT)
 def info(*, file: Path, format_: str) -> None:
     """Print what is in a record: duration, rates, losses, and whether it is whole."""
     found = record_info(file)
-    click.echo(json.dumps(found.to_json(), indent=2) if format_ == "json" else _text(found))
+    click.echo(json.dumps(asdict(found), indent=2) if format_ == "json" else _text(found))
 
 
 def _text(found: RecordInfo) -> str:

@@ -61,11 +61,6 @@ class Judge:
         if self._took_off_s is None:
             self._took_off_s = time_s
 
-    @property
-    def took_off_s(self) -> float | None:
-        """When the take-off was commanded."""
-        return self._took_off_s
-
     def elapsed(self, now_s: float) -> float:
         """Return seconds since the take-off command, 0 before it."""
         return 0.0 if self._took_off_s is None else now_s - self._took_off_s

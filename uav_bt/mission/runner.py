@@ -13,7 +13,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.judge import Judge, Verdict
-from uav_bt.mission.safety import Arbiter, Limits, Override
+from uav_bt.mission.safety import Arbiter, Circumstances, Limits, Override
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf
@@ -222,15 +222,15 @@ class MissionRunner:
 
     def _decide(self, observation: Observation, now_s: float) -> Command:
         frame, state = observation.frame, observation.state
-        return self._arbiter.decide(
-            self._context.proposals,
-            state,
+        now = Circumstances(
+            state=state,
             frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
             state_age_s=now_s - state.captured_s,
             abort=self._abort_reason is not None,
             manual=self._manual,
             cut=self._cut,
         )
+        return self._arbiter.decide(self._context.proposals, now)
 
     def _escalate(self, now_s: float) -> None:
         """Land when blind for long, end the mission when without telemetry for long.
@@ -276,14 +276,6 @@ class MissionRunner:
             state = self._drone.observe().state
             if state.flying is FlyingState.LANDED:
                 return
-            self._drone.send(
-                self._arbiter.decide(
-                    self._context.proposals,
-                    state,
-                    frame_age_s=0.0,
-                    abort=True,
-                    manual=self._manual,
-                    cut=self._cut,
-                )
-            )
+            now = Circumstances(state=state, abort=True, manual=self._manual, cut=self._cut)
+            self._drone.send(self._arbiter.decide(self._context.proposals, now))
             clock.sleep_until(now_s + self._config.tick_s)

@@ -145,41 +145,18 @@ class Arbiter:
         self._limits = limits
         self.override: Override | None = None  # the one in force since the last decision
 
-    def decide(
-        self,
-        proposals: Proposals,
-        state: DroneState,
-        *,
-        frame_age_s: float,
-        state_age_s: float = 0.0,
-        abort: bool = False,
-        manual: bool = False,
-        cut: bool = False,
-    ) -> Command:
+    def decide(self, proposals: Proposals, now: Circumstances) -> Command:
         """Return this tick's command.
 
         Args:
-            proposals: what the leaves asked for in this tick.
-            state: the newest drone state.
-            frame_age_s: age of the newest frame, inf before the first.
-            state_age_s: of the newest telemetry.
-            abort: an operator or a fault wants the drone on the ground.
-            manual: a person at this machine took over.
-            cut: a person wants the motors off.
+            proposals: of the leaves in this tick.
+            now: what the safety rules depend on.
         """
-        now = Circumstances(
-            state=state,
-            frame_age_s=frame_age_s,
-            state_age_s=state_age_s,
-            manual=manual,
-            abort=abort,
-            cut=cut,
-        )
         rule = rule_in_force(now, self._limits)
         self.override = None if rule is None else rule.override
         if rule is None:
             movement = proposals.movement or Hover()
-            return Command(movement=self._clamp(movement, state), gimbal=proposals.gimbal)
+            return Command(movement=self._clamp(movement, now.state), gimbal=proposals.gimbal)
         gimbal = proposals.gimbal if rule.gimbal_too else None
         return Command(movement=rule.movement, gimbal=gimbal)
 

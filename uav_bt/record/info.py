@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from uav_bt.record import channels
 from uav_bt.record.channels import CHANNELS
@@ -41,10 +40,6 @@ class RecordInfo:
     attachments: dict[str, int]  # bytes by name
     lost_ticks: int
     damages: tuple[str, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it as plain JSON values."""
-        return asdict(self)
 
 
 def record_info(path: Path) -> RecordInfo:

@@ -154,7 +154,7 @@ def test_before_the_take_off_nobody_leaves_the_carpet() -> None:
 def test_time_counts_from_the_first_take_off_command() -> None:
     judge = flown()
     judge.took_off(200.0)
-    assert judge.took_off_s == 10.0
+    assert judge.elapsed(10.5) == 0.5
     assert ask(judge, 310.0) is None
     verdict = ask(judge, 310.1)
     assert verdict == Verdict(outcome=Outcome.TIMEOUT, reason="not over after 300 s")
@@ -162,7 +162,6 @@ def test_time_counts_from_the_first_take_off_command() -> None:
 
 def test_elapsed_time_is_zero_until_the_take_off() -> None:
     judge = Judge()
-    assert judge.took_off_s is None
     assert judge.elapsed(7.0) == 0.0
     judge.took_off(7.0)
     assert judge.elapsed(9.5) == 2.5

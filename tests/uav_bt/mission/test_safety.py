@@ -71,17 +71,8 @@ def test_each_rule_has_one_answer(override: Override, command: Command) -> None:
     proposals = Proposals()
     proposals.propose("leaf", Velocity(forward_mps=0.5))
     proposals.propose_gimbal("leaf", GimbalTo(pitch_rad=-0.5))
-    now = circumstances(override)
     arbiter = Arbiter(LIMITS)
-    decided = arbiter.decide(
-        proposals,
-        now.state,
-        frame_age_s=now.frame_age_s,
-        state_age_s=now.state_age_s,
-        abort=now.abort,
-        manual=now.manual,
-        cut=now.cut,
-    )
+    decided = arbiter.decide(proposals, circumstances(override))
     assert decided == command
     assert arbiter.override is override
 
@@ -153,7 +144,7 @@ def decide(movement: Movement, *, height_m: float = 1.5) -> Movement:
     """Return what becomes of a proposal in calm circumstances."""
     arbiter = Arbiter(LIMITS)
     state = state_of(height_m=height_m)
-    return arbiter.decide(proposals_of(movement), state, frame_age_s=0.0).movement
+    return arbiter.decide(proposals_of(movement), Circumstances(state=state)).movement
 
 
 # --- proposals ------------------------------------------------------------------------------------
@@ -161,7 +152,7 @@ def decide(movement: Movement, *, height_m: float = 1.5) -> Movement:
 
 def test_nothing_proposed_means_hover() -> None:
     arbiter = Arbiter(LIMITS)
-    command = arbiter.decide(Proposals(), state_of(), frame_age_s=0.0)
+    command = arbiter.decide(Proposals(), Circumstances(state=state_of()))
     assert command == Command(movement=Hover(), gimbal=None)
     assert arbiter.override is None
 
@@ -171,13 +162,13 @@ def test_movement_and_gimbal_are_channels_of_their_own() -> None:
     proposals = Proposals()
     proposals.propose("a", Land())
     proposals.propose_gimbal("b", DOWN)
-    command = Arbiter(LIMITS).decide(proposals, state_of(), frame_age_s=0.0)
+    command = Arbiter(LIMITS).decide(proposals, Circumstances(state=state_of()))
     assert command == Command(movement=Land(), gimbal=DOWN)
     assert proposals.movement_owner == "a"
 
 
 def test_a_gimbal_alone_points_a_hovering_drone() -> None:
-    command = Arbiter(LIMITS).decide(proposals_of(gimbal=DOWN), state_of(), frame_age_s=0.0)
+    command = Arbiter(LIMITS).decide(proposals_of(gimbal=DOWN), Circumstances(state=state_of()))
     assert command == Command(movement=Hover(), gimbal=DOWN)
 
 
@@ -231,9 +222,11 @@ def test_the_strongest_override_wins_over_all_weaker_ones(first: int) -> None:
     arbiter = Arbiter(LIMITS)
     command = arbiter.decide(
         proposals_of(MoveBy(id=1, forward_m=1.0)),
-        state_of(pilot=first == 0, battery=0.05 if first <= 2 else 1.0),
-        frame_age_s=5.0,
-        abort=first <= 1,
+        Circumstances(
+            state=state_of(pilot=first == 0, battery=0.05 if first <= 2 else 1.0),
+            frame_age_s=5.0,
+            abort=first <= 1,
+        ),
     )
     assert arbiter.override is override
     assert command.movement == movement
@@ -242,9 +235,9 @@ def test_the_strongest_override_wins_over_all_weaker_ones(first: int) -> None:
 def test_an_override_ends_with_its_reason() -> None:
     arbiter = Arbiter(LIMITS)
     proposals = proposals_of(MoveBy(id=1, forward_m=1.0))
-    arbiter.decide(proposals, state_of(), frame_age_s=5.0)
+    arbiter.decide(proposals, Circumstances(state=state_of(), frame_age_s=5.0))
     assert arbiter.override is Override.STALE_FRAME
-    command = arbiter.decide(proposals, state_of(), frame_age_s=0.1)
+    command = arbiter.decide(proposals, Circumstances(state=state_of(), frame_age_s=0.1))
     assert arbiter.override is None
     assert command.movement == MoveBy(id=1, forward_m=1.0)
 
@@ -253,22 +246,28 @@ def test_only_a_stale_frame_leaves_the_camera_to_the_leaves() -> None:
     """Pointing it may be the cure; a landing or a pilot is not interfered with."""
     proposals = proposals_of(Hover(), DOWN)
     arbiter = Arbiter(LIMITS)
-    assert arbiter.decide(proposals, state_of(), frame_age_s=5.0).gimbal == DOWN
-    assert arbiter.decide(proposals, state_of(battery=0.0), frame_age_s=0.0).gimbal is None
-    assert arbiter.decide(proposals, state_of(pilot=True), frame_age_s=0.0).gimbal is None
-    assert arbiter.decide(proposals, state_of(), frame_age_s=0.0, abort=True).gimbal is None
+    assert (
+        arbiter.decide(proposals, Circumstances(state=state_of(), frame_age_s=5.0)).gimbal == DOWN
+    )
+    assert arbiter.decide(proposals, Circumstances(state=state_of(battery=0.0))).gimbal is None
+    assert arbiter.decide(proposals, Circumstances(state=state_of(pilot=True))).gimbal is None
+    assert arbiter.decide(proposals, Circumstances(state=state_of(), abort=True)).gimbal is None
 
 
 def test_a_drone_on_the_ground_may_take_off_before_its_first_frame() -> None:
     arbiter = Arbiter(LIMITS)
     standing = state_of(FlyingState.LANDED, height_m=0.0)
-    command = arbiter.decide(proposals_of(TakeOff()), standing, frame_age_s=math.inf)
+    command = arbiter.decide(
+        proposals_of(TakeOff()), Circumstances(state=standing, frame_age_s=math.inf)
+    )
     assert command.movement == TakeOff()
 
 
 @pytest.mark.parametrize("flying", [FlyingState.TAKING_OFF, FlyingState.LANDING])
 def test_a_stale_frame_interrupts_neither_take_off_nor_landing(flying: FlyingState) -> None:
-    command = Arbiter(LIMITS).decide(proposals_of(Land()), state_of(flying), frame_age_s=9.0)
+    command = Arbiter(LIMITS).decide(
+        proposals_of(Land()), Circumstances(state=state_of(flying), frame_age_s=9.0)
+    )
     assert command.movement == Land()
 
 
@@ -277,7 +276,10 @@ def test_limits_are_reached_only_beyond_them() -> None:
     arbiter = Arbiter(LIMITS)
     proposals = proposals_of(CutMotors())
     arbiter.decide(
-        proposals, state_of(battery=LIMITS.critical_battery), frame_age_s=LIMITS.stale_frame_s
+        proposals,
+        Circumstances(
+            state=state_of(battery=LIMITS.critical_battery), frame_age_s=LIMITS.stale_frame_s
+        ),
     )
     assert arbiter.override is None
 
