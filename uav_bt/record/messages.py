@@ -17,7 +17,7 @@ WORLD: Final = "world"  # z up, origin in the carpet's middle
 BODY: Final = "drone"  # x forward, y left, z up: what viewers draw arrows and axes for
 CAMERA_FRAME_ID: Final = "camera"  # OpenCV's: x right, y down, z forward
 
-_OPTICAL: Final = Rotation.from_quat((-0.5, 0.5, -0.5, 0.5))  # OpenCV's axes: forward, left, up
+_OPTICAL: Final = (-0.5, 0.5, -0.5, 0.5)  # from OpenCV's axes to forward, left, up
 _NS: Final = 1_000_000_000
 
 
@@ -110,7 +110,7 @@ def transforms(
     lens_m = at_m + body.apply([camera.forward_offset_m, 0.0, 0.0])
     return (
         _transform(BODY, at_m, body, time_ns),
-        _transform(CAMERA_FRAME_ID, lens_m, _level(where, gimbal_pitch_rad) * _OPTICAL, time_ns),
+        _transform(CAMERA_FRAME_ID, lens_m, _lens(where, gimbal_pitch_rad), time_ns),
     )
 
 
@@ -151,5 +151,6 @@ def _body(where: Pose, attitude: Attitude) -> Rotation:
     return Rotation.from_euler("ZYX", [where.yaw_rad, -attitude.pitch_rad, attitude.roll_rad])
 
 
-def _level(where: Pose, gimbal_pitch_rad: float) -> Rotation:
-    return Rotation.from_euler("ZY", [where.yaw_rad, -gimbal_pitch_rad])
+def _lens(where: Pose, gimbal_pitch_rad: float) -> Rotation:
+    level = Rotation.from_euler("ZY", [where.yaw_rad, -gimbal_pitch_rad])
+    return level * Rotation.from_quat(_OPTICAL)

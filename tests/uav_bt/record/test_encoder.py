@@ -149,9 +149,9 @@ def test_a_nose_that_rises_points_up_and_a_right_wing_that_drops_points_down() -
 
 def test_a_camera_that_looks_down_sees_downwards() -> None:
     pose = Pose(x_m=0.0, y_m=0.0, z_m=1.0, yaw_rad=0.0)
-    axis = (messages._level(pose, -math.pi / 2) * messages._OPTICAL).apply((0.0, 0.0, 1.0))
+    axis = messages._lens(pose, -math.pi / 2).apply((0.0, 0.0, 1.0))
     assert axis == pytest.approx([0.0, 0.0, -1.0])
-    level = messages._OPTICAL
+    level = messages._lens(pose, 0.0)
     assert level.apply((0.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0, 0.0])
     assert level.apply((1.0, 0.0, 0.0)) == pytest.approx([0.0, -1.0, 0.0])
     assert level.apply((0.0, 1.0, 0.0)) == pytest.approx([0.0, 0.0, -1.0])
