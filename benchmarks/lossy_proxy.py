@@ -48,13 +48,13 @@ class _Relay(asyncio.DatagramProtocol):
         self._forward = forward
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
-        """Pass it on, from whomever it comes."""
+        """Pass it on."""
         del addr
         self._forward(data)
 
 
 class LossyProxy:
-    """Stands at one address before a drone at another."""
+    """Listens at one address in place of a drone at another."""
 
     def __init__(self, address: str, drone: str, *, loss: Loss, seed: int) -> None:
         self.tally = Tally()
@@ -64,7 +64,7 @@ class LossyProxy:
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Stand there while this lasts."""
+        """Listen while this lasts."""
         async with contextlib.AsyncExitStack() as stack:
             for port, serve in (
                 (CONTROL, self._serve_control),
@@ -80,7 +80,7 @@ class LossyProxy:
         for transport in self._sockets:
             transport.close()
 
-    def _spoil(self, send: Callable[[], None]) -> None:
+    def _pass_on(self, send: Callable[[], None]) -> None:
         loop, tally, luck = asyncio.get_running_loop(), self.tally, self._random.random()
         if luck < self._loss.dropped:
             tally.dropped += 1
@@ -114,11 +114,11 @@ class LossyProxy:
         commands_to: list[Address] = []
 
         near, _ = await loop.create_datagram_endpoint(
-            lambda: _Relay(lambda data: self._spoil(lambda: far.sendto(data, commands_to[0]))),
+            lambda: _Relay(lambda data: self._pass_on(lambda: far.sendto(data, commands_to[0]))),
             local_addr=(self._address, 0),
         )
         far, _ = await loop.create_datagram_endpoint(
-            lambda: _Relay(lambda data: self._spoil(lambda: near.sendto(data, events_to))),
+            lambda: _Relay(lambda data: self._pass_on(lambda: near.sendto(data, events_to))),
             local_addr=(LOOPBACK, 0),
         )
         self._sockets += [near, far]

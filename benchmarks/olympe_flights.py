@@ -7,7 +7,7 @@ same Python:
 
 Latency is from a frame's arrival at this program to the moment its command was handed to the SDK:
 conversion, perception and tree included, rendering and encoding not. A frame that came while the
-one before was still worked on is never looked at and does not count. On a virtual machine the time
+one before was still being processed is never used and does not count. On a virtual machine the time
 that its host gave to others is printed, too: latencies grow with it.
 """
 
@@ -112,7 +112,7 @@ def served(python: str, address: str, scene: str, seed: int, rate: float) -> Ite
 
 
 def main() -> None:
-    """Fly and tell."""
+    """Fly and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tree", default="explore_and_land_depth")
     parser.add_argument("--flights", type=int, default=10)

@@ -47,15 +47,15 @@ class LoopbackDrone:
     def __init__(self, setup: DroneSetup) -> None:
         self._setup = setup
         self._clock = WallClock()
-        self._world = TwinWorld(
+        self.world = TwinWorld(
             setup.scene, profile=setup.profile, seed=setup.seed, clock=self._clock
         )
         table = message_table()
         self._anafi = Anafi(
-            self._world, table, identity=setup.server.identity, battery=setup.battery
+            self.world, table, identity=setup.server.identity, battery=setup.battery
         )
         self._camera = TwinCamera(
-            self._world,
+            self.world,
             image_size_px=setup.image_size_px,
             seed=setup.seed,
             clock=self._clock,
@@ -69,11 +69,6 @@ class LoopbackDrone:
         """Where it really listens."""
         ports = self._server.ports
         return ports if self._video is None else replace(ports, rtsp=self._video.address[1])
-
-    @property
-    def lost_s(self) -> float:
-        """Flight time that was left out because the machine was too slow, s."""
-        return self._world.lost_s
 
     def video_stats(self) -> VideoStats | None:
         """Return what the video has done so far, None where there is none."""
@@ -99,7 +94,7 @@ class LoopbackDrone:
                     now=self._clock.now,
                     finish=self._camera.close,
                 )
-            self._world.start()
+            self.world.start()
             await self._server.start()
         except BaseException:
             await self.close()
@@ -118,4 +113,4 @@ class LoopbackDrone:
         await self._server.close()
         if self._video is not None:
             await self._video.close()
-        self._world.stop()
+        self.world.stop()

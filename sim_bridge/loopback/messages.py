@@ -69,17 +69,8 @@ class MessageType:
     arguments: tuple[Argument, ...]
 
 
-_NUMBERS: Final = MappingProxyType(
-    {
-        "u8": "B",
-        "i8": "b",
-        "u16": "H",
-        "i16": "h",
-        "u32": "I",
-        "i32": "i",
-        "u64": "Q",
-        "i64": "q",
-    }
+_NUMBERS: Final = MappingProxyType(  # as `struct` names them
+    dict(zip(["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64"], "BbHhIiQq", strict=True))
 )
 _PLAIN: Final = MappingProxyType(
     {

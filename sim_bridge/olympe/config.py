@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 SKYCONTROLLER_HOST: Final = "192.168.53.1"
 
 DISCOVERY_PORT: Final = 44445
+_POSITIVE: Final = (
+    *("speed_limit_mps", "climb_limit_mps", "yaw_rate_limit_radps"),
+    *("altitude_limit_m", "tilt_limit_rad"),
+)
 _PORT: Final = re.compile(r"[0-9]{1,5}")
 _HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 
@@ -59,14 +63,8 @@ class OlympeConfig:
     integral_per_s2: float = 0.5  # removes the rest of the error within some seconds
 
     def __post_init__(self) -> None:
-        positive = {
-            "speed_limit_mps": self.speed_limit_mps,
-            "climb_limit_mps": self.climb_limit_mps,
-            "yaw_rate_limit_radps": self.yaw_rate_limit_radps,
-            "altitude_limit_m": self.altitude_limit_m,
-            "tilt_limit_rad": self.tilt_limit_rad,
-        }
-        for name, value in positive.items():
+        for name in _POSITIVE:
+            value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueRangeError(f"{name} must be a positive number, got {value}")
         if min(self.take_off_surface_m, self.video_latency_s) < 0.0:

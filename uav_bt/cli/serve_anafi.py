@@ -157,6 +157,6 @@ def _farewell(drone: LoopbackDrone) -> str:
             f"video: {stats.frames_encoded} frames made, {stats.rate_hz:.1f} a second lately, "
             f"{stats.frames_late} slots missed"
         )
-    if drone.lost_s > 0.0:
-        lines.append(f"the machine was too slow: {drone.lost_s:.1f} s of flight were left out")
+    if (lost_s := drone.world.lost_s) > 0.0:
+        lines.append(f"the machine was too slow: {lost_s:.1f} s of flight were left out")
     return "\n".join([*lines, "stopped"])

@@ -89,7 +89,7 @@ class Anafi:
     def connected(self, sink: Sink) -> None:
         """Send events to a client from now on."""
         self._publisher.sink = sink
-        self._return_to_home.link_restored()
+        self._return_to_home.link_lost_s = None
 
     def disconnected(self) -> None:
         """Centre the sticks, and return home unless a client connects in time."""
@@ -100,7 +100,7 @@ class Anafi:
             self.battery.exchange()
         elif not self._travel.running:
             self._world.move(Hover())
-        self._return_to_home.link_lost(state.time_s)
+        self._return_to_home.link_lost_s = state.time_s
 
     def handle(self, command: Received) -> None:
         """Carry a command out; one that is not simulated changes nothing."""

@@ -38,15 +38,8 @@ class Step:
     yaw_rad: float = 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Travelled:
-    """The result of a movement."""
-
-    outcome: Outcome
-    done: Step  # what was flown, in the frame in which it began
-
-
-Ending = Callable[[Travelled, WorldState], None]
+# Takes the outcome, what was flown in the frame in which it began, and the state at the end.
+Ending = Callable[[Outcome, Step, WorldState], None]
 
 
 def step_to(
@@ -160,7 +153,7 @@ class Travel:
             down_m=self._start.altitude_m - state.altitude_m,
             yaw_rad=self._turned_rad,
         )
-        ending(Travelled(outcome=outcome, done=done), state)
+        ending(outcome, done, state)
 
 
 def _position(state: WorldState) -> tuple[float, float, float]:

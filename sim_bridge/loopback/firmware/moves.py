@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Step, Travelled, step_to
+from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Step, step_to
 from sim_bridge.loopback.firmware.piloting import AIRBORNE
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState, offset_m
@@ -48,11 +48,11 @@ class MoveBy(Part):
         asked = Step(forward_m=forward_m, right_m=right_m, down_m=down_m, yaw_rad=yaw_rad)
         self._core.interrupt()
 
-        def ended(travelled: Travelled, _: WorldState) -> None:
+        def ended(outcome: Outcome, done: Step, _: WorldState) -> None:
             self._running = False
-            status, error = _RESULTS[travelled.outcome]
-            self._publish_change(asked, travelled.done, status)
-            self._notify_end(travelled.done, error)
+            status, error = _RESULTS[outcome]
+            self._publish_change(asked, done, status)
+            self._notify_end(done, error)
 
         self._running = True
         self._publish_change(asked, Step(), "RUNNING")
@@ -141,11 +141,11 @@ class MoveTo(Part):
             self._cross(goal, state)
             return
 
-        def turned(travelled: Travelled, then: WorldState) -> None:
-            if travelled.outcome is Outcome.DONE and self._goal is goal:
+        def turned(outcome: Outcome, _: Step, then: WorldState) -> None:
+            if outcome is Outcome.DONE and self._goal is goal:
                 self._cross(goal, then)
             else:
-                self._end(goal, travelled)
+                self._end(goal, outcome)
 
         self._core.travel.start(Step(yaw_rad=turn_rad), state, turned)
 
@@ -163,12 +163,12 @@ class MoveTo(Part):
         if goal.asked["orientation_mode"] == "HEADING_DURING":
             yaw_rad = math.radians(goal.asked["heading"])
         step = step_to(state, goal.north_m, goal.east_m, goal.altitude_m, yaw_rad)
-        self._core.travel.start(step, state, lambda travelled, _: self._end(goal, travelled))
+        self._core.travel.start(step, state, lambda outcome, *_: self._end(goal, outcome))
 
-    def _end(self, goal: _Goal, travelled: Travelled) -> None:
+    def _end(self, goal: _Goal, outcome: Outcome) -> None:
         if self._goal is goal:
             self._goal = None
-            self._publish(goal.asked, _STATUS[travelled.outcome])
+            self._publish(goal.asked, _STATUS[outcome])
 
     def _cancel(self, _values: Values, state: WorldState) -> None:
         if self.running:

@@ -6,7 +6,7 @@ import enum
 import math
 from typing import Final
 
-from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Travelled, step_to
+from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Step, step_to
 from sim_bridge.loopback.firmware.piloting import AIRBORNE, Flight
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState, location, offset_m
@@ -49,7 +49,7 @@ class ReturnToHome(Part):
         self._flight = flight
         self._phase: _Phase | None = None  # None while it does not run
         self._flying = False
-        self._link_lost_s: float | None = None  # since when
+        self.link_lost_s: float | None = None  # since when no client is connected
         self._take_off_m: tuple[float, float] = (0.0, 0.0)  # north, east
         self._custom_m: tuple[float, float] | None = None
         self._publish("unavailable", "disabled")
@@ -60,14 +60,6 @@ class ReturnToHome(Part):
         if self._phase is not None:
             self._phase = None
             self._publish("available", "stopped")
-
-    def link_lost(self, now_s: float) -> None:
-        """Note that no client is connected any more."""
-        self._link_lost_s = now_s
-
-    def link_restored(self) -> None:
-        """Note that a client is connected."""
-        self._link_lost_s = None
 
     def update(self, state: WorldState) -> None:
         """Note where flights begin; return when the link is lost for as long as is set."""
@@ -81,9 +73,9 @@ class ReturnToHome(Part):
             self._publish("unavailable", "disabled")
         if state.flying is not FlyingState.LANDING:
             self._flying = flying
-        lost_s, delay_s = self._link_lost_s, self._core.settings.value("rth.delay", "delay")
+        lost_s, delay_s = self.link_lost_s, self._core.settings.value("rth.delay", "delay")
         if lost_s is not None and state.time_s - lost_s > delay_s:
-            self._link_lost_s = None
+            self.link_lost_s = None
             self._start(state, "connection_lost")
 
     def _start(self, state: WorldState, reason: str) -> None:
@@ -118,10 +110,10 @@ class ReturnToHome(Part):
         step = step_to(state, *goal_m, altitude_m, yaw_rad)
         self._core.travel.start(step, state, self._arrived)
 
-    def _arrived(self, travelled: Travelled, state: WorldState) -> None:
+    def _arrived(self, outcome: Outcome, _done: Step, state: WorldState) -> None:
         if self._phase is None:
             return
-        if travelled.outcome is not Outcome.DONE:
+        if outcome is not Outcome.DONE:
             self.interrupted()
         elif self._phase is _Phase.CLIMB:
             self._enter(_Phase.CROSS, state)

@@ -175,7 +175,12 @@ class Dialogue:
 
 
 def refusal(error: RtspError, sequence: str) -> bytes:
-    """Return the answer to a request that is refused."""
+    """Return the answer to a request that is refused.
+
+    Args:
+        error: status and reason.
+        sequence: the request's number; empty where it is not known.
+    """
     headers = {"Content-Type": "text/plain", **error.headers}
     return answer(error.status, sequence, headers, f"{error.why}\n".encode())
 

@@ -23,6 +23,10 @@ _BITS: Final = 64
 def unsigned(number: int, value: int) -> bytes:
     """Return a field of type uint32, uint64, bool or enum.
 
+    Args:
+        number: the field's.
+        value: 0 to 2^64 - 1.
+
     Raises:
         ValueRangeError: the value does not fit 64 bits, unsigned.
     """
@@ -34,6 +38,10 @@ def unsigned(number: int, value: int) -> bytes:
 def signed(number: int, value: int) -> bytes:
     """Return a field of type sint32 or sint64 (zigzag).
 
+    Args:
+        number: the field's.
+        value: -2^63 to 2^63 - 1.
+
     Raises:
         ValueRangeError: the value does not fit 64 bits, signed.
     """
@@ -43,17 +51,32 @@ def signed(number: int, value: int) -> bytes:
 
 
 def float32(number: int, value: float) -> bytes:
-    """Return a field of type float."""
+    """Return a field of type float.
+
+    Args:
+        number: the field's.
+        value: rounded to 32 bits.
+    """
     return _tag(number, _FIXED32) + struct.pack("<f", value) if value else b""
 
 
 def double(number: int, value: float) -> bytes:
-    """Return a field of type double."""
+    """Return a field of type double.
+
+    Args:
+        number: the field's.
+        value: its value.
+    """
     return _tag(number, _FIXED64) + struct.pack("<d", value) if value else b""
 
 
 def message(number: int, content: bytes) -> bytes:
-    """Return a field that is a message, a string or bytes."""
+    """Return a field that is a message, a string or bytes.
+
+    Args:
+        number: the field's.
+        content: the encoded message, or the bytes.
+    """
     return _tag(number, _LENGTH_DELIMITED) + varint(len(content)) + content
 
 

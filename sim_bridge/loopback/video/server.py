@@ -20,7 +20,12 @@ _MAX_PORT: Final = 65_535
 
 
 class VideoServer:
-    """A running server; `serve_video` makes one. Close it in the end."""
+    """A running server; `serve_video` makes one. Close it in the end.
+
+    Args:
+        state: what its connections share.
+        listening: its RTSP socket.
+    """
 
     def __init__(self, state: ServerState, listening: asyncio.Server) -> None:
         self._state = state

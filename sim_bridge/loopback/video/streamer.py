@@ -50,17 +50,13 @@ class Player:
     def __init__(self, stream: RtpStream, sink: Sink) -> None:
         self.stream = stream
         self._sink = sink
-        self._needs_key = True
+        self.needs_key = True  # the client cannot decode what comes before the next key frame
         self._reported_s = float("-inf")
 
     @property
     def wants_key(self) -> bool:
         """Whether it waits for a key frame, and could take it."""
-        return self._needs_key and not self._sink.congested
-
-    def wait_for_key(self) -> None:
-        """Send nothing before the next key frame: the client cannot decode what comes before."""
-        self._needs_key = True
+        return self.needs_key and not self._sink.congested
 
     def send(self, frame: FramePackets, now_s: float, stats: VideoStats) -> None:
         """Send a frame, unless the client cannot use it or does not keep up.
@@ -71,11 +67,11 @@ class Player:
             stats: counts what is sent.
         """
         if self._sink.congested:
-            self._needs_key = True
-        if self._needs_key and not (frame.is_key and self.wants_key):
+            self.needs_key = True
+        if self.needs_key and not (frame.is_key and self.wants_key):
             stats.frames_dropped += 1
             return
-        self._needs_key = False
+        self.needs_key = False
         if now_s - self._reported_s >= _REPORT_INTERVAL_S:
             self._reported_s = now_s
             self._sink.send_control(self.stream.report(now_s))
@@ -128,7 +124,7 @@ class Streamer:
         """Send to this client, too, from a key frame on, which is made for it."""
         if player in self._players:
             return
-        player.wait_for_key()
+        player.needs_key = True
         self._players.append(player)
         if self._task is None or self._task.done():
             self._task = asyncio.get_running_loop().create_task(self._run())

@@ -93,7 +93,12 @@ def _pair(text: str, largest: int) -> tuple[int, int] | None:
 
 
 class InterleavedSink:
-    """Packets on the client's RTSP connection."""
+    """Packets on the client's RTSP connection.
+
+    Args:
+        transport: the connection.
+        channels: of RTP and of RTCP.
+    """
 
     def __init__(self, transport: asyncio.Transport, channels: tuple[int, int]) -> None:
         self._transport = transport
@@ -159,7 +164,13 @@ class DatagramPair:
 
 
 class DatagramSink:
-    """Datagrams to a client's two ports."""
+    """Datagrams to a client's two ports.
+
+    Args:
+        pair: the server's sockets.
+        host: the client's numeric address.
+        ports: the client's, of RTP and of RTCP.
+    """
 
     def __init__(self, pair: DatagramPair, host: str, ports: tuple[int, int]) -> None:
         self._pair = pair
