@@ -1,22 +1,22 @@
-"""Avoid: turn away from what blocks the way until it is free."""
+"""Avoid: turn away from what blocks the path until it is free."""
 
 from __future__ import annotations
 
 from behaviours.fly.steering import SteeringLeaf
 from uav_bt.tree import Status
+from uav_bt.types import DroneState
 
 
 class Avoid(SteeringLeaf):
-    """Turn away until the policy finds the way free; SUCCESS at once when it is already."""
+    """Turn away until the policy finds the path free; SUCCESS at once when it is already."""
 
     def initialise(self) -> None:
         """Forget the last turn."""
-        self.look_afresh()
+        self.restart_view()
 
-    def update(self) -> Status:
-        """Look, and go on turning or be done."""
-        state = self.state()
-        if state is None or self.moving(state):
+    def work(self, state: DroneState) -> Status:
+        """Go on turning until the policy finds the path free."""
+        if self.moving(state):
             return Status.RUNNING
         decision = self.decide()
         if decision is not None and not decision.blocked and self.turn_is_complete:

@@ -1,8 +1,10 @@
-"""CorridorClear: is there room ahead? With it a tree file vetoes whoever chooses the way."""
+"""CorridorClear: is there room ahead? With it a tree file vetoes what a policy chooses."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 from behaviours.policies.corridor_rule import CorridorRuleConfig, carpet_reach
 from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
@@ -12,44 +14,49 @@ from uav_bt.classes import group_of
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import HeldTurn
 
-_RULE = CorridorRuleConfig()
-_AHEAD_RAD = math.radians(20)
-_ABOVE_M = 0.5  # the last of an approach is flown without seeing the pad
+
+@dataclass(frozen=True, kw_only=True)
+class CorridorClearConfig:
+    """How the carpet ahead is measured, and when the pad ahead makes up for it."""
+
+    pad_ahead_rad: float = math.radians(20)  # from ahead; the carpet goes on to a pad there
+    pad_below_m: float = 0.5  # nearer, the pad is below the view: its bearing does not matter
+    rule: CorridorRuleConfig = field(default_factory=CorridorRuleConfig)  # of the carpet's reach
 
 
 class CorridorClear(Leaf):
     """SUCCESS while there is room ahead, between obstacles and on the carpet; FAILURE otherwise.
 
-    A corridor that is not known, or known too long ago, is none to fly in. The defaults ask for
-    less than the rule `corridor` does: where that finds the way free this does, too, and the two
-    never take turns for ever.
+    An unknown or stale corridor is a FAILURE. The defaults ask for less room than the rule
+    `corridor` does: where that advances this succeeds, so the two never alternate for ever.
     """
 
+    config: ClassVar[CorridorClearConfig] = CorridorClearConfig()
     condition = True
     ports = (
         Port("ahead_m", float, default=0.8, doc="room ahead of the body's centre, m"),
         Port("impact_s", float, default=1.2, doc="least time to impact at the present speed, s"),
         # Shorter than the shortest step.
         Port(
-            "way_m", float, default=0.3, doc="way that must keep clear of remembered obstacles, m"
+            "way_m", float, default=0.3, doc="path that must keep clear of remembered obstacles, m"
         ),
-        Port("beside_m", float, default=0.42, doc="room to them along that way, m"),
+        Port("beside_m", float, default=0.42, doc="room to them along that path, m"),
         Port(
             "carpet_m",
             float,
             default=0.6,
-            doc="carpet ahead of the body's centre, m; not asked where the pad lies ahead",
+            doc="carpet ahead of the body's centre, m; not needed where the pad lies ahead",
         ),
     )
     reads = (*VIEW_KEYS, HELIPAD)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Begin without a judgement of the carpet."""
+        """Begin before the first view of the carpet."""
         del mission
         self._carpet_ends = False
 
     def update(self) -> Status:
-        """Look at what the corridor, the memory of obstacles and the carpet leave."""
+        """Compare the corridor, the memory of obstacles and the carpet with what the ports ask."""
         self.feedback_message = self._objection()
         return Status.FAILURE if self.feedback_message else Status.SUCCESS
 
@@ -69,16 +76,18 @@ class CorridorClear(Leaf):
         return "carpet ends" if self._carpet_is_short() and not self._pad_is_ahead() else ""
 
     def _pad_is_ahead(self) -> bool:
-        """Return whether the way ahead is the way to the pad, which stands on carpet anyway."""
-        pad = self.read(HELIPAD).value
-        return pad is not None and (abs(pad.bearing_rad) < _AHEAD_RAD or pad.range_m < _ABOVE_M)
+        """Return whether the path ahead leads to the pad, which stands on carpet."""
+        cfg, pad = self.config, self.read(HELIPAD).value
+        return pad is not None and (
+            abs(pad.bearing_rad) < cfg.pad_ahead_rad or pad.range_m < cfg.pad_below_m
+        )
 
     def _carpet_is_short(self) -> bool:
-        """Judge the carpet on a new view; between two views the last judgement stands."""
+        """Return whether the carpet ends ahead, by the newest view that has a class map."""
         seen = current_view(self)
         if seen is not None:
             view = policy_view(self, *seen, held=HeldTurn(), tie_break=0.5)
-            reach_m = carpet_reach(group_of(view.class_map.ids), view, _RULE)
+            reach_m = carpet_reach(group_of(view.class_map.ids), view, self.config.rule)
             reach_m += view.camera.forward_offset_m
             self._carpet_ends = reach_m < self.port_value("carpet_m")
         return self._carpet_ends

@@ -1,27 +1,26 @@
-"""Explore: advance step by step for as long as the policy finds the way free."""
+"""Explore: advance step by step for as long as the policy finds the path free."""
 
 from __future__ import annotations
 
 from behaviours.fly.steering import FLOWING, SteeringLeaf
 from uav_bt.board import PHASE
 from uav_bt.tree import Status
-from uav_bt.types import MissionPhase
+from uav_bt.types import DroneState, MissionPhase
 
 
 class Explore(SteeringLeaf):
-    """Advance under a leaf policy; FAILURE when the way is blocked (Avoid's turn)."""
+    """Advance under a leaf policy; FAILURE when the path is blocked (Avoid's turn)."""
 
     ports = (*SteeringLeaf.ports, FLOWING)
 
     def initialise(self) -> None:
-        """Say what the mission is doing; only what is seen from now on counts."""
+        """Write the mission's phase; only views from now on count."""
         self.write(PHASE, MissionPhase.EXPLORE)
-        self.look_afresh()
+        self.restart_view()
 
-    def update(self) -> Status:
-        """Go on with a step in progress, or look and begin the next."""
-        state = self.state()
-        if state is None or self.flow(state) or self.moving(state):
+    def work(self, state: DroneState) -> Status:
+        """Go on with a step in progress, or begin the next if the policy finds the path free."""
+        if self.flow(state) or self.moving(state):
             return Status.RUNNING
         decision = self.decide()
         if decision is None:

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from behaviours.fly.movement import MovingLeaf
+from behaviours.fly.movement import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
 from uav_bt.tree import Port, Status
-from uav_bt.types import CameraModel, ClassMap, FlyingState, Frame, GimbalTo, MissionPhase
+from uav_bt.types import CameraModel, ClassMap, DroneState, FlyingState, Frame, MissionPhase
 from uav_bt.types import Land as LandCommand
 from uav_bt.types.projection import ground_points
 
-_STRAIGHT_DOWN = GimbalTo(pitch_rad=-math.pi / 2)
-_LOOKS_DOWN_RAD = math.radians(-85)
+
+@dataclass(frozen=True, kw_only=True)
+class EmergencyLandConfig:
+    """Which views count, and when the drone is above the spot."""
+
+    pitch_slack_rad: float = math.radians(5)  # off straight down, at which a class map counts
+    tolerance_m: float = 0.05  # to the spot; a shorter step is not worth its time
 
 
 class Land(MovingLeaf):
@@ -26,15 +32,12 @@ class Land(MovingLeaf):
     writes = (PHASE,)
 
     def initialise(self) -> None:
-        """The forward step comes first."""
+        """Begin with the forward step."""
         self.write(PHASE, MissionPhase.LAND)
         self._moved = False
 
-    def update(self) -> Status:
+    def work(self, state: DroneState) -> Status:
         """Move forward, then ask for the landing until the motors are off."""
-        state = self.read(STATE).value
-        if state is None:
-            return Status.RUNNING
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
         camera = self.read(CAMERA).value
@@ -89,6 +92,7 @@ def nearest_landing_spot(
 class EmergencyLand(MovingLeaf):
     """Land on the nearest free carpet below; where none is in view, land at once."""
 
+    config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
     ports = (
         Port("radius_m", float, default=0.25, doc="radius of the free disc to land on, m"),
         Port("look_s", float, default=6.0, doc="seconds to look for carpet before landing anyway"),
@@ -97,34 +101,29 @@ class EmergencyLand(MovingLeaf):
     writes = (PHASE,)
 
     def initialise(self) -> None:
-        """Look down first."""
+        """Note the time; no spot has been found."""
         self.write(PHASE, MissionPhase.EMERGENCY_LANDING)
         self._started_s = self.clock.now()
         self._above_spot = False
 
-    def update(self) -> Status:
-        """Find a spot, move above it, descend."""
-        status = self._work()
-        # A leaf that is done proposes nothing: the next one has the word in this very tick.
-        if status is Status.RUNNING:
-            self.point(_STRAIGHT_DOWN)
-        return status
+    def gimbal_pitch_rad(self) -> float:
+        """Return straight down."""
+        return STRAIGHT_DOWN_RAD
 
-    def _work(self) -> Status:
-        state, now_s = self.read(STATE).value, self.clock.now()
-        if state is None:
-            return Status.RUNNING
+    def work(self, state: DroneState) -> Status:
+        """Find a spot, move above it, descend."""
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
         if self.moving(state):
             return Status.RUNNING
-        if self._above_spot or now_s - self._started_s > self.port_value("look_s"):
+        waited_s = self.clock.now() - self._started_s
+        if self._above_spot or waited_s > self.port_value("look_s"):
             self.propose(LandCommand())
             return Status.RUNNING
         spot = self._spot()
         if spot is not None:
             self._above_spot = True
-            if math.hypot(spot.forward_m, spot.right_m) > 0.05:
+            if math.hypot(spot.forward_m, spot.right_m) > self.config.tolerance_m:
                 self.start_move(forward_m=spot.forward_m, right_m=spot.right_m)
         return Status.RUNNING
 
@@ -133,7 +132,8 @@ class EmergencyLand(MovingLeaf):
         class_map = self.read(CLASS_MAP).value
         if frame is None or camera is None or class_map is None:
             return None
-        if frame.gimbal_pitch_rad > _LOOKS_DOWN_RAD or class_map.captured_s != frame.captured_s:
+        down = camera_points_at(frame, STRAIGHT_DOWN_RAD, slack_rad=self.config.pitch_slack_rad)
+        if not down or class_map.captured_s != frame.captured_s:
             return None
         height_px, width_px = class_map.ids.shape
         return nearest_landing_spot(

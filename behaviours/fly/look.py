@@ -1,15 +1,13 @@
-"""Small leaves for looking around: useful first missions, and pieces of larger ones."""
+"""Small leaves that hover, turn and point the camera, and the conditions that go with them."""
 
 from __future__ import annotations
 
 import math
 
-from behaviours.fly.movement import MovingLeaf, Progress
+from behaviours.fly.movement import MovingLeaf, Progress, camera_points_at
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import GimbalTo, Hover, MissionPhase
-
-_PITCH_SLACK_RAD = math.radians(2)
+from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
 
 
 class HoverFor(Leaf):
@@ -40,8 +38,7 @@ class PointCamera(Leaf):
     def update(self) -> Status:
         """Ask for the pitch until a frame has it."""
         pitch_rad = math.radians(self.port_value("pitch_deg"))
-        frame = self.read(FRAME).value
-        if frame is not None and abs(frame.gimbal_pitch_rad - pitch_rad) < _PITCH_SLACK_RAD:
+        if camera_points_at(self.read(FRAME).value, pitch_rad):
             return Status.SUCCESS
         self.point(GimbalTo(pitch_rad=pitch_rad))
         return Status.RUNNING
@@ -60,11 +57,8 @@ class Turn(MovingLeaf):
         yaw_rad = math.radians(self.port_value("degrees"))
         self._mover.start(self.mission.proposals, self.clock.now(), yaw_rad=yaw_rad)
 
-    def update(self) -> Status:
-        """Propose the turn until the drone says it ended."""
-        state = self.read(STATE).value
-        if state is None:
-            return Status.RUNNING
+    def work(self, state: DroneState) -> Status:
+        """Propose the turn until the drone reports its end."""
         match self._mover.update(state, self.clock.now()):
             case Progress.RUNNING if self._mover.proposal:
                 self.propose(self._mover.proposal)
@@ -83,7 +77,7 @@ class HelipadKnown(Leaf):
     reads = (HELIPAD,)
 
     def update(self) -> Status:
-        """Look at the fix's age."""
+        """Compare the fix's age with the largest allowed."""
         reading = self.read(HELIPAD)
         fresh = reading.known and reading.age_s <= self.port_value("max_age_s")
         return Status.SUCCESS if fresh else Status.FAILURE
@@ -99,7 +93,7 @@ class Hovering(Leaf):
     reads = (STATE,)
 
     def update(self) -> Status:
-        """Look at the horizontal speed."""
+        """Compare the horizontal speed with the largest allowed."""
         state = self.read(STATE).value
         if state is None:
             return Status.FAILURE

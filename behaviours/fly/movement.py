@@ -1,18 +1,26 @@
-"""One movement at a time on behalf of a leaf: proposed every tick until the drone says it ended."""
+"""One relative movement at a time: proposed every tick until the drone reports its end."""
 
 from __future__ import annotations
 
 import enum
 import math
+from dataclasses import dataclass
 
+from uav_bt.board import STATE
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.tree import Leaf, Status
-from uav_bt.types import DroneState, MoveBy, MovementState
+from uav_bt.types import DroneState, Frame, GimbalTo, MoveBy, MovementState
 
-# Slower than any drone this flies: what takes longer than this was lost on the way.
-_SLOWEST_MPS = 0.1
-_SLOWEST_RADPS = 0.2
-_GRACE_S = 4.0
+STRAIGHT_DOWN_RAD = -math.pi / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovementConfig:
+    """When a movement whose end was not reported counts as failed."""
+
+    min_speed_mps: float = 0.1  # slower than any drone flies a step
+    min_yaw_rate_radps: float = 0.2  # slower than any drone turns
+    grace_s: float = 4.0  # besides: for the command's latency, acceleration and settling
 
 
 class Progress(enum.Enum):
@@ -29,9 +37,13 @@ class Mover:
 
     The owner starts one, calls `update` every tick, and proposes what `proposal` gives. Nothing is
     commanded from here: a halted leaf stops proposing, and the arbiter cancels the movement.
+
+    Args:
+        config: when a movement counts as failed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, config: MovementConfig | None = None) -> None:
+        self._config = config or MovementConfig()
         self.proposal: MoveBy | None = None
         self.ended_s = -math.inf  # when the last movement ended: frames before it show the old view
         self._deadline_s = math.inf
@@ -51,7 +63,16 @@ class Mover:
         down_m: float = 0.0,
         yaw_rad: float = 0.0,
     ) -> MoveBy:
-        """Take up a new movement (the old one, if any, is superseded) and return it."""
+        """Start a movement, in place of the one in progress, and return it.
+
+        Args:
+            proposals: numbers the movement.
+            now_s: the mission clock's time.
+            forward_m: in the body frame of now; negative is backward.
+            right_m: in the body frame of now.
+            down_m: negative climbs.
+            yaw_rad: clockwise positive.
+        """
         self.proposal = MoveBy(
             id=proposals.next_id(),
             forward_m=forward_m,
@@ -59,14 +80,22 @@ class Mover:
             down_m=down_m,
             yaw_rad=yaw_rad,
         )
-        length_m = abs(forward_m) + abs(right_m) + abs(down_m)
+        cfg, length_m = self._config, abs(forward_m) + abs(right_m) + abs(down_m)
         self._deadline_s = (
-            now_s + length_m / _SLOWEST_MPS + abs(yaw_rad) / _SLOWEST_RADPS + _GRACE_S
+            now_s
+            + length_m / cfg.min_speed_mps
+            + abs(yaw_rad) / cfg.min_yaw_rate_radps
+            + cfg.grace_s
         )
         return self.proposal
 
     def update(self, state: DroneState, now_s: float) -> Progress:
-        """Look at the drone's word on the movement; it is dropped when it ended."""
+        """Return what the drone reports on the movement, which is dropped when it has ended.
+
+        Args:
+            state: the drone's newest telemetry.
+            now_s: the mission clock's time.
+        """
         if self.proposal is None:
             return Progress.IDLE
         status = state.movement
@@ -92,18 +121,56 @@ class Mover:
         self.ended_s = time_s
 
 
+def camera_points_at(
+    frame: Frame | None, pitch_rad: float, *, slack_rad: float = math.radians(2)
+) -> bool:
+    """Return whether a frame was captured with the gimbal at a pitch; False without a frame.
+
+    Args:
+        frame: the newest.
+        pitch_rad: 0 level, negative down.
+        slack_rad: difference that is none.
+    """
+    return frame is not None and abs(frame.gimbal_pitch_rad - pitch_rad) < slack_rad
+
+
 class MovingLeaf(Leaf):
-    """Base of the leaves that make relative movements."""
+    """Base of the leaves that make relative movements; what they do in a tick is `work`."""
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Make the movement's keeper."""
+        """Begin without a movement."""
         del mission
         self._mover = Mover()
 
+    def update(self) -> Status:
+        """Do the leaf's work, once there is telemetry, and point the gimbal while it is RUNNING.
+
+        A leaf that has ended points nothing: the next one may do so within the same tick.
+        """
+        state = self.state()
+        status = Status.RUNNING if state is None else self.work(state)
+        if status is Status.RUNNING:
+            pitch_rad = self.gimbal_pitch_rad()
+            if pitch_rad is not None:
+                self.point(GimbalTo(pitch_rad=pitch_rad))
+        return status
+
+    def work(self, state: DroneState) -> Status:
+        """Propose what the leaf wants in this tick, or end."""
+        raise NotImplementedError
+
+    def gimbal_pitch_rad(self) -> float | None:
+        """Return the gimbal's pitch while the leaf is RUNNING, None to leave it as it is."""
+        return None
+
     def terminate(self, new_status: Status) -> None:
-        """Let go of the movement; the arbiter cancels what is no longer proposed."""
+        """Drop the movement; the arbiter cancels what is no longer proposed."""
         del new_status
         self._mover.drop(self.clock.now())
+
+    def state(self) -> DroneState | None:
+        """Return the drone's state, None when telemetry is stale."""
+        return self.read(STATE).value
 
     def moving(self, state: DroneState) -> bool:
         """Propose the movement in progress again; False when there is none (any more)."""
@@ -121,7 +188,14 @@ class MovingLeaf(Leaf):
         down_m: float = 0.0,
         yaw_rad: float = 0.0,
     ) -> None:
-        """Start a movement, in the body frame of now, and propose it."""
+        """Start a movement and propose it.
+
+        Args:
+            forward_m: in the body frame of now; negative is backward.
+            right_m: in the body frame of now.
+            down_m: negative climbs.
+            yaw_rad: clockwise positive.
+        """
         self.propose(
             self._mover.start(
                 self.mission.proposals,

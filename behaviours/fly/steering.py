@@ -1,14 +1,14 @@
-"""What exploring, avoiding and returning share: look, ask the policy, move, wait for the move.
+"""What Explore, Avoid and ReturnToBase share: ask the policy about a view, move, wait.
 
 An advance is only decided on a class map captured after the last movement ended, as in the paper.
-A turn is held in one direction until it has worked, so that two boxes never make the drone dither,
-and it does not stop at every look: the drone turns steadily while the policy judges each new view.
+A turn is held in one direction until it has worked, so that the drone does not oscillate between
+two boxes, and it does not stop for each view: the drone turns while the policy judges them.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,37 +27,42 @@ FLOWING = Port(
     "flowing", bool, default=False, doc="look ahead during a step: lengthen it, or break it off"
 )
 
-# Less than this is the altimeter's noise; more is corrected with the next advance.
-_ALTITUDE_SLACK_M = 0.08
-# An obstacle this near to the body's centre, half of whose diagonal is 0.2 m, is an intrusion.
-_TOO_NEAR_M = 0.38
-_ROOM_STEP_M = 0.15
-# While it turns the drone draws away, so fast, from obstacles nearer than this, and from the
-# carpet's edge, which may be nearer by so much.
-_KEEP_AWAY_M = 0.45
-_EDGE_NEARER_M = 0.15
-_KEEP_AWAY_MPS = 0.08
-# A steady turn: between a frame's capture and its effect, 0.3 s, it goes on by 10 degrees.
-_YAW_RATE_RADPS = 0.6
-# So long a turn goes on until the drone hears that it is to end.
-_TURN_LAG_S = 0.1
-# Turned too far by less than this, it stays where it is.
-_TURN_BACK_RAD = math.radians(4)
-# After a turn the airframe swings on for this long; a step begun earlier would go astray.
-_SETTLE_S = 0.2
-# A step under way is only replaced by one that ends this much further on.
-_FURTHER_M = 0.2
+
+@dataclass(frozen=True, kw_only=True)
+class SteeringConfig:
+    """How steps and turns are flown. Distances are from the body's centre."""
+
+    altitude_slack_m: float = 0.08  # the altimeter's noise; more is corrected with the next advance
+    intrusion_m: float = 0.38  # an obstacle this near is moved away from; half a diagonal is 0.2 m
+    room_step_m: float = 0.15  # of that step
+    # While it turns the drone moves away, at the speed below, from obstacles nearer than this and
+    # from the carpet's edge, which may be nearer by so much.
+    keep_away_m: float = 0.45
+    edge_nearer_m: float = 0.15
+    keep_away_mps: float = 0.08
+    # Of a steady turn: in the 0.3 s from a frame's capture to its effect it turns by 10 degrees.
+    yaw_rate_radps: float = 0.6
+    turn_lag_s: float = 0.1  # for which a turn goes on after the command that ends it is sent
+    turn_back_rad: float = math.radians(4)  # a smaller overshoot of a turn is left
+    settle_s: float = 0.2  # the airframe swings on after a turn and would deflect a step
+    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
+    min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
 
 
 class SteeringLeaf(MovingLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
+    steering: ClassVar[SteeringConfig] = SteeringConfig()
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY,)
     reads: ClassVar[tuple[Key[Any], ...]] = (STATE, FLIGHT_HEIGHT, *VIEW_KEYS)
     writes = (PHASE, HELD_TURN)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Find the policy; raises UnknownNameError for a name that nobody registered."""
+        """Find the policy.
+
+        Raises:
+            UnknownNameError: no policy has that name.
+        """
         self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
         self._rng: np.random.Generator = mission.rng(self.path)
         super().on_setup(mission)
@@ -66,10 +71,6 @@ class SteeringLeaf(MovingLeaf):
         self._step_ends_m = 0.0  # ahead, of the advance under way
         self._stepped_s = 0.0
         self._forget_turn()
-
-    def state(self) -> DroneState | None:
-        """Return the drone's state, None when telemetry is stale."""
-        return self.read(STATE).value
 
     # --- advancing --------------------------------------------------------------------------------
 
@@ -81,7 +82,12 @@ class SteeringLeaf(MovingLeaf):
         return goes_on
 
     def move(self, state: DroneState, decision: Decision) -> None:
-        """Start an advance, correcting the altitude on the way."""
+        """Start an advance that corrects the altitude, too.
+
+        Args:
+            state: of the drone.
+            decision: how far, and in which direction.
+        """
         self.write(HELD_TURN, HeldTurn())
         flight_height_m = self.read(FLIGHT_HEIGHT).value
         # Where no leaf has set a flight height, the drone keeps the height it has.
@@ -92,11 +98,11 @@ class SteeringLeaf(MovingLeaf):
         self.start_move(
             forward_m=decision.forward_m,
             yaw_rad=decision.yaw_rad,
-            down_m=error_m if abs(error_m) > _ALTITUDE_SLACK_M else 0.0,
+            down_m=error_m if abs(error_m) > self.steering.altitude_slack_m else 0.0,
         )
 
     def flow(self, state: DroneState) -> bool:
-        """Look ahead during a step: replace it by one that leads further, or break it off.
+        """Judge the view during a step: replace it by one that leads further, or break it off.
 
         Returns:
             True when that was done; False when the step goes on, or there is none.
@@ -110,64 +116,65 @@ class SteeringLeaf(MovingLeaf):
         if decision is None or frame is None:
             return False
         if decision.blocked:
-            self.look_afresh()
+            self.restart_view()
             return True
         # The decision was made for the place where the frame was captured.
         flown_m = state.velocity.forward_mps * (now_s - frame.captured_s)
-        if decision.forward_m - flown_m < self._step_ends_m + _FURTHER_M:
+        if decision.forward_m - flown_m < self._step_ends_m + self.steering.lengthen_m:
             return False
         self.move(state, replace(decision, forward_m=decision.forward_m - flown_m))
         return True
 
     def make_room(self) -> bool:
-        """Start a step away from an obstacle that is too near; False when there is no need.
+        """Start a step away from an obstacle that is too near.
 
-        Or no way: the step must lead away from everything remembered.
+        Returns:
+            False when none is, or when the step would lead nearer to another.
         """
-        obstacles = self.read(OBSTACLES).value
-        if obstacles is None or obstacles.nearest_m >= _TOO_NEAR_M:
+        cfg, obstacles = self.steering, self.read(OBSTACLES).value
+        if obstacles is None or obstacles.nearest_m >= cfg.intrusion_m:
             return False
         distances = np.hypot(obstacles.points_m[:, 0], obstacles.points_m[:, 1])
         forward_m, right_m = obstacles.points_m[distances.argmin()]
-        away = -_ROOM_STEP_M / max(obstacles.nearest_m, 0.05)
+        away = -cfg.room_step_m / max(obstacles.nearest_m, cfg.min_range_m)
         forward_m, right_m = float(away * forward_m), float(away * right_m)
-        if not obstacles.allows(forward_m, right_m, margin_m=_TOO_NEAR_M):
+        if not obstacles.allows(forward_m, right_m, margin_m=cfg.intrusion_m):
             return False
         self._advancing = False
         self.start_move(forward_m=forward_m, right_m=right_m)
         return True
 
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
-        """Return a turn on the spot that draws away from what is too near.
+        """Return a turn on the spot that moves away from what is too near.
 
-        A hovering drone drifts, and while it turns it may drift to where it does not look.
+        A hovering drone drifts, and while it turns it may drift to where the camera does not point.
         """
-        obstacles = self.read(OBSTACLES).value
+        cfg, obstacles = self.steering, self.read(OBSTACLES).value
         turn = Velocity(yaw_rate_radps=yaw_rate_radps)
         if obstacles is None:
             return turn
         points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
-        ranges_m = np.maximum(np.linalg.norm(points_m, axis=1), 0.05)
+        ranges_m = np.maximum(np.linalg.norm(points_m, axis=1), cfg.min_range_m)
         room_m = ranges_m.copy()
-        room_m[len(obstacles.points_m) :] += _EDGE_NEARER_M
+        room_m[len(obstacles.points_m) :] += cfg.edge_nearer_m
         # The nearer a point the more it counts; between two obstacles it stays in the middle.
-        weights = np.clip(_KEEP_AWAY_M / room_m - 1.0, 0.0, None)
+        weights = np.clip(cfg.keep_away_m / room_m - 1.0, 0.0, None)
         if not weights.any():
             return turn
-        push = -_KEEP_AWAY_MPS * (weights / ranges_m) @ points_m / weights.sum()
+        push = -cfg.keep_away_mps * (weights / ranges_m) @ points_m / weights.sum()
         return replace(turn, forward_mps=float(push[0]), right_mps=float(push[1]))
 
     # --- turning ----------------------------------------------------------------------------------
 
-    def look_afresh(self) -> None:
-        """Only count what is seen once the airframe has settled; no turn is under way."""
+    def restart_view(self) -> None:
+        """Drop movement and turn, and only use views captured once the airframe has settled."""
         self._mover.drop(self.clock.now())
-        self._view_from_s = self.clock.now() + _SETTLE_S
+        self._view_from_s = self.clock.now() + self.steering.settle_s
         self._forget_turn()
 
     def _forget_turn(self) -> None:
         self._turning = False
-        self._to_turn_rad = 0.0  # the least it must turn before a free way counts
+        self._to_turn_rad = 0.0  # still to turn before a free view ends the turn
         self._last_yaw_rad = math.nan
 
     @property
@@ -186,7 +193,12 @@ class SteeringLeaf(MovingLeaf):
         return self.read(HELD_TURN).value or HeldTurn()
 
     def keep_turning(self, state: DroneState, decision: Decision | None) -> None:
-        """Begin a turn as the policy decided, or go on with the one under way."""
+        """Begin a turn as the policy decided, or go on with the one under way.
+
+        Args:
+            state: of the drone.
+            decision: the policy's on the present view, if there is one.
+        """
         yaw_rad, held = state.attitude.yaw_rad, self.held_turn
         if not self._turning:
             if decision is None or not decision.blocked:
@@ -204,35 +216,36 @@ class SteeringLeaf(MovingLeaf):
             HELD_TURN,
             HeldTurn(direction=direction, turned_rad=held.turned_rad + abs(turned_rad)),
         )
-        # What is seen while turning counts at once: the turn goes the same way for any of it.
+        # Views captured while turning count at once: the direction is the same for all of them.
         self._view_from_s = -math.inf
-        self.propose(self.turn_keeping_away(direction * _YAW_RATE_RADPS))
+        self.propose(self.turn_keeping_away(direction * self.steering.yaw_rate_radps))
 
     def turn_back(self, state: DroneState) -> None:
-        """End a turn where the way was seen free; look again from there.
+        """End a turn at the heading whose view was free, and judge the view from there again.
 
-        A steady turn has gone on since the frame was captured. Where the free way is narrow, that
-        is past it: without turning back it would be seen, and lost, on every round.
+        A steady turn has gone on since the frame was captured, past a free direction that is
+        narrow: without turning back it would be found, and left, in every full turn.
         """
+        cfg = self.steering
         frame, direction = self.read(FRAME).value, self.held_turn.direction
-        self.look_afresh()
+        self.restart_view()
         if frame is None:
             return
-        ends_rad = state.attitude.yaw_rad + direction * _YAW_RATE_RADPS * _TURN_LAG_S
+        ends_rad = state.attitude.yaw_rad + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
         back_rad = math.remainder(frame.attitude.yaw_rad - ends_rad, 2.0 * math.pi)
-        if abs(back_rad) > _TURN_BACK_RAD:
+        if abs(back_rad) > cfg.turn_back_rad:
             self._advancing = False
             self.start_move(yaw_rad=back_rad)
 
-    # --- looking ----------------------------------------------------------------------------------
+    # --- viewing ----------------------------------------------------------------------------------
 
     def current_view(self) -> tuple[Frame, ClassMap, CameraModel] | None:
-        """Return the frame, its class map and camera when they show what lies ahead *now*."""
+        """Return the frame, its class map and camera when they show what lies ahead now."""
         view = current_view(self)
         return None if view is None or view[0].captured_s < self._view_from_s else view
 
     def decide(self) -> Decision | None:
-        """Ask the policy about the present view; None while there is no view of it."""
+        """Ask the policy about the present view; None while there is none."""
         view = self.current_view()
         if view is None:
             self.feedback_message = "waiting for a view"

@@ -98,6 +98,9 @@ def costs_to_go(step_costs: Floats, goal: Cell) -> Floats:
 def descent(to_go: Floats, start: Cell) -> NDArray[np.intp]:
     """Return the cells, (K, 2), from the start to the goal, always to the cheapest neighbour.
 
+    The predecessors that SciPy's csgraph returns break ties between equal paths differently, so
+    with them flights would differ.
+
     Args:
         to_go: as `costs_to_go` returns it.
         start: the first cell.
