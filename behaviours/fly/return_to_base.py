@@ -10,7 +10,7 @@ from typing import ClassVar
 from behaviours.fly.heading import HeadingController
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
 from behaviours.path.gimbal_pointing import GimbalPointing, shows_unplaced
-from behaviours.path.path_to_pad import PathToPad
+from behaviours.path.planner import PathToPad
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import UnknownNameError

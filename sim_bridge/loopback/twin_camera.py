@@ -14,7 +14,7 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
 from sim_bridge.loopback.world import location
-from sim_bridge.twin.optics import Optics
+from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.simulation import Capture
 from uav_bt.protocols import Clock

@@ -19,7 +19,7 @@ from sim_bridge.loopback.world import WorldLimits, WorldState
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import ROOM_SIZE_M, Helipad, Scene, TakeOffSpec
-from sim_bridge.twin.start import start_pose
+from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock
 from uav_bt.types import Command, FlyingState, GimbalTo, Hover, Movement, Pose

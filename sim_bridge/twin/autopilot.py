@@ -1,4 +1,4 @@
-"""Commands in, accelerations out: what the ANAFI's own flight controller does for us."""
+"""The flight controller: movement commands in, accelerations out, as the ANAFI's own does it."""
 
 from __future__ import annotations
 
@@ -24,23 +24,28 @@ from uav_bt.types import (
     rotate,
 )
 
-# Gains of the position loop: critically damped at 2 rad/s, well below the thrust's lag.
-_POSITION_GAIN = 4.0  # 1/s2
-_VELOCITY_GAIN = 4.0  # 1/s
-_YAW_GAIN = 36.0  # 1/s2, critically damped at 6 rad/s
-_YAW_RATE_GAIN = 12.0  # 1/s
-_REACH_M = 0.5  # how far the reference may run ahead of the drone
 
-_SETTLE_S = 0.2  # a movement is done once it has been at its goal for so long
-_SETTLE_LIMIT_S = 3.0  # or so long after its reference arrived, in whatever wind
-_SETTLED_M = 0.08
-_SETTLED_MPS = 0.12
-_SETTLED_RAD = 0.035
+@dataclass(frozen=True, kw_only=True)
+class AutopilotConfig:
+    """Gains, and when a mode has run its course."""
 
-_DESCENT_MPS = 0.5  # landing speed, high up
-_TOUCH_DOWN_MPS = 0.25  # and in the last half metre
-_LOW_M = 0.5
-_STANDING_S = 0.3  # ground contact for so long stops the motors
+    # Of the position loop: critically damped at 2 rad/s, well below the thrust's lag.
+    position_gain: float = 4.0  # 1/s2
+    velocity_gain: float = 4.0  # 1/s
+    yaw_gain: float = 36.0  # 1/s2, critically damped at 6 rad/s
+    yaw_rate_gain: float = 12.0  # 1/s
+    reach_m: float = 0.5  # how far the reference may run ahead of the drone
+    settle_s: float = 0.2  # at its goal for so long, a movement is done
+    max_settle_s: float = 3.0  # or so long after its reference arrived, in whatever wind
+    settled_m: float = 0.08  # from the goal
+    settled_mps: float = 0.12
+    settled_rad: float = 0.035
+    hover_mps: float = 0.05  # of the reference, below which the ANAFI reports hovering
+    descent_mps: float = 0.5  # landing speed
+    touch_down_mps: float = 0.25  # landing speed near the ground
+    near_ground_m: float = 0.5
+    standing_s: float = 0.3  # ground contact for so long stops the motors
+    standing_mps: float = 0.15  # at less than this speed on each axis
 
 
 class Mode(enum.Enum):
@@ -68,19 +73,25 @@ class Demand:
 
 
 class Autopilot:
-    """Follows one movement command at a time."""
+    """Follows one movement command at a time.
 
-    def __init__(self, profile: Profile) -> None:
+    Args:
+        profile: the drone's limits.
+        config: gains and thresholds.
+    """
+
+    def __init__(self, profile: Profile, config: AutopilotConfig | None = None) -> None:
         self._profile = profile
+        self._config = config or AutopilotConfig()
         self._reference = Reference(profile, CONTROL_STEP_S)
         self._mode = Mode.OFF
         self._elapsed_s = 0.0  # in the present mode
         self._settled_s = 0.0
         self._arrived_s = 0.0
-        self._goal = (0.0, 0.0, 0.0)
+        self._goal_m = (0.0, 0.0, 0.0)  # world x, y, z
         self._goal_yaw_rad = 0.0
         self._velocity = Velocity()
-        self._movement: MovementStatus | None = None
+        self.movement: MovementStatus | None = None  # of the latest `MoveBy`
 
     @property
     def motors_on(self) -> bool:
@@ -93,16 +104,12 @@ class Autopilot:
         return self.motors_on and self._mode is not Mode.SPIN_UP
 
     @property
-    def movement(self) -> MovementStatus | None:
-        """The state of the latest `MoveBy`."""
-        return self._movement
-
-    @property
     def flying_state(self) -> FlyingState:
         """The flying state as the ANAFI would report it."""
         if self._mode in _FLYING:
-            still = self._mode is Mode.HOLD and max(map(abs, self._reference.velocity)) < 0.05
-            return FlyingState.HOVERING if still else FlyingState.FLYING
+            slow = max(map(abs, self._reference.velocity)) < self._config.hover_mps
+            hovers = slow and self._mode is Mode.HOLD
+            return FlyingState.HOVERING if hovers else FlyingState.FLYING
         return {
             Mode.OFF: FlyingState.LANDED,
             Mode.SPIN_UP: FlyingState.TAKING_OFF,
@@ -116,7 +123,7 @@ class Autopilot:
 
         Args:
             movement: the command; what the drone is doing already is not begun again.
-            estimate: where the drone believes to be.
+            estimate: the drone's estimate of its pose and velocity.
         """
         if isinstance(movement, MoveBy):
             self._start_move(movement, estimate)
@@ -132,7 +139,7 @@ class Autopilot:
         elif self._mode is Mode.VELOCITY or (
             self._mode is Mode.MOVE and isinstance(movement, Hover)
         ):
-            # Released, nobody sends stick positions any more: to the drone the sticks are centred.
+            # Without stick positions the drone takes the sticks for centred.
             self._enter(Mode.HOLD)
 
     def _take_off(self, estimate: Estimate) -> None:
@@ -161,26 +168,26 @@ class Autopilot:
 
     def refuse(self, move: MoveBy) -> None:
         """Answer a movement that may not be flown; one sent before keeps its state."""
-        if self._movement is None or self._movement.id != move.id:
-            self._movement = MovementStatus(id=move.id, state=MovementState.REJECTED)
+        if self.movement is None or self.movement.id != move.id:
+            self.movement = MovementStatus(id=move.id, state=MovementState.REJECTED)
 
     def _start_move(self, move: MoveBy, estimate: Estimate) -> None:
-        if self._movement is not None and self._movement.id == move.id:
+        if self.movement is not None and self.movement.id == move.id:
             return
         if self._mode not in _FLYING:
             self.refuse(move)
             return
         self._enter(Mode.MOVE)
         x_m, y_m = estimate.to_world(move.forward_m, -move.right_m)
-        self._goal = (x_m, y_m, estimate.z_m - move.down_m)
+        self._goal_m = (x_m, y_m, estimate.z_m - move.down_m)
         ahead = self._reference.yaw_error(estimate.yaw_rad)
         self._goal_yaw_rad = self._reference.yaw_rad - ahead - move.yaw_rad
-        self._movement = MovementStatus(id=move.id, state=MovementState.RUNNING)
+        self.movement = MovementStatus(id=move.id, state=MovementState.RUNNING)
 
     def _enter(self, mode: Mode) -> None:
-        running = self._movement is not None and self._movement.state is MovementState.RUNNING
-        if self._movement is not None and running:
-            self._movement = MovementStatus(id=self._movement.id, state=MovementState.INTERRUPTED)
+        running = self.movement is not None and self.movement.state is MovementState.RUNNING
+        if self.movement is not None and running:
+            self.movement = MovementStatus(id=self.movement.id, state=MovementState.INTERRUPTED)
         self._mode = mode
         self._elapsed_s = self._settled_s = self._arrived_s = 0.0
 
@@ -188,7 +195,7 @@ class Autopilot:
         """Move on by one control step.
 
         Args:
-            estimate: where the drone believes to be.
+            estimate: the drone's estimate of its pose and velocity.
             height_m: above the surface below.
             touching: whether the hull touches anything.
 
@@ -204,15 +211,15 @@ class Autopilot:
 
     def _follow(self, estimate: Estimate, height_m: float) -> None:
         """Move the reference as the mode wants."""
-        reference, profile = self._reference, self._profile
+        reference, profile, cfg = self._reference, self._profile, self._config
         if self._mode is Mode.CLIMB:
-            there = reference.go_to(self._goal, profile.max_climb_mps, CONTROL_STEP_S)
+            there = reference.go_to(self._goal_m, profile.max_climb_mps, CONTROL_STEP_S)
             self._arrived_s += CONTROL_STEP_S if there else 0.0
         elif self._mode is Mode.HOLD:
             reference.steer(0.0, 0.0, 0.0, CONTROL_STEP_S)
             reference.spin(0.0, CONTROL_STEP_S)
         elif self._mode is Mode.MOVE:
-            there = reference.go_to(self._goal, profile.max_climb_mps, CONTROL_STEP_S)
+            there = reference.go_to(self._goal_m, profile.max_climb_mps, CONTROL_STEP_S)
             turned = reference.turn_to(self._goal_yaw_rad, CONTROL_STEP_S)
             self._arrived_s += CONTROL_STEP_S if there and turned else 0.0
         elif self._mode is Mode.VELOCITY:
@@ -221,57 +228,54 @@ class Autopilot:
             reference.steer(vx_mps, vy_mps, -order.down_mps, CONTROL_STEP_S)
             reference.spin(-order.yaw_rate_radps, CONTROL_STEP_S)
         elif self._mode is Mode.DESCEND:
-            speed = _DESCENT_MPS if height_m > _LOW_M else _TOUCH_DOWN_MPS
+            speed = cfg.descent_mps if height_m > cfg.near_ground_m else cfg.touch_down_mps
             reference.steer(0.0, 0.0, -min(speed, profile.max_climb_mps), CONTROL_STEP_S)
             reference.spin(0.0, CONTROL_STEP_S)
         if self._mode is not Mode.SPIN_UP:
             reference.trail()
-            reference.keep_near(estimate.x_m, estimate.y_m, estimate.z_m, _REACH_M)
+            reference.keep_near(estimate.x_m, estimate.y_m, estimate.z_m, self._config.reach_m)
 
     def _finish(self, estimate: Estimate, *, touching: bool) -> None:
         """Go from one mode to the next where it has run its course."""
         if self._mode is Mode.SPIN_UP and self._elapsed_s >= self._profile.spin_up_s:
-            self._goal = (
-                estimate.x_m,
-                estimate.y_m,
-                estimate.z_m + self._profile.take_off_height_m,
-            )
+            top_m = estimate.z_m + self._profile.take_off_height_m
+            self._goal_m = (estimate.x_m, estimate.y_m, top_m)
             self._reference.reset(estimate.x_m, estimate.y_m, estimate.z_m, estimate.yaw_rad)
             self._enter(Mode.CLIMB)
         elif self._mode in (Mode.CLIMB, Mode.MOVE):
             self._settle(estimate)
         elif self._mode in (Mode.DESCEND, Mode.FALL):
             speed = max(abs(estimate.vx_mps), abs(estimate.vy_mps), abs(estimate.vz_mps))
-            standing = touching and speed < 0.15
+            standing = touching and speed < self._config.standing_mps
             self._settled_s = self._settled_s + CONTROL_STEP_S if standing else 0.0
-            if self._settled_s >= _STANDING_S:
+            if self._settled_s >= self._config.standing_s:
                 self._enter(Mode.OFF)
 
     def _settle(self, estimate: Estimate) -> None:
-        gx, gy, gz = self._goal
-        away = math.dist((gx, gy, gz), (estimate.x_m, estimate.y_m, estimate.z_m))
+        cfg = self._config
+        away = math.dist(self._goal_m, (estimate.x_m, estimate.y_m, estimate.z_m))
         speed = math.hypot(estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
-        settled = away < _SETTLED_M and speed < _SETTLED_MPS
+        settled = away < cfg.settled_m and speed < cfg.settled_mps
         if self._mode is Mode.MOVE:
             turning = abs(self._goal_yaw_rad - self._reference.yaw_rad)
             lagging = abs(self._reference.yaw_error(estimate.yaw_rad))
-            settled = settled and turning + lagging < _SETTLED_RAD
+            settled = settled and turning + lagging < cfg.settled_rad
         self._settled_s = self._settled_s + CONTROL_STEP_S if settled else 0.0
-        if self._settled_s < _SETTLE_S and self._arrived_s < _SETTLE_LIMIT_S:
+        if self._settled_s < cfg.settle_s and self._arrived_s < cfg.max_settle_s:
             return
-        self._reference.settle(self._goal)
-        if self._mode is Mode.MOVE and self._movement is not None:
-            self._movement = MovementStatus(id=self._movement.id, state=MovementState.DONE)
+        self._reference.settle(self._goal_m)
+        if self._mode is Mode.MOVE and self.movement is not None:
+            self.movement = MovementStatus(id=self.movement.id, state=MovementState.DONE)
         self._enter(Mode.HOLD)
 
     def _demand(self, estimate: Estimate) -> Demand:
-        reference, profile = self._reference, self._profile
+        reference, profile, cfg = self._reference, self._profile, self._config
         here = (estimate.x_m, estimate.y_m, estimate.z_m)
         speed = (estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
         wanted = [
             reference.acceleration[axis]
-            + _VELOCITY_GAIN * (reference.trailing_velocity[axis] - speed[axis])
-            + _POSITION_GAIN * (reference.trailing[axis] - here[axis])
+            + cfg.velocity_gain * (reference.trailing_velocity[axis] - speed[axis])
+            + cfg.position_gain * (reference.trailing[axis] - here[axis])
             for axis in range(3)
         ]
         # Corrections may ask for more than the reference does, but tilt is bounded.
@@ -280,7 +284,7 @@ class Autopilot:
         share = min(1.0, flat_limit / flat) if flat else 1.0
         rise_limit = 2.0 * profile.max_climb_acceleration_mps2
         rise = max(-rise_limit, min(rise_limit, wanted[2]))
-        turn = _YAW_GAIN * reference.yaw_error(estimate.yaw_rad) + _YAW_RATE_GAIN * (
+        turn = cfg.yaw_gain * reference.yaw_error(estimate.yaw_rad) + cfg.yaw_rate_gain * (
             reference.yaw_rate_radps - estimate.yaw_rate_radps
         )
         return Demand(

@@ -6,12 +6,13 @@ import time
 from dataclasses import dataclass, replace
 
 from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.gl import load_mujoco
-from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError, ValueRangeError
-from uav_bt.types import CameraModel, Command, Frame, Observation, Velocity
+from uav_bt.types import Command, Frame, Observation, Velocity
 
 load_mujoco()  # before the modules below do: how it draws is settled at its import
 
@@ -19,7 +20,6 @@ from sim_bridge.twin.model import build_model  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.referee import TwinReferee  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 from sim_bridge.twin.simulation import Capture, Simulation  # noqa: E402  (after load_mujoco)
-from sim_bridge.twin.start import start_pose  # noqa: E402  (after load_mujoco)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,43 +59,15 @@ class TwinDrone:
     ) -> None:
         if seed < 0:
             raise ValueRangeError(f"the seed must be zero or a positive number, got {seed}")
-        self._scene = scene
-        self._profile = profile
+        self.scene = scene
+        self.profile = profile
+        self.camera = anafi_camera(*image_size_px)
+        self.clock = TwinClock(self, realtime=realtime)
+        self.live = False  # a simulated drone needs no check before it takes off
+        self.tick_s = None  # the mission sets the tick's length
         self._seed = seed
-        self._camera = anafi_camera(*image_size_px)
-        self._clock = TwinClock(self, realtime=realtime)
         self._flight: _Flight | None = None
         self._last: Frame | None = None
-
-    @property
-    def scene(self) -> Scene:
-        """The lab it flies in."""
-        return self._scene
-
-    @property
-    def live(self) -> bool:
-        """A simulated drone needs no check before it takes off."""
-        return False
-
-    @property
-    def tick_s(self) -> None:
-        """The mission sets the pace."""
-        return
-
-    @property
-    def profile(self) -> Profile:
-        """Its limits and imperfections."""
-        return self._profile
-
-    @property
-    def clock(self) -> TwinClock:
-        """The flight's clock; it starts at 0 on connecting."""
-        return self._clock
-
-    @property
-    def camera(self) -> CameraModel:
-        """The intrinsics of its video."""
-        return self._camera
 
     @property
     def referee(self) -> TwinReferee | None:
@@ -121,24 +93,24 @@ class TwinDrone:
         return self._connected().simulation
 
     def connect(self) -> None:
-        """Build the lab and the image-maker; the drone stands at its start.
+        """Build the lab and the renderer; the drone stands at its start.
 
         Raises:
             MissingDependencyError: OpenGL does not work here, with what to install.
         """
         if self._flight is not None:
             return
-        lab = build_model(self._scene)
+        lab = build_model(self.scene)
         renderer = Renderer(lab)
-        start = start_pose(self._scene, self._seed)
-        simulation = Simulation(self._scene, lab, self._profile, self._seed, start)
-        size = self._camera.width_px, self._camera.height_px
+        start = start_pose(self.scene, self._seed)
+        simulation = Simulation(self.scene, lab, self.profile, self._seed, start)
+        size = self.camera.width_px, self.camera.height_px
         self._last = None
         self._flight = _Flight(
             simulation=simulation,
             renderer=renderer,
-            referee=TwinReferee(self._scene, lab, simulation, renderer),
-            optics=Optics(self._profile, *size, self._seed),
+            referee=TwinReferee(self.scene, lab, simulation, renderer),
+            optics=Optics(self.profile, *size, self._seed),
         )
 
     def observe(self) -> Observation:
@@ -149,14 +121,14 @@ class TwinDrone:
         """
         flight = self._connected()
         simulation = flight.simulation
-        limit = simulation.now_s - self._profile.video_latency_s + 1e-6
+        limit = simulation.now_s - self.profile.video_latency_s + 1e-6
         newest = next((c for c in reversed(simulation.frames) if c.time_s <= limit), None)
         if newest is not None and (self._last is None or newest.index != self._last.index):
             self._last = self._draw(flight, newest)
         return Observation(frame=self._last, state=simulation.state())
 
     def _draw(self, flight: _Flight, capture: Capture) -> Frame:
-        camera, telemetry = self._camera, capture.telemetry
+        camera, telemetry = self.camera, capture.telemetry
         clean = flight.renderer.rgb(capture.camera, camera.width_px, camera.height_px)
         return Frame(
             image=flight.optics.degrade(clean, capture.index, capture.exposure),
@@ -181,7 +153,7 @@ class TwinDrone:
         return command
 
     def _limited(self, order: Velocity) -> Velocity:
-        profile = self._profile
+        profile = self.profile
         speed = (order.forward_mps**2 + order.right_mps**2) ** 0.5
         share = min(1.0, profile.max_speed_mps / speed) if speed else 1.0
         return Velocity(
@@ -192,7 +164,7 @@ class TwinDrone:
         )
 
     def disconnect(self) -> None:
-        """Free the image-maker; safe to call twice."""
+        """Free the renderer; safe to call twice."""
         if self._flight is not None:
             self._flight.renderer.close()
             self._flight = None

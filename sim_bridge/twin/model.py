@@ -1,7 +1,7 @@
 """A scene as a MuJoCo model: what is seen, what can be hit, and the class of each geom.
 
-What is seen and what can be hit are separate geoms: meshes with exact texture coordinates for the
-eye, plain boxes for contacts. The drone's own geoms lie in a group that its camera never draws.
+What is drawn and what collides are separate geoms: meshes with exact texture coordinates for the
+camera, plain boxes for contacts. The drone's own geom is in a group that its camera never draws.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ HULL_HALF_M = tuple(side / 2 for side in BODY_SIZE_M)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # the ANAFI's
 PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s
 
-SEEN_GROUP = 0
-HIT_GROUP = 3  # not drawn by default
-DRONE_GROUP = 4  # not drawn by default: the drone never sees itself
+_SEEN_GROUP = 0
+_HIT_GROUP = 3  # not drawn by default
+_DRONE_GROUP = 4  # not drawn by default: the drone never sees itself
 
 _PAPER_M = 0.001  # a roof is a sheet of this thickness, the uppermost part of its box
-_PAINT_M = 0.0001  # the H stands this much proud of the pad, enough to be drawn over it
+_PAINT_M = 0.0001  # the H is raised above the pad by this, enough to be drawn over it
 _FLOOR_M = -0.004  # the carpet's thickness; its surface is z = 0
 _H_SHARE = 0.8  # share of the pad's top that the H panel covers, each way
 
@@ -70,7 +70,8 @@ def build_model(scene: Scene) -> LabModel:
         The MuJoCo model, with the drone's free joint as the first seven coordinates.
     """
     builder = _Builder()
-    builder.room(scene)
+    builder.room()
+    builder.lights(scene.lighting)
     builder.helipad(scene.helipad)
     for box in scene.boxes:
         builder.box(box)
@@ -113,14 +114,13 @@ class _Builder:
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=HULL_HALF_M,
             mass=HULL_MASS_KG,
-            group=DRONE_GROUP,
+            group=_DRONE_GROUP,
             rgba=(0.25, 0.26, 0.28, 1.0),
             friction=(0.8, 0.01, 0.001),
         )
 
-    def room(self, scene: Scene) -> None:
-        half = [size / 2 for size in ROOM_SIZE_M]
-        hx, hy, hz = half
+    def room(self) -> None:
+        hx, hy, hz = (size / 2 for size in ROOM_SIZE_M)
         middle = hz + _FLOOR_M
         slabs = {
             "floor": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M - 0.05)),
@@ -145,10 +145,9 @@ class _Builder:
         )
         self._show("carpet/seen", carpet, material="carpet", class_id=CARPET, tile_m=CARPET_SIZE_M)
         self._hit("carpet", carpet)
-        self._lights(scene.lighting)
 
-    def _lights(self, lighting: Lighting) -> None:
-        """Hang the lamp, and a weak one opposite that keeps the sides turned away from flatness."""
+    def lights(self, lighting: Lighting) -> None:
+        """Add the lamp, and a weak one opposite that shades the sides turned away from it."""
         x, y, z = lighting.direction
         share = 1.0 - lighting.ambient
         lamps = {
@@ -171,14 +170,10 @@ class _Builder:
         whole, _, _ = _stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
         width, depth, height = pad.size_m
         panel_m = (_H_SHARE * width, _H_SHARE * depth)
-        panel = replace(
-            whole,
-            half_m=(panel_m[0] / 2, panel_m[1] / 2, _PAINT_M),
-            centre_m=(*pad.position_m, height),
-        )
-        self._show(
-            "helipad/sides", whole, material="stripes", class_id=HELIPAD_BOX, tile_m=(0.2, 0.2)
-        )
+        half_m, centre_m = (panel_m[0] / 2, panel_m[1] / 2, _PAINT_M), (*pad.position_m, height)
+        panel = replace(whole, half_m=half_m, centre_m=centre_m)
+        tile_m = (0.2, 0.2)
+        self._show("helipad/sides", whole, material="stripes", class_id=HELIPAD_BOX, tile_m=tile_m)
         self._show("helipad/h", panel, material="h", class_id=HELIPAD_H, tile_m=panel_m)
         self._hit("helipad", whole)
 
@@ -187,16 +182,15 @@ class _Builder:
         self._texture(name, textures.side(box.pattern))
         self._texture(roof, textures.roof(box.roof))
         whole, body, sheet = _stacked(box.position_m, box.size_m, math.radians(box.yaw_deg))
-        tile = (textures.TILE_M, textures.TILE_M)
-        self._show(
-            f"{name}/side", body, material=name, class_id=BOXES[box.pattern - 1], tile_m=tile
-        )
-        self._show(f"{name}/roof", sheet, material=roof, class_id=ROOFS[box.roof - 1], tile_m=tile)
+        tile_m = (textures.TILE_M, textures.TILE_M)
+        side_class, roof_class = BOXES[box.pattern - 1], ROOFS[box.roof - 1]
+        self._show(f"{name}/side", body, material=name, class_id=side_class, tile_m=tile_m)
+        self._show(f"{name}/roof", sheet, material=roof, class_id=roof_class, tile_m=tile_m)
         self._hit(name, whole)
 
     def _texture(self, name: str, image: NDArray[np.uint8]) -> None:
         if self.spec.material(name) is not None:
-            return  # two boxes wear the same roof
+            return  # two boxes have the same roof
         texture = self.spec.add_texture(
             name=name,
             type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -232,7 +226,7 @@ class _Builder:
             pos=solid.centre_m,
             quat=_yaw_quaternion(solid.yaw_rad),
             material=material,
-            group=SEEN_GROUP,
+            group=_SEEN_GROUP,
             contype=0,
             conaffinity=0,
         )
@@ -246,7 +240,7 @@ class _Builder:
             size=solid.half_m,
             pos=solid.centre_m,
             quat=_yaw_quaternion(solid.yaw_rad),
-            group=HIT_GROUP,
+            group=_HIT_GROUP,
         )
 
 
@@ -258,11 +252,8 @@ def _stacked(
     sheet = _PAPER_M / 2
 
     def part(half_height_m: float, middle_m: float) -> _Solid:
-        return _Solid(
-            half_m=(half_x, half_y, half_height_m),
-            centre_m=(*position_m, middle_m),
-            yaw_rad=yaw_rad,
-        )
+        half_m, centre_m = (half_x, half_y, half_height_m), (*position_m, middle_m)
+        return _Solid(half_m=half_m, centre_m=centre_m, yaw_rad=yaw_rad)
 
     body = part(half_z - sheet, half_z - sheet)
     return part(half_z, half_z), body, part(sheet, size_m[2] - sheet)

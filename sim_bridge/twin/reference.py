@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from sim_bridge.twin.profile import Profile
 from uav_bt.types import wrap_angle
 
-# Braking is planned with this share of the acceleration limit, so that the limit is kept.
-_BRAKE_SHARE = 0.7
-_ARRIVE_PER_S = 3.0  # 1/s: close to the goal the speed falls with the distance
-_ARRIVED_M = 0.002
-_ARRIVED_RAD = 0.002
 
+@dataclass(frozen=True, kw_only=True)
+class ReferenceConfig:
+    """How the point brakes, and when it has arrived."""
 
-def _arrival_speed(distance: float, limit: float, acceleration: float) -> float:
-    braking = math.sqrt(2.0 * _BRAKE_SHARE * acceleration * distance)
-    return min(limit, braking, _ARRIVE_PER_S * distance)
+    brake_share: float = 0.7  # of the acceleration limit that braking plans with, to keep it
+    arrive_per_s: float = 3.0  # speed per distance, close to the goal
+    arrived_m: float = 0.002
+    arrived_rad: float = 0.002
+    arrived_speed: float = 0.05  # m/s on each axis, rad/s
 
 
 def _towards(value: float, target: float, step: float) -> float:
@@ -24,19 +25,23 @@ def _towards(value: float, target: float, step: float) -> float:
 
 
 class Reference:
-    """What to follow: world axes; yaw counter-clockwise and unwrapped.
+    """The point to follow, x, y and z in the world; yaw counter-clockwise and unwrapped.
 
-    The drone gets `acceleration` as it is and trails behind by the lag of its thrust; so what it is
-    held to is the point that trails in the same way (`trailing`, `trailing_velocity`). Held to the
-    leading point instead, it would have to fly faster than the limits to catch up.
+    The drone is fed `acceleration` forward and follows with the lag of its thrust, so its position
+    is controlled to a point that lags in the same way (`trailing`, `trailing_velocity`). Controlled
+    to the leading point instead, it would exceed the limits to catch up.
 
     Args:
         profile: the limits, and the lag of the thrust.
         step_s: time between two calls of `trail`.
+        config: how it brakes, and when it has arrived.
     """
 
-    def __init__(self, profile: Profile, step_s: float) -> None:
+    def __init__(
+        self, profile: Profile, step_s: float, config: ReferenceConfig | None = None
+    ) -> None:
         self._profile = profile
+        self._config = config or ReferenceConfig()
         lag = profile.thrust_lag_s
         self._gain = 1.0 - math.exp(-step_s / lag) if lag > 0.0 else 1.0
         self.trailing = [0.0, 0.0, 0.0]
@@ -48,7 +53,14 @@ class Reference:
         self.yaw_rate_radps = 0.0
 
     def reset(self, x_m: float, y_m: float, z_m: float, yaw_rad: float) -> None:
-        """Put the point somewhere, at rest."""
+        """Put the point, leading and trailing, at a pose at rest.
+
+        Args:
+            x_m: in the world.
+            y_m: in the world.
+            z_m: in the world.
+            yaw_rad: counter-clockwise.
+        """
         self.position[:] = self.trailing[:] = (x_m, y_m, z_m)
         self.velocity[:] = self.trailing_velocity[:] = (0.0, 0.0, 0.0)
         self.acceleration[:] = (0.0, 0.0, 0.0)
@@ -56,7 +68,14 @@ class Reference:
         self.yaw_rate_radps = 0.0
 
     def keep_near(self, x_m: float, y_m: float, z_m: float, reach_m: float) -> None:
-        """Hold the point within reach of the drone, which something may be blocking."""
+        """Hold the point near the drone, which something may be blocking.
+
+        Args:
+            x_m: of the drone, in the world.
+            y_m: of the drone.
+            z_m: of the drone.
+            reach_m: largest distance along each axis.
+        """
         for axis, value in enumerate((x_m, y_m, z_m)):
             for point in (self.position, self.trailing):
                 point[axis] = max(value - reach_m, min(value + reach_m, point[axis]))
@@ -69,7 +88,7 @@ class Reference:
             self.trailing_velocity[axis] += self._gain * lost
 
     def settle(self, goal: tuple[float, float, float]) -> None:
-        """Stop at a goal that has been as good as reached."""
+        """Stop at a goal that is reached within the tolerance."""
         self.position[:] = goal
         self.velocity[:] = (0.0, 0.0, 0.0)
         self.acceleration[:] = (0.0, 0.0, 0.0)
@@ -82,9 +101,10 @@ class Reference:
             climb_mps: vertical speed limit.
             step_s: time to move on by.
         """
+        cfg = self._config
         dx, dy, dz = (goal[axis] - self.position[axis] for axis in range(3))
         flat, distance = math.hypot(dx, dy), math.sqrt(dx * dx + dy * dy + dz * dz)
-        if distance < _ARRIVED_M and max(map(abs, self.velocity)) < 0.05:
+        if distance < cfg.arrived_m and max(map(abs, self.velocity)) < cfg.arrived_speed:
             self.settle(goal)
             return True
         profile = self._profile
@@ -97,12 +117,24 @@ class Reference:
             limit = min(limit, climb_mps * distance / abs(dz))
             rise = profile.max_climb_acceleration_mps2 * distance / abs(dz)
             acceleration = min(acceleration, rise)
-        share = _arrival_speed(distance, limit, acceleration) / distance if distance else 0.0
+        share = self._arrival_speed(distance, limit, acceleration) / distance if distance else 0.0
         self.steer(dx * share, dy * share, dz * share, step_s)
         return False
 
+    def _arrival_speed(self, distance: float, limit: float, acceleration: float) -> float:
+        cfg = self._config
+        braking = math.sqrt(2.0 * cfg.brake_share * acceleration * distance)
+        return min(limit, braking, cfg.arrive_per_s * distance)
+
     def steer(self, vx_mps: float, vy_mps: float, vz_mps: float, step_s: float) -> None:
-        """Move on with a velocity that is approached within the acceleration limits."""
+        """Move on with a velocity that is approached within the acceleration limits.
+
+        Args:
+            vx_mps: wanted, along world x.
+            vy_mps: along world y.
+            vz_mps: upwards.
+            step_s: time to move on by.
+        """
         profile, velocity = self._profile, self.velocity
         ex, ey = vx_mps - velocity[0], vy_mps - velocity[1]
         error = math.hypot(ex, ey)
@@ -116,19 +148,29 @@ class Reference:
             self.position[axis] += velocity[axis] * step_s
 
     def turn_to(self, yaw_rad: float, step_s: float) -> bool:
-        """Turn on towards a heading (unwrapped, so that long turns are kept); True once there."""
-        error, profile = yaw_rad - self.yaw_rad, self._profile
-        if abs(error) < _ARRIVED_RAD and abs(self.yaw_rate_radps) < 0.05:
+        """Turn on towards a heading; True once there.
+
+        Args:
+            yaw_rad: counter-clockwise, unwrapped, so that long turns are kept.
+            step_s: time to turn on by.
+        """
+        error, profile, cfg = yaw_rad - self.yaw_rad, self._profile, self._config
+        if abs(error) < cfg.arrived_rad and abs(self.yaw_rate_radps) < cfg.arrived_speed:
             self.yaw_rad, self.yaw_rate_radps = yaw_rad, 0.0
             return True
-        rate = _arrival_speed(
+        rate = self._arrival_speed(
             abs(error), profile.max_yaw_rate_radps, profile.max_yaw_acceleration_radps2
         )
         self.spin(math.copysign(rate, error), step_s)
         return False
 
     def spin(self, rate_radps: float, step_s: float) -> None:
-        """Turn on with a rate that is approached within the acceleration limit."""
+        """Turn on with a rate that is approached within the acceleration limit.
+
+        Args:
+            rate_radps: wanted, counter-clockwise.
+            step_s: time to turn on by.
+        """
         reach = self._profile.max_yaw_acceleration_radps2 * step_s
         self.yaw_rate_radps = _towards(self.yaw_rate_radps, rate_radps, reach)
         self.yaw_rad += self.yaw_rate_radps * step_s

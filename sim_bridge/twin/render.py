@@ -49,7 +49,7 @@ class Renderer:
             raise no_gl(error) from error
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
-        self._scene = self._static_scene(model)
+        self.scene = self._static_scene(model)
         self._class_of_segment = self._segment_table(lab)
 
     def _static_scene(self, model: Any) -> Any:
@@ -78,16 +78,11 @@ class Renderer:
         return scene
 
     def _segment_table(self, lab: LabModel) -> NDArray[np.uint8]:
-        table = np.zeros(self._scene.ngeom + 1, np.uint8)
-        for geom in self._scene.geoms[: self._scene.ngeom]:
+        table = np.zeros(self.scene.ngeom + 1, np.uint8)
+        for geom in self.scene.geoms[: self.scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.segid >= 0:
                 table[geom.segid + 1] = lab.class_of_geom[geom.objid]
         return table
-
-    @property
-    def scene(self) -> Any:
-        """MuJoCo's scene, for those who change the light between images."""
-        return self._scene
 
     def rgb(self, pose: CameraPose, width_px: int, height_px: int) -> NDArray[np.uint8]:
         """Return the colours, (height_px, width_px, 3) uint8 RGB."""
@@ -128,15 +123,15 @@ class Renderer:
         self._gl.make_current()
         self._fit(width_px, height_px)
         axis, up = pose.axes()
-        for camera in self._scene.camera:
+        for camera in self.scene.camera:
             camera.pos[:] = (pose.x_m, pose.y_m, pose.z_m)
             camera.forward[:] = axis
             camera.up[:] = up
-        flags = self._scene.flags
+        flags = self.scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = segments
         flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = segments
         self._rect = mujoco.MjrRect(0, 0, width_px, height_px)
-        mujoco.mjr_render(self._rect, self._scene, self._context)
+        mujoco.mjr_render(self._rect, self.scene, self._context)
 
     def _fit(self, width_px: int, height_px: int) -> None:
         if width_px < 1 or height_px < 1:

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from sim_bridge.anafi import CAMERA_FORWARD_M
-from sim_bridge.twin.airframe import CONTROL_STEP_S, Airframe, Motion
+from sim_bridge.twin.airframe import CONTROL_STEP_S, Airframe
 from sim_bridge.twin.autopilot import Autopilot
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.model import LabModel
@@ -18,7 +18,7 @@ from sim_bridge.twin.sensors import Sensors, Telemetry
 from uav_bt.types import Command, DroneState, MoveBy, Pose
 
 _REMEMBERED_FRAMES = 900  # half a minute of video, for referees that look back
-_CONTACT_MEMORY_S = 0.1  # a tick: who looks once a tick misses no touch
+_CONTACT_MEMORY_S = 0.1  # a tick: a reader once a tick misses no contact
 _TIME_SLACK_S = 1e-6
 
 
@@ -77,7 +77,7 @@ class Simulation:
         self._gimbal_target_rad = 0.0
         self._touched_s: dict[str, float] = {}
         self._pilot = False
-        self._frames: deque[Capture] = deque(maxlen=_REMEMBERED_FRAMES)
+        self.frames: deque[Capture] = deque(maxlen=_REMEMBERED_FRAMES)  # oldest first
         self._frame_count = 0
         self._sense()
 
@@ -87,19 +87,9 @@ class Simulation:
         return self._steps * CONTROL_STEP_S
 
     @property
-    def motion(self) -> Motion:
-        """The true motion of this moment."""
-        return self._motion
-
-    @property
     def motors_on(self) -> bool:
         """Whether the rotors turn."""
         return self._autopilot.motors_on
-
-    @property
-    def frames(self) -> deque[Capture]:
-        """The remembered captures, oldest first."""
-        return self._frames
 
     @property
     def pilot_has_control(self) -> bool:
@@ -147,7 +137,7 @@ class Simulation:
     def _step(self) -> None:
         while self._queue and self._queue[0][0] <= self.now_s + _TIME_SLACK_S:
             self._obey(self._queue.popleft()[1])
-        height = self._motion.z_m - self._scene.surface_m(self._motion.x_m, self._motion.y_m)
+        height = self.motion.z_m - self._scene.surface_m(self.motion.x_m, self.motion.y_m)
         demand = self._autopilot.update(
             self._estimate, height_m=height, touching=bool(self._touching)
         )
@@ -156,7 +146,7 @@ class Simulation:
         else:
             wind = (self._wind[0].step(), self._wind[1].step(), self._wind[2].step())
             self.airframe.fly(
-                self._motion, demand.acceleration_mps2, demand.yaw_acceleration_radps2, wind
+                self.motion, demand.acceleration_mps2, demand.yaw_acceleration_radps2, wind
             )
         self._move_gimbal()
         self.airframe.advance()
@@ -179,8 +169,8 @@ class Simulation:
         self._gimbal_rad += rate * CONTROL_STEP_S
 
     def _sense(self) -> None:
-        """Look at the world after a step: motion, contacts, telemetry, and a frame when due."""
-        self._motion = motion = self.airframe.motion()
+        """Take in the world after a step: motion, contacts, telemetry, and a frame when due."""
+        self.motion = motion = self.airframe.motion()
         self._touching = self.airframe.contacts()
         if self.motors_on:
             for name in self._touching:
@@ -194,10 +184,10 @@ class Simulation:
             self._capture()
 
     def _capture(self) -> None:
-        motion = self._motion
+        motion = self.motion
         # The lens sits ahead on the body, so it moves with the body's tilt; the view does not tilt.
         x_m, y_m = motion.to_world(CAMERA_FORWARD_M * math.cos(motion.pitch_rad), 0.0)
-        self._frames.append(
+        self.frames.append(
             Capture(
                 index=self._frame_count,
                 time_s=self.now_s,

@@ -1,4 +1,4 @@
-"""The papers that wrap the boxes, the carpet and the pad, drawn from fixed seeds.
+"""The textures of the boxes, the carpet and the pad, drawn from fixed seeds.
 
 Every pattern is a square tile that repeats seamlessly, of known size in metres. A pattern has two
 or three hues, mixed finely enough that a window of a few centimetres shows them all: colour

@@ -1,4 +1,4 @@
-"""Scenes drawn from a scene: other light, other places and heights of its boxes."""
+"""What is drawn at random: the light and boxes of a scene, and where a flight in it begins."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.scene import CARPET_SIZE_M, BoxSpec, Helipad, Lighting, Scene, layout_problem
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import BODY_SIZE_M, Pose
 
 _FROM_EDGE_M: Final = 0.4  # of a box's centre: a drone does not fly round it there
 # Between the centres of two boxes, so that most gaps let the drone through, and from box to pad.
@@ -19,7 +21,10 @@ _SIDES_M: Final = (0.3, 0.5)
 _HEIGHTS_M: Final = (0.6, 2.2)  # as the shipped scenes have them
 _HIGH_SHARE: Final = 0.6  # of boxes that reach the flight height, 1.5 m
 _HIGH_M: Final = 1.5
-_TRIES: Final = 4000
+_TRIES: Final = 4000  # boxes
+_START_FROM_EDGE_M: Final = 0.5
+_START_FROM_BOX_M: Final = 0.5  # from the body's centre to the nearest box or pad
+_START_TRIES: Final = 10_000
 
 
 def varied_light(rng: np.random.Generator) -> Lighting:
@@ -60,7 +65,7 @@ def _placed(scene: Scene, rng: np.random.Generator) -> tuple[BoxSpec, ...]:
         box = _drawn(scene.boxes[len(placed)].pattern, rng)
         if _fits(box, placed, scene.helipad):
             placed.append(box)
-        elif rng.random() < 0.01:  # a bad beginning leaves no room for the rest
+        elif rng.random() < 0.01:  # the first boxes may leave no room for the rest
             placed.clear()
     raise ValueRangeError(f"no room for {len(scene.boxes)} boxes in scene '{scene.name}'")
 
@@ -86,3 +91,40 @@ def _fits(box: BoxSpec, placed: list[BoxSpec], helipad: Helipad) -> bool:
     if not apart or math.dist(box.position_m, helipad.position_m) < _FROM_PAD_M:
         return False
     return layout_problem(helipad, (*placed, box)) is None
+
+
+def start_pose(scene: Scene, seed: int) -> Pose:
+    """Return the body's pose when it stands at its take-off point.
+
+    Args:
+        scene: the lab.
+        seed: the flight's seed, used when the scene asks for a random place.
+
+    Raises:
+        ValueRangeError: the boxes leave no room for a random start.
+    """
+    if scene.take_off.random:
+        return _random_pose(scene, seed)
+    x, y = scene.take_off.position_m or scene.helipad.position_m
+    return _standing(scene, x, y, math.radians(scene.take_off.yaw_deg))
+
+
+def _standing(scene: Scene, x_m: float, y_m: float, yaw_rad: float) -> Pose:
+    z = scene.surface_m(x_m, y_m) + BODY_SIZE_M[2] / 2
+    return Pose(x_m=x_m, y_m=y_m, z_m=z, yaw_rad=yaw_rad)
+
+
+def _random_pose(scene: Scene, seed: int) -> Pose:
+    generator = np.random.default_rng(child_seed(seed, 6))
+    taken = [box.footprint for box in scene.boxes] + [scene.helipad.footprint]
+    half_x, half_y = (
+        CARPET_SIZE_M[0] / 2 - _START_FROM_EDGE_M,
+        CARPET_SIZE_M[1] / 2 - _START_FROM_EDGE_M,
+    )
+    for _ in range(_START_TRIES):
+        x, y = float(generator.uniform(-half_x, half_x)), float(generator.uniform(-half_y, half_y))
+        if all(footprint.distance_m(x, y) >= _START_FROM_BOX_M for footprint in taken):
+            return _standing(scene, x, y, float(generator.uniform(-math.pi, math.pi)))
+    raise ValueRangeError(
+        f"scene '{scene.name}': no free carpet for a random take-off; remove or move a box"
+    )

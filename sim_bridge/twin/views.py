@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
-from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.camera import CameraPose, Optics
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.noise import child_seed
-from sim_bridge.twin.optics import Optics
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from uav_bt.errors import ValueRangeError

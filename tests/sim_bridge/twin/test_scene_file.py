@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_bridge.twin.footprint import Footprint
+from sim_bridge.twin.scene import Footprint
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.errors import SceneError, UnknownNameError
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_bridge.twin.optics import Optics
+from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.profile import Profile
 
 IDEAL = Profile.named("ideal")
