@@ -74,8 +74,8 @@ def _cast(scene: Scene, origin: NDArray[np.float64], ray: NDArray[np.float64]) -
 def _enter_box(
     footprint: Footprint, height: float, origin: NDArray[np.float64], ray: NDArray[np.float64]
 ) -> tuple[float, NDArray[np.float64]]:
-    start = np.array((*footprint.to_local(origin[0], origin[1]), origin[2]))
-    tip = np.array((*footprint.to_local(*(origin + ray)[:2]), (origin + ray)[2]))
+    start = np.array((*footprint.to_body(origin[0], origin[1]), origin[2]))
+    tip = np.array((*footprint.to_body(*(origin + ray)[:2]), (origin + ray)[2]))
     step = tip - start
     low = np.array((-footprint.half_x_m, -footprint.half_y_m, 0.0))
     high = np.array((footprint.half_x_m, footprint.half_y_m, height))
