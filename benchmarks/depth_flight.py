@@ -19,8 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.evaluation.measured_points import MeasuredPoints, draw_points, ranges_at
-from perception.depth.evaluation.scores import summarise_errors
+from perception.depth.evaluation.scores import (
+    MeasuredPoints,
+    draw_points,
+    ranges_at,
+    summarise_errors,
+)
 from uav_bt import app
 from uav_bt.board import CAMERA, CORRIDOR, FRAME, METRIC_DEPTH
 from uav_bt.board.context import MissionContext

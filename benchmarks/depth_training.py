@@ -34,8 +34,7 @@ from perception.depth.training.labelling import (
     frames_of,
 )
 from perception.networks.weights_file import SHIPPED_WEIGHTS
-from perception.odometry.camera_track import camera_track, measured_motion
-from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage
+from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, camera_track, measured_motion
 from perception.segmentation.runtime import shipped_unet
 from uav_bt import app
 from uav_bt.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
@@ -175,8 +174,7 @@ def motion(footage: Footage, truth: Truth, pairs: int) -> None:
     """Print how well frames match when warped with exact depth and each kind of movement."""
     import torch  # noqa: PLC0415 - only this needs it
 
-    from perception.depth.training.losses import photometric_error  # noqa: PLC0415
-    from perception.depth.training.warping import warp  # noqa: PLC0415
+    from perception.depth.training.losses import photometric_error, warp  # noqa: PLC0415 - as above
 
     track = camera_track(footage)
     source = ClipSource(

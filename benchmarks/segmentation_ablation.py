@@ -18,12 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
+from perception.segmentation.clean import RefineConfig
 from perception.segmentation.evaluation import score_segmentation
-from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.teacher import TeacherConfig
-from perception.segmentation.training.losses import LOSSES
-from perception.segmentation.training.run import TrainingConfig
+from perception.segmentation.training.run import LOSSES, TrainingConfig
 from uav_bt.learning import segmentation as training
 from uav_bt.learning.scenes import TESTING_SCENES
 from uav_bt.learning.views import Image, ViewPlan, twin_views
@@ -46,7 +45,7 @@ def ablate_scenes(arguments: argparse.Namespace) -> None:
         ways: dict[str, Callable[[Image], Image]] = {
             "windows": teacher.window_ids,
             "paper": teacher.paper_ids,
-            "sharp borders": lambda rgb, t=teacher: refined_ids(t, rgb, RefineConfig()),
+            "sharp borders": lambda rgb, t=teacher: t.refined_ids(rgb, RefineConfig()),
         }
         for name, way in ways.items():
             score = score_segmentation((way(rgb), ids) for rgb, ids in views)

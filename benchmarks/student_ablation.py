@@ -25,7 +25,7 @@ from typing import Any, Final
 
 import torch
 
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig
 from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig
 from perception.control.training.samples import SampleConfig

@@ -36,8 +36,8 @@ from sklearn.svm import LinearSVC
 from perception.control.ego_state import state_size
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
+from perception.segmentation.clean import RefineConfig
 from perception.segmentation.features import hsv_of, patch_features
-from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.runtime import SHIPPED_UNETS, OnnxSegmenter, shipped_unet
 from perception.segmentation.teacher import TeacherConfig, fit_teacher
 from perception.segmentation.training.picks import gather_patches
@@ -254,7 +254,7 @@ def teacher(given: Options) -> None:
     for name, work in {
         "dense, every pixel": fast.window_ids,
         "dense, then the paper's dots and components": fast.paper_ids,
-        "dense, then sharp borders": lambda rgb: refined_ids(fast, rgb, RefineConfig()),
+        "dense, then sharp borders": lambda rgb: fast.refined_ids(rgb, RefineConfig()),
     }.items():
         work(images[0])
         took = float(np.median([seconds(partial(work, rgb)) for rgb in images]))

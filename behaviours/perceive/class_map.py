@@ -39,7 +39,7 @@ class Segment(Leaf):
         """Load the network; raises WeightsError or FileError when it cannot be."""
         self._segmenter = mission.segmenter or self._load(mission.inference_threads)
         if mission.ground:
-            from perception.segmentation.ground_classes import CountedAsCarpet  # noqa: PLC0415 - late, as below
+            from perception.segmentation.mapping import CountedAsCarpet  # noqa: PLC0415 - late, as below
 
             self._segmenter = CountedAsCarpet(self._segmenter, mission.ground)
         self._timer = StageTimer(mission, "segmentation")
@@ -84,7 +84,7 @@ class FindHelipad(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the finder."""
-        from perception.landing.finder import HelipadFinder  # noqa: PLC0415  (OpenCV is heavy)
+        from perception.landing.tracker import HelipadFinder  # noqa: PLC0415  (OpenCV is heavy)
 
         self._finder = HelipadFinder(pad_height_m=self.port_value("pad_height_m"))
         self._timer = StageTimer(mission, "helipad")

@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.config import OUTPUTS, VERSION, ControlNetConfig
-from perception.control.ego_state import state_size
+from perception.control.ego_state import OUTPUTS, VERSION, ControlNetConfig, state_size
 from perception.networks.onnx_runtime import compile_model, read_model, shrunk
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError

@@ -1,8 +1,11 @@
 """Ground-plane visual odometry: dead reckoning, corrected by what the camera sees of the carpet.
 
 The drone's own velocity is off by a centimetre a second for seconds on end, which adds up to a
-quarter of a metre in half a minute. The carpet stands still: followed from frame to frame it tells
-how far the camera really moved. The heading stays telemetry's, whose error is bounded.
+quarter of a metre in half a minute. The carpet stands still, and its points lie in a known plane:
+two frames of them, followed by optical flow (Lucas and Kanade), give the horizontal movement, and
+the heading to a fraction of the half degree by which telemetry's is wrong (which moves an image by
+more than two pixels, more than depth does at some metres). `CarpetOdometry`, in flight, corrects
+positions only: the error of telemetry's heading is bounded.
 """
 
 from __future__ import annotations
@@ -14,10 +17,150 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.odometry.planar_flow import GroundView, OdometryConfig, ground_motion
 from uav_bt.classes import CARPET
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, Pose2D, rotate
+from uav_bt.types import (
+    CameraModel,
+    ClassMap,
+    DroneState,
+    Frame,
+    Pose2D,
+    rotate,
+    rotate_points,
+    rotation,
+)
 from uav_bt.types.dead_reckoning import Odometry, OdometryPose
+from uav_bt.types.projection import ground_points, project
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryConfig:
+    """How points are found, followed and trusted."""
+
+    points: int = 150  # followed at most; more only cost time
+    quality: float = 0.02  # of the strongest corner's; the carpet's texture is faint
+    spacing_px: int = 5
+    window_px: int = 15  # of the optical flow
+    max_range_m: float = 4.0  # further carpet is seen too flatly to say much
+    inlier_m: float = 0.03  # on the ground; boxes' points move by more
+    min_points: int = 20  # with fewer, telemetry stays
+    rounds: int = 6  # of fitting and weighing
+    # What differs more from telemetry than it can be wrong was measured on something else.
+    max_yaw_rad: float = 0.05
+    max_shift_m: float = 0.12
+
+    def believes(self, measured: Pose2D, expected: Pose2D) -> bool:
+        """Return whether a measurement is near enough to telemetry."""
+        shift_m = math.hypot(measured.x_m - expected.x_m, measured.y_m - expected.y_m)
+        return abs(measured.yaw_rad - expected.yaw_rad) <= self.max_yaw_rad and (
+            shift_m <= self.max_shift_m
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GroundView:
+    """One frame as odometry sees it."""
+
+    grey: Image  # (H, W)
+    camera: CameraModel  # at that size
+    gimbal_pitch_rad: float
+    height_m: float  # of the lens above the carpet
+
+
+def ground_motion(
+    first: GroundView,
+    second: GroundView,
+    guess: Pose2D,
+    carpet: Image | None = None,
+    config: OdometryConfig | None = None,
+) -> Pose2D | None:
+    """Measure where the second camera is in the level frame of the first.
+
+    Args:
+        first: where points are picked.
+        second: where they are found again.
+        guess: the movement by telemetry, where the search begins; x forward, y right, yaw
+            clockwise.
+        carpet: (H, W), not zero where the first frame shows carpet; None to let the fit find out.
+        config: how points are found.
+
+    Returns:
+        The movement; None with too few points on the carpet.
+    """
+    config = config or OdometryConfig()
+    corners = cv2.goodFeaturesToTrack(
+        first.grey, config.points, config.quality, config.spacing_px, mask=carpet
+    )
+    if corners is None or len(corners) < config.min_points:
+        return None
+    corners = corners.reshape(-1, 2)
+    here = ground_points(corners, first.camera, first.gimbal_pitch_rad, first.height_m)
+    guessed = _moved(here, guess)
+    level = np.column_stack([guessed, np.full(len(guessed), second.height_m)])
+    expected = project(level, second.camera, second.gimbal_pitch_rad)
+    usable = np.isfinite(expected).all(axis=1) & (np.hypot(*here.T) < config.max_range_m)
+    if np.count_nonzero(usable) < config.min_points:
+        return None
+    begin = corners[usable].astype(np.float32)
+    found, status, _ = cv2.calcOpticalFlowPyrLK(
+        first.grey,
+        second.grey,
+        begin,
+        expected[usable].astype(np.float32),
+        winSize=(config.window_px, config.window_px),
+        maxLevel=2,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )
+    tracked = status.ravel() == 1
+    here = here[usable][tracked]
+    there = ground_points(found[tracked], second.camera, second.gimbal_pitch_rad, second.height_m)
+    good = np.isfinite(there).all(axis=1)
+    return _fitted(here[good], there[good], guess, config)
+
+
+def _moved(points: Floats, motion: Pose2D) -> Floats:
+    return rotate_points(points, -motion.yaw_rad) + motion.to_body(0.0, 0.0)
+
+
+def _fitted(here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig) -> Pose2D | None:
+    """Fit a rigid movement of the plane, reweighted so that what is no carpet loses its weight."""
+    if len(here) < config.min_points:
+        return None
+    # Far points are measured worse: an error of a pixel grows with the square of the distance.
+    trust = 1.0 / (1.0 + (there**2).sum(axis=1)) ** 2
+    motion, scale_m = guess, 4.0 * config.inlier_m
+    # The guess may be off as a whole: take the common shift away before points are judged.
+    residual = there - _moved(here, motion)
+    centre = np.median(residual, axis=0)
+    weight = trust / (1.0 + (((residual - centre) / scale_m) ** 2).sum(axis=1)) ** 2
+    for _ in range(config.rounds):
+        motion = _rigid(here, there, weight)
+        residual = there - _moved(here, motion)
+        scale_m = max(config.inlier_m, 0.6 * scale_m)
+        weight = trust / (1.0 + ((residual / scale_m) ** 2).sum(axis=1)) ** 2
+    inliers = np.count_nonzero(np.hypot(*residual.T) < config.inlier_m)
+    enough = inliers >= config.min_points and config.believes(motion, guess)
+    return motion if enough else None
+
+
+def _rigid(here: Floats, there: Floats, weight: Floats) -> Pose2D:
+    """Return the weighted least-squares rotation and translation (Umeyama, in the plane).
+
+    OpenCV's `estimateAffinePartial2D` has no weights and fits a scale, and SciPy's
+    `Rotation.align_vectors` works in three dimensions without the translation.
+    """
+    share = weight / weight.sum()
+    from_, to = share @ here, share @ there
+    a, b = here - from_, there - to
+    # Points turn counter to the camera, and y is to the right: the signs of a clockwise heading.
+    yaw_rad = math.atan2(
+        float(share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1])),
+        float(share @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])),
+    )
+    origin = from_ - rotation(yaw_rad) @ to
+    return Pose2D(x_m=float(origin[0]), y_m=float(origin[1]), yaw_rad=yaw_rad)
 
 
 @dataclass(frozen=True, kw_only=True)

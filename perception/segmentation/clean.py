@@ -1,23 +1,31 @@
-"""From votes to a clean class map: the paper's dotted grid and its largest components.
+"""From the teacher's windows to a clean class map: the paper's procedure, and sharper borders.
 
 Mocanu et al. (arXiv 2510.16624, experiments on the first level) classify every fifth pixel, dilate
 the dots until they join, and keep the largest connected component of each class but carpet and
 background.
+
+A 40-pixel window puts a class's border up to 20 pixels off, and the student would learn it so.
+`sharpened` is ours, not the paper's: for every pixel it multiplies, as Bayes' rule does, the share
+of the neighbourhood that the windows gave to a class (the prior) by how well the class's palette
+explains the pixel's colour (the likelihood). The result is a better prior for the next round.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.segmentation.features import colour_codes
 from uav_bt.classes import BACKGROUND, CARPET, CLASS_COUNT
 from uav_bt.errors import ShapeError, ValueRangeError
 
 _WITHOUT_COMPONENTS: Final = (BACKGROUND, CARPET)  # many separate pieces of these are normal
+_MIN_SHARE: Final = 1e-4  # of the neighbourhood; keeps the prior's logarithm finite
 
 
 def dilated_grid(
@@ -143,3 +151,68 @@ def _absorbed(ids: NDArray[np.uint8], stray: NDArray[np.bool_]) -> NDArray[np.ui
     class_of_label = np.zeros(int(nearest.max()) + 1, dtype=np.uint8)
     class_of_label[nearest[~stray]] = ids[~stray]
     return np.asarray(class_of_label[nearest], dtype=np.uint8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefineConfig:
+    """How borders are sharpened; pixels are those of the teacher's 1152x648 image.
+
+    The numbers were chosen on the validation scenes.
+    """
+
+    rounds: int = 3  # 0 leaves the windows' vote as it is
+    neighbourhood_px: int = 41  # side of the square the prior is counted in; about a patch
+    prior_weight: float = 3.0  # of the prior's logarithm; neighbouring pixels are not independent
+    blur_px: float = 1.0  # standard deviation of the likelihood's smoothing; evens out image noise
+    smallest_px: int = 100  # area; smaller pieces are noise
+    hole_px: int = 4000  # area; smaller holes in a box's side are its pattern
+
+    def __post_init__(self) -> None:
+        if self.rounds < 0 or self.neighbourhood_px < 1 or self.smallest_px < 0:
+            raise ValueRangeError(f"rounds and sizes must not be negative, got {self}")
+        if self.prior_weight < 0.0 or self.blur_px < 0.0 or self.hole_px < 0:
+            raise ValueRangeError(f"weights and sizes must not be negative, got {self}")
+
+
+def sharpened(
+    ids: NDArray[np.uint8],
+    rgb: NDArray[np.uint8],
+    palette: NDArray[np.float32],
+    config: RefineConfig,
+) -> NDArray[np.uint8]:
+    """Return the map after the rounds of prior and likelihood.
+
+    Args:
+        ids: (H, W) uint8, the windows' vote.
+        rgb: (H, W, 3) uint8 of the same size.
+        palette: (17, 32768) log-likelihoods.
+        config: how to sharpen.
+
+    Raises:
+        ShapeError: map and image differ in size.
+    """
+    if ids.shape != rgb.shape[:2]:
+        height, width = rgb.shape[:2]
+        raise ShapeError("class ids", expected=f"{height}x{width}", actual=ids.shape)
+    codes = colour_codes(rgb)
+    present = np.unique(ids).tolist()
+    likelihood = {class_id: _smoothed(palette[class_id][codes], config) for class_id in present}
+    square = (config.neighbourhood_px, config.neighbourhood_px)
+    for _ in range(config.rounds):
+        best = np.full(ids.shape, -np.inf, dtype=np.float32)
+        better_ids = ids.copy()
+        for class_id in present:
+            mask = (ids == class_id).astype(np.float32)
+            share = cv2.boxFilter(mask, cv2.CV_32F, square, borderType=cv2.BORDER_REPLICATE)
+            score = likelihood[class_id] + config.prior_weight * cv2.log(share + _MIN_SHARE)
+            better = score > best
+            np.copyto(best, score, where=better)
+            np.putmask(better_ids, better, np.uint8(class_id))
+        ids = better_ids
+    return ids
+
+
+def _smoothed(likelihood: NDArray[np.float32], config: RefineConfig) -> NDArray[np.float32]:
+    if config.blur_px == 0.0:
+        return likelihood
+    return np.asarray(cv2.GaussianBlur(likelihood, (0, 0), config.blur_px), dtype=np.float32)

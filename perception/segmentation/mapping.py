@@ -1,4 +1,4 @@
-"""What a foreign segmentation network's classes mean here, and what its input wants.
+"""What the classes of other networks mean here, and what its input wants.
 
 A mapping is a YAML (or JSON) file beside the network:
 
@@ -18,8 +18,8 @@ A mapping is a YAML (or JSON) file beside the network:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Final, Literal
@@ -30,6 +30,8 @@ from pydantic import PlainValidator
 
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, CLASS_NAMES, HELIPAD_BOX, class_id
 from uav_bt.errors import ValueRangeError
+from uav_bt.protocols import Segmenter
+from uav_bt.types import ClassMap, Frame
 from uav_bt.yaml_file import read_yaml
 
 GROUP_ALIASES: Final[Mapping[str, int]] = MappingProxyType(
@@ -120,3 +122,25 @@ def read_mapping(path: Path) -> ClassMapping:
         FileError: the file is absent or malformed; the message says what was expected.
     """
     return read_yaml(path, ClassMapping, "class mapping").value
+
+
+class CountedAsCarpet:
+    """A segmenter whose classes of ground all become carpet, by which missions fly.
+
+    Args:
+        segmenter: tells the classes apart.
+        ground: names of the classes that a drone may fly over and scale its depth by.
+
+    Raises:
+        UnknownNameError: there is no class of a name.
+    """
+
+    def __init__(self, segmenter: Segmenter, ground: Iterable[str]) -> None:
+        self._segmenter = segmenter
+        self._table = np.arange(256, dtype=np.uint8)
+        self._table[[class_id(name) for name in ground]] = CARPET
+
+    def segment(self, frame: Frame) -> ClassMap:
+        """Return the class map, ground as carpet."""
+        class_map = self._segmenter.segment(frame)
+        return replace(class_map, ids=self._table[class_map.ids])

@@ -18,8 +18,8 @@ from perception.networks.onnx_runtime import (
     taking_pictures,
 )
 from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping, read_mapping
-from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.types import ClassMap, Frame
@@ -138,7 +138,7 @@ class TeacherSegmenter:
         if self._refine is None:
             ids = self._teacher.paper_ids(rgb)
         else:
-            ids = refined_ids(self._teacher, rgb, self._refine)
+            ids = self._teacher.refined_ids(rgb, self._refine)
         small = cv2.resize(ids, self._size, interpolation=cv2.INTER_NEAREST_EXACT)
         return ClassMap(ids=np.asarray(small, dtype=np.uint8), captured_s=frame.captured_s)
 

@@ -18,17 +18,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.networks.weights_file import read_weights, write_weights
-from perception.segmentation.clean import dilated_grid, keep_largest_components
+from perception.segmentation.clean import (
+    RefineConfig,
+    dilated_grid,
+    drop_small_components,
+    filled_holes,
+    keep_largest_components,
+    sharpened,
+)
 from perception.segmentation.features import (
+    COLOUR_COUNT,
     FEATURE_COUNT,
     WindowMeans,
     channel_tables,
     hsv_of,
+    palette_of_counts,
     spread_to_border,
 )
-from perception.segmentation.palette import COLOUR_COUNT, palette_of_counts
 from perception.segmentation.training.picks import PickedPatches
-from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
+from uav_bt.classes import CLASS_COUNT, CLASS_NAMES, HELIPAD_H, OBSTACLES
 from uav_bt.errors import ShapeError, ValueRangeError, WeightsError
 
 _KIND: Final = "hsv-histogram-svm"
@@ -131,6 +139,29 @@ class Teacher:
         """
         dots = dilated_grid(self.window_ids(rgb), step_px=step_px, dilation_px=step_px + 2)
         return keep_largest_components(dots)
+
+    def refined_ids(self, rgb: NDArray[np.uint8], config: RefineConfig) -> NDArray[np.uint8]:
+        """Return the class map with sharp borders, and without holes in the sides of boxes.
+
+        Args:
+            rgb: (H, W, 3) uint8, at the teacher's size.
+            config: how to sharpen.
+
+        Returns:
+            (H, W) uint8 class ids.
+
+        Raises:
+            ValueRangeError: the teacher has no palette.
+        """
+        ids = self.window_ids(rgb)
+        if config.rounds == 0:
+            return ids
+        if self.palette is None:
+            raise ValueRangeError("this teacher has no palette to sharpen with; train it anew")
+        ids = sharpened(ids, rgb, self.palette, config)
+        ids = drop_small_components(ids, area_px=config.smallest_px)
+        # An H lies inside the striped frame, and a thing before the carpet or the wall is no hole.
+        return filled_holes(ids, inside=OBSTACLES, but=(HELIPAD_H,), area_px=config.hole_px)
 
     def _window_scores(self, hsv: NDArray[np.uint8]) -> Iterator[tuple[int, NDArray[np.float64]]]:
         """Yield the scores of the whole windows; each array is valid until the next."""

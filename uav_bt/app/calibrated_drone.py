@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from perception.camera.camera_file import load_camera
-from perception.camera.undistortion import Undistorter
+from perception.camera.camera_file import Undistorter, load_camera
 from uav_bt.errors import DroneError
 from uav_bt.protocols import Clock, Drone, Referee, Scene
 from uav_bt.types import CameraModel, Command, Frame, Observation

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig
 from perception.control.training.run import ControlTrainingConfig
 from perception.control.training.samples import SampleConfig
 from uav_bt.cli.options import (

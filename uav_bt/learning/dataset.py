@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage, shrink
+from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
 from uav_bt.record.footage import flight_record, footage

@@ -22,7 +22,7 @@ from perception.depth.training.labelling import (
     read_labels,
     write_labels,
 )
-from perception.odometry.footage import Footage, shrink
+from perception.odometry.camera_track import Footage, shrink
 from uav_bt.errors import FileError
 from uav_bt.learning.dataset import footage_of
 from uav_bt.learning.diary import Diary

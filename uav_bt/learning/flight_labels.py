@@ -8,8 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from perception.odometry.footage import shrink
-from perception.segmentation.refine import refined_ids
+from perception.odometry.camera_track import shrink
 from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.files import whole_file
@@ -82,7 +81,7 @@ def _labelled(
     ids = np.zeros((len(frames), height, width), dtype=np.uint8)
     for done, frame in enumerate(frames):
         image = shrink(image_of(frame, record), teacher_px)
-        mask = refined_ids(teacher, image, plan.refine)
+        mask = teacher.refined_ids(image, plan.refine)
         rgbs[done] = shrink(image, plan.size_px)
         ids[done] = cv2.resize(mask, plan.size_px, interpolation=cv2.INTER_NEAREST_EXACT)
         advance(f"labels, {record.stem}", done + 1, len(frames))

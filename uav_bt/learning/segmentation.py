@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.segmentation.clean import RefineConfig
 from perception.segmentation.evaluation import SegmentationScore, score_segmentation
-from perception.segmentation.refine import RefineConfig, refined_ids
 from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, load_teacher
 from perception.segmentation.training.picks import Pick, draw_picks, gather_patches, read_picks
 from uav_bt.errors import FileError
@@ -147,7 +147,7 @@ def _label_scene(teacher_path: Path, plan: UNetPlan, scene: str, file: Path) -> 
     teacher = load_teacher(teacher_path)
     rgbs, labels = [], []
     for _, image, _ in twin_views(replace(plan.views, scenes=(scene,), truth_size_px=(32, 18))):
-        ids = refined_ids(teacher, teacher.resized(image), plan.refine)
+        ids = teacher.refined_ids(teacher.resized(image), plan.refine)
         rgbs.append(cv2.resize(image, plan.size_px, interpolation=cv2.INTER_AREA))
         labels.append(cv2.resize(ids, plan.size_px, interpolation=cv2.INTER_NEAREST_EXACT))
     with whole_file(file) as partial, partial.open("wb") as out:

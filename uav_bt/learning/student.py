@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import ControlEstimate, OnnxControlStudent
 from perception.control.training.samples import (
     Batch,

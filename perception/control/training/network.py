@@ -12,8 +12,7 @@ from typing import Final, cast
 import torch
 from torch import Tensor, nn
 
-from perception.control.config import OUTPUTS, VERSION, ControlNetConfig
-from perception.control.ego_state import state_size
+from perception.control.ego_state import OUTPUTS, VERSION, ControlNetConfig, state_size
 from perception.networks.training.network_files import NetworkFiles, OnnxPorts
 from perception.segmentation.training.unet import UNet, UNetConfig
 

@@ -1,20 +1,23 @@
-"""Train the control student on windows of flights. Importing this module imports torch."""
+"""Train the control student on windows of flights: their changes, the loss, the run.
+
+Importing this module imports torch.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional as F  # noqa: N812 - everybody's name for it
 
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig, mirrored
 from perception.control.runtime import ControlEstimate, decode
-from perception.control.training.augment import ControlAugmentConfig, augmented
-from perception.control.training.losses import choice_loss
 from perception.control.training.network import ControlNet
 from perception.control.training.samples import Batch, ControlSamples, SampleConfig
 from perception.networks.training.loop import (
@@ -25,6 +28,94 @@ from perception.networks.training.loop import (
     train,
 )
 from uav_bt.errors import ValueRangeError
+
+# A free way taken for blocked costs a turn; the other way round it costs the drone.
+_CAUTION: Final = 1.5
+# Of metres, the quantile that is learnt: a step too short costs a stop, one too long more.
+_QUANTILE: Final = 0.35
+_SIDE, _METRES, _ENDS = 0.5, 2.0, 0.5
+
+
+def choice_loss(prediction: Tensor, labels: Tensor, turning: Tensor) -> Tensor:
+    """Return the loss of a choice, to advance or to turn, and of its particulars.
+
+    The mean of an advance and a turn is neither, and that is what a squared error asks for where
+    both are likely.
+
+    Args:
+        prediction: (N, 5) float, `config.OUTPUTS`.
+        labels: (N, 4) float, the rule's decision: `samples.LABELS`.
+        turning: (N,) float, the turn under way.
+    """
+    forward_m, yaw_rad, ends, free_m = labels.unbind(dim=1)
+    advances = (forward_m > 0.0).float()
+    choice = F.binary_cross_entropy_with_logits(
+        prediction[:, 0], advances, weight=torch.where(advances > 0.0, 1.0, _CAUTION)
+    )
+    # A turn under way keeps its side: there is nothing to learn from it.
+    begins = (forward_m <= 0.0) & (turning == 0.0)
+    side = F.binary_cross_entropy_with_logits(
+        prediction[:, 1], (yaw_rad > 0.0).float(), weight=begins.float()
+    )
+    step = _pinball(prediction[:, 2], forward_m, forward_m > 0.0)
+    edge = F.binary_cross_entropy_with_logits(prediction[:, 3], ends)
+    free = _pinball(prediction[:, 4], free_m, torch.isfinite(free_m))
+    return choice + _SIDE * side + _METRES * (step + free) + _ENDS * edge
+
+
+def _pinball(prediction: Tensor, truth: Tensor, counts: Tensor) -> Tensor:
+    """Return the loss whose minimum is at a quantile (Koenker and Bassett, 1978)."""
+    left = torch.where(counts, truth - prediction, 0.0)
+    return torch.maximum(_QUANTILE * left, (_QUANTILE - 1.0) * left).mean()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlAugmentConfig:
+    """How much windows are changed."""
+
+    mirror: float = 0.5  # share of windows: the lab and its rules have no handedness
+    gain: float = 0.3  # of brightness, relative, either way: lamps differ
+    tint: float = 0.06  # of each colour, relative: white balances differ
+    exposure: float = 0.05  # of each view, relative: the automatic exposure hunts
+    noise: float = 3.0  # standard deviation in grey levels, at most
+
+
+def augmented(batch: Batch, rng: np.random.Generator, config: ControlAugmentConfig) -> Batch:
+    """Return windows changed at random; those given are left alone.
+
+    Args:
+        batch: the windows.
+        rng: draws the changes.
+        config: how much they are changed.
+    """
+    count, views = batch.frames.shape[:2]
+    flipped: NDArray[np.bool_] = np.asarray(rng.random(count) < config.mirror)
+    frames = np.where(flipped[:, None, None, None, None], batch.frames[..., ::-1, :], batch.frames)
+    labels = batch.labels.copy()
+    labels[flipped, 1] *= -1.0
+    state = np.where(flipped[:, None], mirrored(batch.state), batch.state)
+    return Batch(
+        frames=_relit(frames, rng, config, (count, views)),
+        state=state.astype(np.float32),
+        labels=labels,
+        turning=np.where(flipped, -batch.turning, batch.turning).astype(np.float32),
+    )
+
+
+def _relit(
+    frames: NDArray[np.uint8],
+    rng: np.random.Generator,
+    config: ControlAugmentConfig,
+    shape: tuple[int, int],
+) -> NDArray[np.uint8]:
+    count, views = shape
+    gain = np.exp(rng.uniform(-config.gain, config.gain, (count, 1, 1, 1, 1)))
+    tint = np.exp(rng.uniform(-config.tint, config.tint, (count, 1, 1, 1, 3)))
+    exposure = np.exp(rng.uniform(-config.exposure, config.exposure, (count, views, 1, 1, 1)))
+    noise = rng.uniform(0.0, config.noise, (count, 1, 1, 1, 1)).astype(np.float32)
+    grain = rng.standard_normal(frames.shape, dtype=np.float32) * noise
+    changed = frames * (gain * tint * exposure).astype(np.float32) + grain
+    return np.clip(np.rint(changed), 0.0, 255.0).astype(np.uint8)
 
 
 @dataclass(frozen=True, kw_only=True)

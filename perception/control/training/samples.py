@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.config import ControlNetConfig
-from perception.control.ego_state import EgoState, state_vector
+from perception.control.ego_state import ControlNetConfig, EgoState, state_vector
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.protocols import Advice, Decision

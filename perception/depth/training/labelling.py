@@ -23,8 +23,13 @@ from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
 from perception.obstacles.memory import ObstacleMemory
-from perception.odometry.camera_track import CameraTrack, camera_track, measured_motion
-from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage
+from perception.odometry.camera_track import (
+    FOOTAGE_SIZE_PX,
+    CameraTrack,
+    Footage,
+    camera_track,
+    measured_motion,
+)
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
 from uav_bt.protocols import Segmenter

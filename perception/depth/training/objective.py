@@ -13,12 +13,12 @@ from perception.depth.training.losses import (
     ConsistencyMaps,
     best_of,
     consistency_maps,
+    invert_motion,
     label_loss,
     masked_mean,
     smoothness_loss,
 )
-from perception.depth.training.pose_network import PoseNet
-from perception.depth.training.warping import invert_motion
+from perception.depth.training.network import PoseNet
 
 
 class Batch:

@@ -2,7 +2,7 @@
 
 What geometry on masks cannot know, a box whose base is out of the image, is just what moves most
 from frame to frame. Between frames whose movement is known exactly
-(`perception.odometry.planar_flow`), the flow of a pixel gives its depth:
+(`perception.odometry.visual`), the flow of a pixel gives its depth:
 
     flowed pixel = (ray d + t) projected
 

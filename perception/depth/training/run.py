@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from perception.depth.training.clips import ClipConfig, ClipSource
-from perception.depth.training.network import DEPTH_FILES, DepthNet, DepthNetConfig
+from perception.depth.training.network import DEPTH_FILES, DepthNet, DepthNetConfig, PoseNet
 from perception.depth.training.objective import Batch, consistency_terms, supervision_terms
-from perception.depth.training.pose_network import PoseNet
 from perception.networks.training.loop import (
     LoopConfig,
     Progress,

@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.segmentation.features import (
+    COLOUR_COUNT,
     WindowMeans,
+    count_colours,
     hsv_of,
     patch_features,
     patch_slices,
     spread_to_border,
 )
-from perception.segmentation.palette import COLOUR_COUNT, count_colours
 from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
 from uav_bt.files import reading, write_whole

@@ -14,7 +14,7 @@ import torch
 from behaviours.fly.explore import Explore
 from behaviours.policies import student
 from behaviours.policies.student import StudentPolicy, StudentPolicyConfig
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
 from perception.control.training.network import STUDENT_FILES, ControlNet
 from tests.behaviours.policies import cast_world

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from perception.camera.calibration import Calibration, CalibrationConfig, calibrate
+from perception.camera.camera_file import Undistorter
 from perception.camera.checkerboards import Grey, find_any_board, find_board
-from perception.camera.undistortion import Undistorter
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from tests.perception.camera.board_world import board_poses, photograph

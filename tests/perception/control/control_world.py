@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig
 from perception.control.training.samples import ControlFlight, FlightBuilder
 from uav_bt.protocols import Advice, Decision
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.odometry.footage import FOOTAGE_SIZE_PX, Footage, shrink
+from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene_file import load_scene

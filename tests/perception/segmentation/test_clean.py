@@ -1,9 +1,15 @@
 """Votes to class maps: dots, components, holes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from perception.segmentation import clean
+from perception.segmentation.evaluation import score_segmentation
+from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher
+from perception.segmentation.training.picks import draw_picks, gather_patches
+from tests.perception.segmentation.patterned import samples
 from uav_bt.errors import ShapeError, ValueRangeError
 
 
@@ -88,3 +94,66 @@ def test_a_thing_before_the_carpet_is_no_hole() -> None:
     ids = np.ones((60, 60), dtype=np.uint8)
     ids[20:25, 20:25] = 4
     np.testing.assert_array_equal(clean.filled_holes(ids, inside=(4,), area_px=100), ids)
+
+
+CONFIG = clean.RefineConfig(neighbourhood_px=13, smallest_px=8, hole_px=20)
+
+
+@pytest.fixture(scope="module")
+def teacher() -> Teacher:
+    drawn = draw_picks(
+        ((name, ids) for name, _, ids in samples(12, seed=1)),
+        np.random.default_rng(0),
+        patch_px=12,
+        total=600,
+    )
+    pictures = ((name, rgb) for name, rgb, _ in samples(12, seed=1))
+    return fit_teacher(
+        gather_patches(drawn, pictures, 12),
+        TeacherConfig(width_px=160, height_px=90, patch_px=12),
+    )
+
+
+def test_sharpening_brings_the_map_closer_to_the_exact_one(teacher: Teacher) -> None:
+    plain, sharp = (
+        score_segmentation(
+            (teacher.refined_ids(rgb, config), ids) for _, rgb, ids in samples(6, seed=5)
+        )
+        for config in (replace(CONFIG, rounds=0), CONFIG)
+    )
+    assert sharp.miou > plain.miou + 0.02
+    assert sharp.group_miou > plain.group_miou + 0.02
+
+
+def test_no_rounds_leave_the_windows_vote(teacher: Teacher) -> None:
+    (_, rgb, _) = next(samples(1, seed=5))
+    ids = teacher.refined_ids(rgb, replace(CONFIG, rounds=0))
+    np.testing.assert_array_equal(ids, teacher.window_ids(rgb))
+
+
+def test_sharpening_invents_no_class(teacher: Teacher) -> None:
+    (_, rgb, _) = next(samples(1, seed=6))
+    assert teacher.palette is not None
+    ids = np.zeros((90, 160), dtype=np.uint8)
+    ids[:, 80:] = 1
+    sharp = clean.sharpened(ids, rgb, teacher.palette, CONFIG)
+    assert set(np.unique(sharp)) <= {0, 1}
+
+
+def test_a_teacher_without_a_palette_says_so(teacher: Teacher) -> None:
+    (_, rgb, _) = next(samples(1, seed=6))
+    with pytest.raises(ValueRangeError, match="no palette"):
+        replace(teacher, palette=None).refined_ids(rgb, CONFIG)
+
+
+def test_map_and_picture_of_different_size_are_refused(teacher: Teacher) -> None:
+    assert teacher.palette is not None
+    with pytest.raises(ShapeError, match="90x160, got 90x161"):
+        clean.sharpened(
+            np.zeros((90, 161), np.uint8),
+            np.zeros((90, 160, 3), np.uint8),
+            teacher.palette,
+            CONFIG,
+        )
+    with pytest.raises(ValueRangeError, match="must not be negative"):
+        clean.RefineConfig(rounds=-1)

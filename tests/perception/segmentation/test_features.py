@@ -63,3 +63,24 @@ def test_bad_input_is_refused_with_what_was_expected() -> None:
         features.channel_tables(np.zeros(189))
     with pytest.raises(ShapeError, match="Nx2"):
         features.patch_features(np.zeros((50, 50, 3), np.uint8), np.zeros((1, 3), np.int64), 40)
+
+
+def test_a_palette_is_a_distribution_over_colours() -> None:
+    counts = np.zeros((17, features.COLOUR_COUNT), dtype=np.int64)
+    counts[3, 1234] = 50
+    likelihood = np.exp(features.palette_of_counts(counts).astype(np.float64))
+    np.testing.assert_allclose(likelihood.sum(axis=1), 1.0, rtol=1e-4)
+    assert likelihood[3].argmax() == 1234
+    np.testing.assert_allclose(likelihood[0], 1.0 / features.COLOUR_COUNT, rtol=1e-4)
+
+
+def test_colour_codes_keep_the_five_highest_bits_of_each_channel() -> None:
+    rgb = np.array([[[255, 0, 0], [7, 8, 0], [0, 0, 255]]], dtype=np.uint8)
+    assert features.colour_codes(rgb).tolist() == [[31 << 10, 1 << 5, 31]]
+    assert features.count_colours(rgb).sum() == 3
+    with pytest.raises(ShapeError, match="HxWx3"):
+        features.colour_codes(np.zeros((2, 2), np.uint8))
+    with pytest.raises(ValueRangeError, match="uint8"):
+        features.colour_codes(np.zeros((2, 2, 3)))  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match="17x32768"):
+        features.palette_of_counts(np.zeros((4, 8), np.int64))

@@ -1,11 +1,16 @@
 """What a foreign network's classes mean here."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from perception.segmentation.mapping import ClassMapping, InputFormat, read_mapping
-from uav_bt.errors import FileError, ValueRangeError
+from perception.segmentation.mapping import ClassMapping, CountedAsCarpet, InputFormat, read_mapping
+from uav_bt.classes import BACKGROUND, CARPET, HELIPAD_H
+from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
+from uav_bt.types import ClassMap, Frame
 
 
 def _read(tmp_path: Path, text: str) -> ClassMapping:
@@ -75,3 +80,28 @@ def test_an_absent_mapping_is_refused(tmp_path: Path) -> None:
 def test_a_class_the_network_does_not_have_is_refused() -> None:
     with pytest.raises(ValueRangeError, match="names class 16, the network has classes 0 to 9"):
         ClassMapping.identity().table(10)
+
+
+class Told:
+    """A segmenter that says what it was made with."""
+
+    def __init__(self, *ids: int) -> None:
+        self._ids = np.array([ids], np.uint8)
+
+    def segment(self, frame: Frame) -> ClassMap:
+        return ClassMap(ids=self._ids, captured_s=frame.captured_s)
+
+
+FRAME = Frame(image=np.zeros((2, 2, 3), np.uint8), index=0, captured_s=3.0, gimbal_pitch_rad=0.0)
+
+
+def test_classes_of_ground_become_carpet_and_others_stay() -> None:
+    segmenter = CountedAsCarpet(Told(BACKGROUND, CARPET, HELIPAD_H, 7), ["carpet", "background"])
+    told = segmenter.segment(FRAME)
+    assert told.ids.tolist() == [[CARPET, CARPET, HELIPAD_H, 7]]
+    assert told.captured_s == 3.0
+
+
+def test_an_unknown_class_is_refused_with_a_suggestion() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'carpet'"):
+        CountedAsCarpet(Told(0), ["carpets"])

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper
 
 from perception.segmentation import runtime
+from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping, InputFormat
-from perception.segmentation.refine import RefineConfig
 from tests.perception.segmentation.patterned import samples
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError, WeightsError
 from uav_bt.protocols import Segmenter

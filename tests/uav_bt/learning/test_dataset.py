@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.odometry.footage import shrink
+from perception.odometry.camera_track import shrink
 from sim_bridge.anafi import anafi_camera
 from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.errors import FileError, InputError

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from perception.segmentation.teacher import Teacher
 from sim_bridge.anafi import anafi_camera
 from tests.uav_bt.record.footage_world import frame, write_record
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.learning import flight_labels
 from uav_bt.learning.flight_labels import label_flights
 from uav_bt.learning.segmentation import SHIPPED_TEACHER, UNetPlan
 
@@ -41,7 +41,7 @@ def test_what_was_labelled_is_kept(
     record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = label_flights(SHIPPED_TEACHER, [record], PLAN, tmp_path / "labels", every_s=EVERY_S)
-    monkeypatch.setattr(flight_labels, "refined_ids", None)
+    monkeypatch.setattr(Teacher, "refined_ids", None)
 
     again = label_flights(SHIPPED_TEACHER, [record], PLAN, tmp_path / "labels", every_s=EVERY_S)
 

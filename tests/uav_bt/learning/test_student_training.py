@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig
 from perception.control.runtime import OnnxControlStudent
 from perception.control.training.network import STUDENT_FILES
 from perception.control.training.run import ControlTrainingConfig

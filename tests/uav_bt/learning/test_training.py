@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from perception.segmentation.refine import RefineConfig
+from perception.segmentation.clean import RefineConfig
 from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.segmentation.teacher import Teacher, TeacherConfig, load_teacher, save_teacher
 from perception.segmentation.training.picks import Pick, write_picks

@@ -16,13 +16,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
-from perception.camera.undistortion import Undistorter
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
 from perception.landing.detector import HelipadDetection
-from perception.landing.finder import HelipadFinder
+from perception.landing.tracker import HelipadFinder
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.classes import CARPET
 from uav_bt.errors import ValueRangeError

@@ -13,19 +13,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.depth.evaluation.measured_points import (
-    MeasuredPoints,
-    PointConfig,
-    draw_points,
-    ranges_at,
-)
 from perception.depth.evaluation.point_pairs import (
     PairConfig,
     PointPairs,
     pair_distances,
     pick_pairs,
 )
-from perception.depth.evaluation.scores import ErrorSummary, summarise_errors
+from perception.depth.evaluation.scores import (
+    ErrorSummary,
+    MeasuredPoints,
+    PointConfig,
+    draw_points,
+    ranges_at,
+    summarise_errors,
+)
 from uav_bt.learning.depth_tables.images import Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
 from uav_bt.protocols import Advance, silent

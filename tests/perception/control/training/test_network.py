@@ -12,8 +12,7 @@ import onnx
 import pytest
 import torch
 
-from perception.control.config import ControlNetConfig
-from perception.control.ego_state import state_size
+from perception.control.ego_state import ControlNetConfig, state_size
 from perception.control.runtime import OnnxControlStudent, decode
 from perception.control.training.network import STUDENT_FILES, ControlNet
 from perception.networks.training.network_files import parameter_count

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from perception.control.training.augment import ControlAugmentConfig, augmented
+from perception.control.training.run import ControlAugmentConfig, augmented
 from perception.control.training.samples import (
     ControlSamples,
     FlightBuilder,

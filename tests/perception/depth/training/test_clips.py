@@ -11,8 +11,7 @@ from perception.depth.training.clip import Clip
 from perception.depth.training.clip import mirrored as mirrored_clip
 from perception.depth.training.clip import turned as turned_clip
 from perception.depth.training.labelling import exact_labels
-from perception.depth.training.losses import photometric_error
-from perception.depth.training.warping import warp
+from perception.depth.training.losses import photometric_error, warp
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.errors import ShapeError, ValueRangeError
 

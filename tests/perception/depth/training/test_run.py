@@ -12,7 +12,7 @@ import torch
 from perception.depth.training import clips, network, run
 from perception.depth.training.labelling import exact_labels
 from perception.networks.training.loop import Progress
-from perception.odometry.footage import Footage
+from perception.odometry.camera_track import Footage
 from tests.perception.depth.depth_flight import known_flight
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
 

@@ -7,7 +7,7 @@ import onnx
 import pytest
 import torch
 
-from perception.control.config import ControlNetConfig
+from perception.control.ego_state import ControlNetConfig
 from perception.control.training.network import STUDENT_FILES, ControlNet
 from perception.depth.runtime import OnnxDepthEstimator
 from perception.depth.training.network import DEPTH_FILES, DepthNet, DepthNetConfig
