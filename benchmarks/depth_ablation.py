@@ -27,14 +27,9 @@ from perception.depth.training.labelling import exact_labels
 from perception.depth.training.network import DepthNetConfig
 from perception.depth.training.run import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
-from uav_bt.learning.depth import (
-    DepthViewPlan,
-    DepthViews,
-    depth_views,
-    read_flights,
-    score_depth_on,
-    train_depth,
-)
+from uav_bt.learning.dataset import read_flights
+from uav_bt.learning.training import score_depth_on, train_depth
+from uav_bt.learning.views import DepthViewPlan, DepthViews, depth_views
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,7 @@ from typing import cast
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import ground_depth, view_of
@@ -33,14 +34,16 @@ from perception.depth.training.labelling import (
     exact_labels,
     frames_of,
 )
+from perception.depth.training.losses import photometric_error
+from perception.depth.training.losses import warp
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, camera_track, measured_motion
 from perception.segmentation.runtime import shipped_unet
 from uav_bt import app
 from uav_bt.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
 from uav_bt.learning.dataset import footage_of
-from uav_bt.learning.depth import DepthViewPlan, depth_views, score_depth_on
-from uav_bt.learning.scenes import VALIDATION_SCENES
+from uav_bt.learning.training import score_depth_on
+from uav_bt.learning.views import VALIDATION_SCENES, DepthViewPlan, depth_views
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.protocols import Drone, Referee
 
@@ -172,10 +175,6 @@ def _without(all_: DepthLabels, some: DepthLabels) -> NDArray[np.float32]:
 
 def motion(footage: Footage, truth: Truth, pairs: int) -> None:
     """Print how well frames match when warped with exact depth and each kind of movement."""
-    import torch  # noqa: PLC0415 - only this needs it
-
-    from perception.depth.training.losses import photometric_error, warp  # noqa: PLC0415 - as above
-
     track = camera_track(footage)
     source = ClipSource(
         [Flight(footage=footage, labels=exact_labels(truth.depth_m))],

@@ -22,33 +22,33 @@ from perception.segmentation.clean import RefineConfig
 from perception.segmentation.evaluation import score_segmentation
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.teacher import TeacherConfig
-from perception.segmentation.training.run import LOSSES, TrainingConfig
-from uav_bt.learning import segmentation as training
-from uav_bt.learning.scenes import TESTING_SCENES
-from uav_bt.learning.views import Image, ViewPlan, twin_views
+from perception.segmentation.training.run import LOSSES
+from perception.segmentation.training.run import TrainingConfig
+from uav_bt.learning.teacher import draw_twin_picks, train_teacher
+from uav_bt.learning.training import train_segmentation
+from uav_bt.learning.views import TESTING_SCENES, Image, ViewPlan, twin_views
 
 
 def ablate_scenes(arguments: argparse.Namespace) -> None:
     """Print the scores of teachers that learnt from more and more scenes."""
     config, plan = TeacherConfig(), ViewPlan()
-    picks = training.draw_twin_picks(plan, config)
+    picks = draw_twin_picks(plan, config)
     exam = ViewPlan(scenes=tuple(arguments.on), views=arguments.views, seed=2)
     views = [(rgb, ids) for _, rgb, ids in twin_views(exam)]
-    print(
-        f"{'scenes':>6s} {'points':>6s} {'classes':>7s} {'way':>14s} {'mIoU 17':>8s} {'mIoU 4':>7s}"
-    )
+    heads = f"{'scenes':>6s} {'points':>6s} {'classes':>7s} {'method':>14s}"
+    print(f"{heads} {'mIoU 17':>8s} {'mIoU 4':>7s}")
     for count in range(1, len(plan.scenes) + 1):
         scenes = plan.scenes[:count]
         mine = [pick for pick in picks if pick.image.startswith(scenes)]
         few = ViewPlan(scenes=scenes)
-        teacher = training.train_teacher(mine, few, config)
-        ways: dict[str, Callable[[Image], Image]] = {
+        teacher = train_teacher(mine, few, config)
+        methods: dict[str, Callable[[Image], Image]] = {
             "windows": teacher.window_ids,
             "paper": teacher.paper_ids,
             "sharp borders": lambda rgb, t=teacher: t.refined_ids(rgb, RefineConfig()),
         }
-        for name, way in ways.items():
-            score = score_segmentation((way(rgb), ids) for rgb, ids in views)
+        for name, method in methods.items():
+            score = score_segmentation((method(rgb), ids) for rgb, ids in views)
             print(
                 f"{count:6d} {len(mine):6d} {len(teacher.known):7d} {name:>14s} "
                 f"{score.miou:8.4f} {score.group_miou:7.4f}",
@@ -73,7 +73,7 @@ def ablate_losses(arguments: argparse.Namespace) -> None:
         with tempfile.TemporaryDirectory() as folder:
             weights = Path(folder) / "unet.safetensors"
             config = TrainingConfig(steps=arguments.steps, batch=arguments.batch, loss=loss)
-            training.train_segmentation(images, weights, config=config)
+            train_segmentation(images, weights, config=config)
             net = OnnxSegmenter(weights.with_suffix(".onnx"))
             score = score_segmentation((net.ids(rgb), ids) for rgb, ids in views)
         print(f"{loss:>14s} mIoU 17 {score.miou:.4f}  mIoU 4 {score.group_miou:.4f}", flush=True)

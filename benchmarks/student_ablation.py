@@ -32,9 +32,8 @@ from perception.control.training.samples import SampleConfig
 from uav_bt import campaign as campaigns
 from uav_bt.campaign.report.statistics import wilson
 from uav_bt.campaign.runner import LocalBackend
-from uav_bt.learning import student
-from uav_bt.learning.dataset import split_records
-from uav_bt.learning.segmentation import UNET_WEIGHTS
+from uav_bt.learning.dataset import read_advised_flights, split_records
+from uav_bt.learning.training import UNET_WEIGHTS, train_student
 
 TREE: Final = "explore_and_land_student"
 FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
@@ -69,14 +68,14 @@ def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapp
         config = ControlTrainingConfig(
             steps=arguments.steps, samples=SampleConfig(near_weight=variant.near_weight)
         )
-        student.train_student(
-            student.read_advised_flights(records, variant.net, kept),
+        train_student(
+            read_advised_flights(records, variant.net, kept),
             weights,
             config=config,
             net_config=variant.net,
             start=UNET_WEIGHTS,
             checkpoint=home / "checkpoint.safetensors",
-            held_out=student.read_advised_flights(held_out, variant.net, kept),
+            held_out=read_advised_flights(held_out, variant.net, kept),
         )
     score: Mapping[str, Any] = STUDENT_FILES.load(weights)[1]["validation"]
     return score

@@ -46,9 +46,8 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.app.perceive.pipeline import STAGES, Pipeline
-from uav_bt.learning import segmentation as training
-from uav_bt.learning.scenes import VALIDATION_SCENES
-from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.learning.teacher import draw_twin_picks
+from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 from uav_bt.types import Frame
 
 WARM_UP = 10  # turns that are not counted
@@ -217,7 +216,7 @@ def seconds(work: Callable[[], object]) -> float:
 def teacher(given: Options) -> None:
     """Print how much faster dense inference is, and how far its scores are off."""
     config, plan = TeacherConfig(), ViewPlan()
-    picks = training.draw_twin_picks(plan, config)
+    picks = draw_twin_picks(plan, config)
     wanted = {pick.image for pick in picks}
     shown = ((name, rgb) for name, rgb, _ in twin_views(plan) if name in wanted)
     patches = gather_patches(picks, shown, config.patch_px)

@@ -19,8 +19,8 @@ from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt import __version__
-from uav_bt.learning.scenes import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
-from uav_bt.learning.segmentation import SHIPPED_TEACHER
+from uav_bt.learning.teacher import SHIPPED_TEACHER
+from uav_bt.learning.views import TESTING_SCENES, TRAINING_SCENES, VALIDATION_SCENES
 from uav_bt.tree.loading.loader import check_file
 
 ROOT = Path(__file__).parents[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import sys
+from collections.abc import Sequence
 from typing import Any, Final
 
 from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
@@ -15,6 +16,18 @@ POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPo
 DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
 
 _KINDS: Final = {BEHAVIOURS: "behaviours package", POLICIES: "policy", DRONES: "drone"}
+# The extra that installs a module which only some commands import.
+_EXTRAS: Final = {
+    "distributed": "dask",
+    "foxglove": "record",
+    "jinja2": "campaign",
+    "joblib": "campaign",
+    "matplotlib": "campaign",
+    "mcap": "record",
+    "onnx": "train",
+    "rerun": "view",
+    "torch": "train",
+}
 
 
 def _entry_points(group: str) -> dict[str, importlib.metadata.EntryPoint]:
@@ -73,9 +86,19 @@ def need(extra: str, *modules: str, what: str = "this") -> None:
     """
     absent = [name for name in modules if not _is_installed(name)]
     if absent:
-        raise MissingDependencyError(
-            f"{what} needs {' and '.join(absent)}; install with `pip install 'uav-bt[{extra}]'`"
-        )
+        raise _missing(what, absent, extra)
+
+
+def missing_extra(error: ModuleNotFoundError) -> Exception:
+    """Return the error about the extra that installs a module, or the given one if none does."""
+    module = (error.name or "").partition(".")[0]
+    return _missing("this", [module], _EXTRAS[module]) if module in _EXTRAS else error
+
+
+def _missing(what: str, modules: Sequence[str], extra: str) -> MissingDependencyError:
+    return MissingDependencyError(
+        f"{what} needs {' and '.join(modules)}; install with `pip install 'uav-bt[{extra}]'`"
+    )
 
 
 def _is_installed(module: str) -> bool:

@@ -1,7 +1,7 @@
 """Flights on a Dask cluster.
 
-joblib has a Dask backend of its own; it is not used, because it never hears of a task that was lost
-with its worker and waits for it for ever. Dask itself tells of them.
+joblib has a Dask backend of its own; it is not used, because it waits for ever for a task that was
+lost with its worker. Dask itself reports such tasks.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ import uav_bt
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
 from uav_bt.campaign.worker_process import FAILED
-from uav_bt.campaign.workers import Pilots
+from uav_bt.campaign.workers import WorkerPool
 from uav_bt.errors import InputError, UavBtError
 
 _CONNECT_S: Final = 10.0  # to reach a scheduler, and for a worker to come up
 
 _lock = threading.Lock()
-_pilots: dict[str, Pilots] = {}  # of this worker process, by function
+_pools: dict[str, WorkerPool] = {}  # of this worker process, by function
 
 
 def _fly(function: str, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
     """Fly a task on a worker: in a process of its own there, as on this machine."""
     with _lock:
-        pilots = _pilots.setdefault(function, Pilots(function))
-    return pilots.fly(task, timeout_s)
+        pool = _pools.setdefault(function, WorkerPool(function))
+    return pool.fly(task, timeout_s)
 
 
-def _let_go(function: str) -> None:
-    """Stop the flights and the pilots of a worker."""
+def _close_pool(function: str) -> None:
+    """Stop the flights of a worker."""
     with _lock:
-        pilots = _pilots.pop(function, None)
-    if pilots is not None:
-        pilots.close()
+        pool = _pools.pop(function, None)
+    if pool is not None:
+        pool.close()
 
 
 def _version() -> str:
@@ -50,7 +50,7 @@ def _version() -> str:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep Dask from writing tracebacks of its own: what goes wrong is told in our errors."""
+    """Keep Dask from writing tracebacks of its own: our errors say what went wrong."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     before = {name: logging.getLogger(name).level for name in names}
     for name in names:
@@ -63,7 +63,7 @@ def _quiet() -> Iterator[None]:
 
 
 async def _greet(address: str, connect_s: float) -> None:
-    """Shake hands with a scheduler; a `Client` waits for ever for one that does not say a word."""
+    """Shake hands with a scheduler; a `Client` waits for ever for one that does not answer."""
     comm = await connect(address, timeout=connect_s)  # type: ignore[no-untyped-call]
     await comm.close()
 
@@ -103,8 +103,8 @@ class DaskBackend:
                 ) from error
             finally:
                 if client.status == "running":
-                    # Workers that are gone have nothing to let go of.
-                    client.run(_let_go, function, on_error="ignore")
+                    # Workers that are gone have nothing to close.
+                    client.run(_close_pool, function, on_error="ignore")
 
     def _connected(self) -> Client:
         try:
@@ -127,12 +127,12 @@ class DaskBackend:
                 f"start some with `dask worker {self._address}`"
             ) from error
         try:
-            versions = client.run(_version)
+            found = client.run(_version)
         except ImportError as error:
             raise InputError(
                 f"the workers of {self._address} cannot import uav-bt: {error}; install it there"
             ) from error
-        others = {name: said for name, said in versions.items() if said != uav_bt.__version__}
+        others = {name: version for name, version in found.items() if version != uav_bt.__version__}
         if others:
             raise InputError(
                 f"all workers need uav-bt {uav_bt.__version__}, as here; there are {others}"

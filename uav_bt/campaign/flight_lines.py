@@ -29,9 +29,9 @@ METRICS: Final = (
 """Fields of a flight's report that are a number, or null when it was not reached."""
 
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
-# How long computing took and what the machine was doing meanwhile: no two runs agree on these.
-_OF_THE_CLOCK_ON_THE_WALL: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
-_WORDS: Final = ("reason", "drone", "record", "details", "profile")
+# Computing times, which differ from run to run.
+_WALL_CLOCK_FIELDS: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
+_TEXT_FIELDS: Final = ("reason", "drone", "record", "details", "profile")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ def comparable(flight: Mapping[str, Any]) -> dict[str, Any]:
 
     Two flights of one seed agree in all of this on one machine, whatever flew beside them.
     """
-    return {name: value for name, value in flight.items() if name not in _OF_THE_CLOCK_ON_THE_WALL}
+    return {name: value for name, value in flight.items() if name not in _WALL_CLOCK_FIELDS}
 
 
 def parse_flight(text: str) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def _check(flight: dict[str, Any]) -> None:
         known = ", ".join(sorted(_OUTCOMES))
         raise InputError(f"unknown outcome {flight.get('outcome')!r} (known: {known})")
     _check_numbers(flight)
-    for name in _WORDS:
+    for name in _TEXT_FIELDS:
         if not isinstance(flight.get(name) or "", str):
             raise InputError(f"'{name}' must be a text, got {flight[name]!r}")
 
@@ -131,7 +131,7 @@ def _refuse_constant(name: str) -> NoReturn:
 def read_flights(path: Path) -> FlightLines:
     """Read a file of flights; damaged lines are left out and named.
 
-    A flight that stands there twice counts once: the later line.
+    A flight that the file has twice counts once: the later line.
 
     Raises:
         FileError: the file cannot be read.

@@ -20,11 +20,11 @@ from uav_bt.campaign.store import RECORDS_FOLDER, CampaignStore, read_plan
 FLY_FUNCTION: Final = "uav_bt.campaign.flight:fly_task"
 
 Progress = Callable[[Mapping[str, Any], bool], None]
-"""Told of every flight: its line, and whether it was flown just now."""
+"""Called with every flight: its line, and whether it was flown just now."""
 
 
-def _silent(_flight: Mapping[str, Any], _now: bool) -> None:  # noqa: FBT001 - as `Progress` has it
-    """Tell nobody."""
+def silent_progress(_flight: Mapping[str, Any], _now: bool) -> None:  # noqa: FBT001 - as `Progress` has it
+    """Report nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,21 +40,21 @@ def run(
     folder: Path,
     *,
     backend: Backend | None = None,
-    on_flight: Progress = _silent,
+    on_flight: Progress = silent_progress,
     on_note: Callable[[str], None] = lambda _: None,
     fly: str = FLY_FUNCTION,
 ) -> CampaignResult:
     """Fly what a plan asks for and what its folder does not hold yet.
 
-    Each flight is kept when it ends. A campaign that was stopped, however rudely, goes on when it
-    is called again.
+    Each flight is kept when it ends. A campaign that was stopped, or killed, goes on when it is
+    called again.
 
     Args:
         plan: what to fly.
         folder: where the plan and the flights are kept.
         backend: where flights are flown; the cores of this machine by default.
-        on_flight: told of every flight, those that were there before first.
-        on_note: told at once what a person should know of the folder.
+        on_flight: called with every flight, those that were there before first.
+        on_note: called at once with what a person should know of the folder.
         fly: MODULE:FUNCTION that takes a task and returns the flight's line.
 
     Returns:
@@ -112,6 +112,6 @@ def _notes(store: CampaignStore, *, going_on: bool) -> list[str]:
     if going_on and len(runs) > 1 and runs[-1]["code"] != runs[-2].get("code"):
         notes.append(
             f"the code has changed since the last run ({runs[-2].get('code')}, now "
-            f"{runs[-1]['code']}): flights of both stand side by side"
+            f"{runs[-1]['code']}): the folder has flights of both"
         )
     return notes

@@ -15,7 +15,7 @@ class PlannedFile:
     """A tree or a scene, and what it said when the campaign was planned."""
 
     name: str  # what flights and reports call it
-    path: str  # absolute, so that workers find it from wherever they stand
+    path: str  # absolute, so that workers find it from any folder
     sha256: str  # of its text and of all that it includes
 
 
@@ -33,7 +33,7 @@ class FlightTask:
     exact_masks: bool
     policies: dict[str, str]  # by node
     record: str | None = None  # where to write the flight's record
-    record_quality: str = "lossless"  # of its pictures
+    record_quality: str = "lossless"  # of its images
 
     @property
     def key(self) -> FlightKey:
@@ -64,7 +64,7 @@ class CampaignPlan:
     exact_masks: bool = False  # fly on the referee's masks instead of a network
     policies: dict[str, str] = field(default_factory=dict)  # by node
     record: bool = False  # keep a record of every flight
-    record_quality: str = "lossless"  # of its pictures
+    record_quality: str = "lossless"  # of its images
     # Wall time of one flight. A flight of 300 s takes two minutes on a busy core; what takes longer
     # than this hangs.
     timeout_s: float = 900.0

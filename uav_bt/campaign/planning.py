@@ -1,4 +1,4 @@
-"""From names and patterns to a campaign's plan: every file is looked at and fingerprinted."""
+"""From names and patterns to a campaign's plan: every file is read and fingerprinted."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def make_plan(
     policies: Mapping[str, str] | None = None,
     **how: Any,
 ) -> CampaignPlan:
-    """Return the plan of a campaign; everything it names was looked at.
+    """Return the plan of a campaign; everything it names was read.
 
     Args:
         trees: tree files, or names of shipped missions.
@@ -91,12 +91,8 @@ def _planned_tree(mission: MissionTree) -> PlannedFile:
     )
 
 
-def _planned(name: str, path: Path, content: bytes) -> PlannedFile:
-    return PlannedFile(name=name, path=str(path), sha256=hashlib.sha256(content).hexdigest())
-
-
 def _scenes(wanted: Sequence[str]) -> list[str]:
-    """Return the scenes that names and patterns stand for, each once."""
+    """Return the scenes that names and patterns match, each once."""
     shipped, found = scene_names(), []
     for word in (part.strip() for text in wanted for part in text.split(",")):
         if not word:
@@ -109,11 +105,11 @@ def _scenes(wanted: Sequence[str]) -> list[str]:
 
 
 def _planned_scene(name: str) -> PlannedFile:
-    scene = load_scene(name)
-    if name in scene_names():
-        file = resources.files("sim_bridge.twin") / "scenes" / f"{name}.yaml"
-        return PlannedFile(
-            name=scene.name, path=name, sha256=hashlib.sha256(file.read_bytes()).hexdigest()
-        )
-    path = Path(name).resolve()
-    return _planned(scene.name, path, path.read_bytes())
+    scene, shipped = load_scene(name), name in scene_names()
+    folder = resources.files("sim_bridge.twin") / "scenes"
+    content = (folder / f"{name}.yaml" if shipped else Path(name)).read_bytes()
+    return PlannedFile(
+        name=scene.name,
+        path=name if shipped else str(Path(name).resolve()),
+        sha256=hashlib.sha256(content).hexdigest(),
+    )

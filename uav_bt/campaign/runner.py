@@ -1,4 +1,4 @@
-"""Flights on all cores: joblib hands them out, pilots fly them, answers come as they end."""
+"""Flights on all cores: joblib hands them out, worker processes fly them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import joblib
 
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.worker_process import FLOWN, REFUSED
-from uav_bt.campaign.workers import Pilots
+from uav_bt.campaign.workers import WorkerPool
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.mission.judge import Outcome
 
 Answers = Generator[tuple[FlightTask, dict[str, Any]], None, None]
-"""To be closed by whoever takes them, which stops all that still flies."""
+"""Closing it stops all that still flies."""
 
 
 class Backend(Protocol):
     """Where flights are flown."""
 
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
-        """Fly tasks and return each with its pilot's answer, in the order in which they end.
+        """Fly tasks and return each with its worker's answer, in the order in which they end.
 
         Args:
             function: MODULE:FUNCTION that takes a task and returns the flight's line.
@@ -37,7 +37,7 @@ def flown_line(task: FlightTask, answer: Mapping[str, Any]) -> dict[str, Any]:
     """Return the line to keep of a flight: what was flown, or the error that it ended with.
 
     Raises:
-        InputError: the pilot refused the task; no other of the campaign would fare better.
+        InputError: the worker refused the task, as it would all others of the campaign.
     """
     if REFUSED in answer:
         raise InputError(str(answer[REFUSED]))
@@ -59,7 +59,7 @@ class LocalBackend:
 
     joblib's threads do no more than watch: what flies is a process of its own for each of them, and
     a crash or a hang costs that process and that flight. joblib's own processes are no good for
-    this: one that dies takes the others' flights along and does not say which was the culprit.
+    this: one that crashes ends the others' flights, too, and does not say which task crashed.
 
     Args:
         workers: flights at a time; as many as there are cores when None.
@@ -78,10 +78,10 @@ class LocalBackend:
 
     def run(self, function: str, tasks: Iterable[FlightTask], timeout_s: float) -> Answers:
         """Fly tasks, as `Backend` says."""
-        pilots = Pilots(function)
+        pool = WorkerPool(function)
 
         def fly(task: FlightTask) -> tuple[FlightTask, dict[str, Any]]:
-            return task, pilots.fly(task.to_json(), timeout_s)
+            return task, pool.fly(task.to_json(), timeout_s)
 
         parallel = joblib.Parallel(
             n_jobs=self.workers,
@@ -91,19 +91,19 @@ class LocalBackend:
             return_as="generator_unordered",
         )
         answers = parallel(joblib.delayed(fly)(task) for task in tasks)
-        with _stopped_early(answers, pilots.close):
-            for task, answer in answers:  # noqa: UP028 - joblib would hear of an early end first
+        with _stopped_early(answers, pool.close):
+            for task, answer in answers:  # noqa: UP028 - joblib would be closed first
                 yield task, answer
 
 
 @contextmanager
 def _stopped_early(answers: Any, stop: Callable[[], None]) -> Iterator[None]:
-    """Stop everything that still flies when whoever takes the answers has had enough."""
+    """Stop everything that still flies when no more answers are taken."""
     try:
         yield
     finally:
         stop()
         with warnings.catch_warnings():
-            # joblib finds it strange that somebody stops early; we mean it.
+            # joblib warns of an early end; here it is meant.
             warnings.simplefilter("ignore", UserWarning)
             answers.close()

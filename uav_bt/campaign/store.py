@@ -1,4 +1,4 @@
-"""A campaign's folder: its plan, and a line for each flight, kept whatever happens to us."""
+"""A campaign's folder: its plan, and a line for each flight that a killed process leaves whole."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class CampaignStore:
 
 
 def _settle(folder: Path, plan: CampaignPlan, run: Mapping[str, Any]) -> None:
-    """Write the plan down, or find that it is the one that stands there."""
+    """Write the plan, or find that it is the one in the folder."""
     runs: list[dict[str, Any]] = []
     if (folder / PLAN_FILE).exists():
         before, runs = read_plan(folder)

@@ -33,16 +33,16 @@ def _answer(fly: FlyFunction, task: dict[str, Any]) -> dict[str, Any]:
         return {FLOWN: fly(task)}
     except InputError as error:
         return {REFUSED: str(error)}
-    except Exception as error:  # noqa: BLE001 - told to whoever asked
-        told = isinstance(error, UavBtError)
-        reason = str(error) if told else f"{type(error).__name__}: {error}"
+    except Exception as error:  # noqa: BLE001 - part of the answer
+        known = isinstance(error, UavBtError)
+        reason = str(error) if known else f"{type(error).__name__}: {error}"
         return {FAILED: reason, "details": traceback.format_exc()}
 
 
 def _read(requests: queue.Queue[str]) -> None:
     for line in sys.stdin:
         requests.put(line)
-    # Whoever asked is gone: nobody wants the flight that may be under way.
+    # The campaign is gone: no one waits for the flight that may be under way.
     os._exit(0)
 
 
@@ -53,7 +53,7 @@ def main(name: str) -> None:
         name: MODULE:FUNCTION of what flies a task.
     """
     faulthandler.enable()
-    # Libraries print what they like: it must not land among the answers.
+    # What libraries print must not get among the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     requests: queue.Queue[str] = queue.Queue()

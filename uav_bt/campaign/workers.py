@@ -1,7 +1,7 @@
-"""Pilots: processes that fly, watched from outside, so that no crash and no hang goes further.
+"""Worker processes that fly, watched from outside: a crash or a hang costs one flight.
 
 A flight runs native code (physics, graphics, networks); when that dies it takes its process along,
-and when it hangs nothing inside can stop it. So each flight has a process that may be lost. What
+and when it hangs nothing inside can stop it. So each flight has a process that may end. What
 watches it needs a thread only, and looks the same on this machine and on a cluster's.
 """
 
@@ -22,14 +22,14 @@ from typing import Any, Final
 
 from uav_bt.campaign.worker_process import FAILED
 
-_LAST_WORDS: Final = 4000  # characters of what a dead process wrote to its standard error stream
+_STDERR_TAIL: Final = 4000  # characters of what an ended process wrote to its standard error
 _STOPPED: Final = "the campaign was stopped"
 _CHUNK: Final = 65536
-_DYING_S: Final = 10.0  # a core dump may come between the end of the pipe and that of the process
+_EXIT_S: Final = 10.0  # a core dump may come between the end of the pipe and that of the process
 
 
-class Pilot:
-    """One process that flies one task after the other, and is replaced when it is lost.
+class Worker:
+    """One process that flies one task after the other, and is replaced when it has ended.
 
     Args:
         function: MODULE:FUNCTION that takes a task and returns the flight's line.
@@ -40,7 +40,7 @@ class Pilot:
         self._process: subprocess.Popen[bytes] | None = None
         self._stopped = False
         self._lock = threading.Lock()  # a process is not started while it is being stopped
-        self._stderr = tempfile.TemporaryFile("w+b")  # noqa: SIM115 - closed with the pilot
+        self._stderr = tempfile.TemporaryFile("w+b")  # noqa: SIM115 - closed with the worker
 
     def fly(self, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
         """Return the answer of the worker process to a task, or what became of it."""
@@ -51,34 +51,34 @@ class Pilot:
         try:
             return self._ask(process, json.dumps(task).encode() + b"\n", timeout_s)
         except TimeoutError:
-            self._lose()
+            self._discard()
             reason = f"no end after {timeout_s:g} s of wall time; its process was stopped"
         except EOFError:
             with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(_DYING_S)
-            self._lose()
-            reason = _obituary(process.returncode)
+                process.wait(_EXIT_S)
+            self._discard()
+            reason = _exit_reason(process.returncode)
         except BaseException:
-            self._lose()
+            self._discard()
             raise
-        return {FAILED: reason, "details": self._last_words()}
+        return {FAILED: reason, "details": self._stderr_tail()}
 
     def stop(self) -> None:
-        """End the process for good; for other threads, while one waits for an answer."""
+        """End the process for good; called by other threads while one waits for an answer."""
         with self._lock:
             self._stopped = True
             self._kill()
 
     def close(self) -> None:
-        """End the process and let go of everything; safe to call twice."""
+        """End the process and close its files; safe to call twice."""
         self.stop()
-        self._lose()
+        self._discard()
         self._stderr.close()
 
     def _running(self) -> subprocess.Popen[bytes] | None:
         """Return the process, a new one if need be; None once it was stopped."""
         if self._process is not None and self._process.poll() is not None:
-            self._lose()
+            self._discard()
         with self._lock:
             if self._process is None and not self._stopped:
                 self._process = self._started()
@@ -131,7 +131,7 @@ class Pilot:
         answer: dict[str, Any] = json.loads(data)
         return answer
 
-    def _lose(self) -> None:
+    def _discard(self) -> None:
         with self._lock:
             self._kill()
             process, self._process = self._process, None
@@ -143,12 +143,12 @@ class Pilot:
                 with contextlib.suppress(BrokenPipeError):  # what was still to be sent
                     pipe.close()
 
-    def _last_words(self) -> str:
+    def _stderr_tail(self) -> str:
         self._stderr.seek(0)
-        return self._stderr.read().decode("utf-8", "replace").strip()[-_LAST_WORDS:]
+        return self._stderr.read().decode("utf-8", "replace").strip()[-_STDERR_TAIL:]
 
 
-def _obituary(code: int | None) -> str:
+def _exit_reason(code: int | None) -> str:
     if code is not None and code < 0:
         try:
             name = signal.Signals(-code).name
@@ -159,8 +159,8 @@ def _obituary(code: int | None) -> str:
     return f"its process ended by itself, with exit code {code}"
 
 
-class Pilots:
-    """Idle pilots, to be taken by whichever thread has a task.
+class WorkerPool:
+    """Worker processes, taken by threads that have a task, and idle between.
 
     Args:
         function: MODULE:FUNCTION that takes a task and returns the flight's line.
@@ -168,27 +168,27 @@ class Pilots:
 
     def __init__(self, function: str) -> None:
         self._function = function
-        self._idle: list[Pilot] = []
-        self._busy: list[Pilot] = []
+        self._idle: list[Worker] = []
+        self._busy: list[Worker] = []
         self._closed = False
         self._lock = threading.Lock()
 
     def fly(self, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
-        """Return the answer to a task, from an idle pilot or a new one."""
+        """Return the answer to a task, from an idle worker or a new one."""
         with self._lock:
             if self._closed:
                 return {FAILED: _STOPPED}
-            pilot = self._idle.pop() if self._idle else Pilot(self._function)
-            self._busy.append(pilot)
+            worker = self._idle.pop() if self._idle else Worker(self._function)
+            self._busy.append(worker)
         try:
-            return pilot.fly(task, timeout_s)
+            return worker.fly(task, timeout_s)
         finally:
             with self._lock:
-                self._busy.remove(pilot)
+                self._busy.remove(worker)
                 if self._closed:
-                    pilot.close()
+                    worker.close()
                 else:
-                    self._idle.append(pilot)
+                    self._idle.append(worker)
 
     @property
     def flying(self) -> int:
@@ -199,8 +199,8 @@ class Pilots:
         """Stop them all, those that fly as well."""
         with self._lock:
             self._closed = True
-            for pilot in self._busy:
-                pilot.stop()  # the thread that waits for it closes it
-            for pilot in self._idle:
-                pilot.close()
+            for worker in self._busy:
+                worker.stop()  # the thread that waits for it closes it
+            for worker in self._idle:
+                worker.close()
             self._idle.clear()

@@ -1,4 +1,4 @@
-"""`uav-bt campaign` and `report`: many flights, on all cores or on a cluster."""
+"""`uav-bt campaign`: many flights, on all cores or on a cluster."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import click
 from uav_bt import campaign as campaigns
 from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
-from uav_bt.campaign.report.campaign_report import write_report
 from uav_bt.campaign.report.statistics import by_tree, summarise
 from uav_bt.campaign.runner import Backend, LocalBackend
 from uav_bt.cli.options import (
     FOLDER,
     RUNS,
     image_size_option,
-    output_option,
     policy_option,
     profile_option,
     workers_option,
@@ -203,21 +201,3 @@ def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
             click.echo(
                 f"  {name:<24}{found.count:>5}" + "".join(f"{value:>9.2f}" for value in numbers)
             )
-
-
-@click.command()
-@click.argument(
-    "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
-@output_option(
-    "--out", "The HTML page; images and tables go beside it; default: report.html in DIR."
-)
-def report(*, sources: tuple[Path, ...], out: Path | None) -> None:
-    """Write the report of campaigns, their trees side by side.
-
-    DIR is the folder of a `uav-bt campaign`, or a file with a flight a line. The page needs nothing
-    but itself; its images (PNG) and tables (CSV) are written beside it as well.
-    """
-    written = write_report(sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True))
-    for file in (written.page, *written.images, *written.tables):
-        click.echo(file)

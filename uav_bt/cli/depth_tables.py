@@ -21,7 +21,7 @@ _WIDTH: Final = 9
 
 
 def depth_report(result: _Row) -> Iterator[str]:
-    """Give the lines of a result of `uav_bt.learning.depth_tables.report.evaluate_depth`."""
+    """Give the lines of a result of `uav_bt.learning.evaluation.evaluate_depth`."""
     yield (
         f"{result['model']} on {result['images']} images of {', '.join(result['scenes'])}, "
         f"{result['masks']} masks, telemetry of profile '{result['profile']}'"

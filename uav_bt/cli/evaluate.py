@@ -28,14 +28,10 @@ from uav_bt.cli.options import (
 )
 from uav_bt.cli.progress import progress_bars
 from uav_bt.files import writing
-from uav_bt.learning import segmentation as segmentation_learning
-from uav_bt.learning import student as student_learning
-from uav_bt.learning.dataset import records_of
-from uav_bt.learning.depth import DepthViewPlan
-from uav_bt.learning.depth_tables import images, report
-from uav_bt.learning.scenes import TESTING_SCENES
-from uav_bt.learning.views import ViewPlan
-from uav_bt.plugins import need
+from uav_bt.learning import evaluation
+from uav_bt.learning.dataset import read_advised_flights, records_of
+from uav_bt.learning.depth_tables.images import ImagePlan
+from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, ViewPlan
 from uav_bt.types import Frame
 
 _scores_option = output_option("--out", "Write the scores there too, as JSON.")
@@ -73,7 +69,7 @@ def segmentation(
     segment = _segmenter(model, classes)
     plan = ViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed)
     with progress_bars() as advance:
-        score = segmentation_learning.evaluate_segmentation(segment, plan, advance=advance)
+        score = evaluation.evaluate_segmentation(segment, plan, advance=advance)
     result = {"model": model, "scenes": list(plan.scenes), "views": views, "seed": seed}
     result |= _figures(score)
     _show(result)
@@ -120,12 +116,12 @@ def depth(
     the camera, what wrong telemetry and masks cost, and what the safety corridor sees.
     """
     network = None if model == "contact" else load_depth_estimator(model, threads=2)
-    plan = images.ImagePlan(
+    plan = ImagePlan(
         views=DepthViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed), masks=masks
     )
     wanted = [name.strip() for name in tables.split(",") if name.strip()]
     with progress_bars() as advance:
-        measured = report.evaluate_depth(
+        measured = evaluation.evaluate_depth(
             plan, runtime.shipped_unet(threads=2), network, tables=wanted, advance=advance
         )
     result = {"model": model, **measured}
@@ -169,13 +165,12 @@ def student(
 
     RECORDS are files that `uav-bt net collect` made, or folders of them.
     """
-    need("record", "mcap", "foxglove")
     network = OnnxControlStudent(model, threads=2)
     with tempfile.TemporaryDirectory() as folder, progress_bars() as advance:
-        flights = student_learning.read_advised_flights(
+        flights = read_advised_flights(
             records_of(records), network.config, views_kept or Path(folder), advance=advance
         )
-        score = student_learning.evaluate_student(flights, network, max_windows=views)
+        score = evaluation.evaluate_student(flights, network, max_windows=views)
     click.echo(f"flights: {len(flights)}, views scored: {score.windows}")
     for name, value in score.to_json().items():
         if name != "windows":

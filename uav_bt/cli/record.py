@@ -186,8 +186,8 @@ def _report_lines(report: ReplayReport) -> Iterator[str]:
     yield from (f"only in the recording: {path}" for path in report.only_recorded)
     yield from (f"only in the replay: {path}" for path in report.only_replayed)
     yield from (f"damage: {damage}" for damage in report.damages)
-    if report.missing_pictures:
-        yield f"{report.missing_pictures} frames lack their image: the disk was too slow"
+    if report.missing_images:
+        yield f"{report.missing_images} frames lack their image: the disk was too slow"
     if report.masks == "recorded":
         yield "class maps: the recorded ones"
     if report.ended is not None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from uav_bt.campaign.report.campaign_report import write_report
 from uav_bt.cli.options import output_option
-from uav_bt.plugins import need
 
 
 @click.command()
@@ -21,9 +21,6 @@ def report(*, sources: tuple[Path, ...], out: Path | None) -> None:
     DIR is the folder of a `uav-bt campaign`, or a file with a flight a line. The page needs nothing
     but itself; its images (PNG) and tables (CSV) are written beside it as well.
     """
-    need("campaign", "matplotlib", "jinja2")
-    from uav_bt.campaign.report.campaign_report import write_report  # noqa: PLC0415
-
     written = write_report(sources, out, on_note=lambda note: click.echo(f"note: {note}", err=True))
     for file in (written.page, *written.images, *written.tables):
         click.echo(file)

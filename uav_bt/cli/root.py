@@ -16,8 +16,8 @@ from typing import Any, Final
 import click
 
 import uav_bt as package
-from uav_bt.cli.extras import missing_extra
 from uav_bt.errors import InputError, UavBtError, did_you_mean
+from uav_bt.plugins import missing_extra
 
 _PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 
@@ -231,7 +231,7 @@ _LAB: Final = LazyGroup(
         "new": ("uav_bt.cli.check:new", "Write a commented mission file to begin with."),
         "simulate": ("uav_bt.cli.simulate:simulate", "Tick a tree with scripted leaves."),
         "campaign": ("uav_bt.cli.campaign:campaign", "Fly missions many times."),
-        "report": ("uav_bt.cli.campaign:report", "Write the report of campaigns."),
+        "report": ("uav_bt.cli.report:report", "Write the report of campaigns."),
         "view": ("uav_bt.cli.record:view", "Show the record of a flight."),
         "replay": ("uav_bt.cli.record:replay", "Feed a recorded flight through the tree again."),
         "doctor": ("uav_bt.cli.doctor:doctor", "Report what is installed and what works."),

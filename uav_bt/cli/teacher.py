@@ -11,9 +11,8 @@ from perception.segmentation.teacher import TeacherConfig, save_teacher
 from perception.segmentation.training.pick_tool import PickSession, make_pick_server
 from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
 from uav_bt.cli.progress import progress_bars
-from uav_bt.learning import segmentation as training
-from uav_bt.learning.scenes import TRAINING_SCENES
-from uav_bt.learning.views import ViewPlan
+from uav_bt.learning import teacher as training
+from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
 
 
 @click.command()

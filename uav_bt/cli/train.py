@@ -9,10 +9,8 @@ from pathlib import Path
 
 import click
 
-from perception.depth.training.run import DepthTrainingConfig
 from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
-from perception.segmentation.training.run import TrainingConfig
 from uav_bt.cli.options import (
     INPUT,
     RUNS,
@@ -23,13 +21,9 @@ from uav_bt.cli.options import (
     views_option,
 )
 from uav_bt.cli.progress import progress_bars
-from uav_bt.learning import depth as depth_training
-from uav_bt.learning import segmentation as training
-from uav_bt.learning.diary import Diary
-from uav_bt.learning.flight_labels import label_flights
-from uav_bt.learning.scenes import TRAINING_SCENES
-from uav_bt.learning.views import ViewPlan
-from uav_bt.plugins import need
+from uav_bt.learning.dataset import read_flights
+from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, label_views
+from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, ViewPlan, depth_views
 
 
 @click.command()
@@ -81,22 +75,20 @@ def segmentation(
     Writes a safetensors file and, beside it, the ONNX file made from it. A mission flies on the
     latter when its tree has <Segment model="FILE.onnx"/>.
     """
-    need("train", "torch", "onnx")
-    teacher_path = training.SHIPPED_TEACHER if teacher_path is None else teacher_path
+    from perception.segmentation.training.run import TrainingConfig  # noqa: PLC0415  (torch)
+    from uav_bt.learning.training import train_segmentation  # noqa: PLC0415  (torch)
+
+    teacher_path = SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
-    plan = training.UNetPlan(
-        views=ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
-    )
+    plan = UNetPlan(views=ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed))
     config = TrainingConfig(steps=steps, loss=loss)  # type: ignore[arg-type]  # click checked it
     with progress_bars() as advance:
         masks = run / f"masks-{_fingerprint(plan, teacher_path)}"
         if flights:
             images = label_flights(teacher_path, flights, plan, masks, advance=advance)
         else:
-            images = training.label_pictures(
-                teacher_path, plan, masks, workers=workers, advance=advance
-            )
-        training.train_segmentation(
+            images = label_views(teacher_path, plan, masks, workers=workers, advance=advance)
+        train_segmentation(
             images,
             out,
             config=config,
@@ -164,9 +156,11 @@ def depth(
     FLIGHTS are records of `uav-bt fly --record`. Writes a safetensors file and, beside it, the ONNX
     file made from it, which a tree file may name.
     """
-    need("train", "torch", "onnx", "matplotlib")
     if not photometric and labels == "none":
         raise click.UsageError("--no-photometric with --labels none leaves nothing to learn from")
+    from perception.depth.training.run import DepthTrainingConfig  # noqa: PLC0415  (torch)
+    from uav_bt.learning import diary, training  # noqa: PLC0415  (torch and matplotlib)
+
     config = DepthTrainingConfig(
         steps=steps,
         seed=seed,
@@ -176,17 +170,17 @@ def depth(
         labels=1.0 if labels == "contact" else 0.0,
     )
     with progress_bars() as advance:
-        read = depth_training.read_flights(
+        read = read_flights(
             flights, shipped_unet() if labels == "contact" else None, run, advance=advance
         )
-        score = depth_training.train_depth(
+        score = training.train_depth(
             read,
             out,
             config=config,
             start=start,
             checkpoint=run / "checkpoint.safetensors",
-            views=depth_training.depth_views(depth_training.DepthViewPlan()) if validate else None,
-            diary=Diary(run, depth_training.CURVES) if validate else None,
+            views=depth_views(DepthViewPlan()) if validate else None,
+            diary=diary.Diary(run, training.DEPTH_CURVES) if validate else None,
             advance=advance,
         )
     if score is not None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 
 from perception.control.ego_state import ControlNetConfig
-from perception.control.training.run import ControlTrainingConfig
 from perception.control.training.samples import SampleConfig
 from uav_bt.cli.options import (
     FOLDER,
@@ -20,11 +19,7 @@ from uav_bt.cli.options import (
     steps_option,
 )
 from uav_bt.cli.progress import progress_bars
-from uav_bt.learning import student as training
-from uav_bt.learning.dataset import split_records
-from uav_bt.learning.diary import Diary
-from uav_bt.learning.segmentation import UNET_WEIGHTS
-from uav_bt.plugins import need
+from uav_bt.learning.dataset import read_advised_flights, split_records
 
 
 @click.command()
@@ -98,8 +93,9 @@ def student(
     RECORDS are files that `uav-bt net collect` made, or folders of them. Writes a safetensors file
     and, beside it, the ONNX file made from it, for a tree with policy="student:FILE.onnx".
     """
-    need("train", "torch", "onnx", "matplotlib")
-    need("record", "mcap", "foxglove")
+    from perception.control.training.run import ControlTrainingConfig  # noqa: PLC0415  (torch)
+    from uav_bt.learning import diary, training  # noqa: PLC0415  (torch and matplotlib)
+
     net = ControlNetConfig(views=views, spacing_s=spacing_s)
     config = ControlTrainingConfig(
         steps=steps, batch=batch, seed=seed, samples=SampleConfig(near_weight=near_weight)
@@ -108,14 +104,14 @@ def student(
     learnt, others = split_records(records, held_out)
     with progress_bars() as advance:
         score = training.train_student(
-            training.read_advised_flights(learnt, net, kept, advance=advance),
+            read_advised_flights(learnt, net, kept, advance=advance),
             out,
             config=config,
             net_config=net,
-            start=start or UNET_WEIGHTS,
+            start=start or training.UNET_WEIGHTS,
             checkpoint=run / "checkpoint.safetensors",
-            held_out=training.read_advised_flights(others, net, kept, advance=advance),
-            diary=Diary(run, training.CURVES),
+            held_out=read_advised_flights(others, net, kept, advance=advance),
+            diary=diary.Diary(run, training.STUDENT_CURVES),
             advance=advance,
         )
     if score is not None:

@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -18,10 +18,10 @@ from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import varied_scene
 from uav_bt import app
 from uav_bt import campaign as campaigns
-from uav_bt.campaign.fly import Progress
+from uav_bt.campaign.fly import Progress, silent_progress
 from uav_bt.campaign.runner import Backend
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.learning.scenes import TRAINING_SCENES
+from uav_bt.learning.views import TRAINING_SCENES
 
 _ADVISER: Final = "Advise"  # the leaf that writes the rule's advice
 
@@ -58,16 +58,12 @@ class CollectionPlan:
         return self.each * len(self.scenes) * len(self.profiles)
 
 
-def _silent(_flight: Mapping[str, Any], _now: bool) -> None:  # noqa: FBT001 - as `Progress` has it
-    """Report nothing."""
-
-
 def collect(
     plan: CollectionPlan,
     folder: Path,
     *,
     backend: Backend | None = None,
-    on_flight: Progress = _silent,
+    on_flight: Progress = silent_progress,
     on_note: Callable[[str], None] = lambda _: None,
 ) -> list[Path]:
     """Fly what a plan asks for and what its folder does not hold yet.
@@ -83,7 +79,7 @@ def collect(
         The records.
 
     Raises:
-        InputError: tree, scene or policy cannot be used, or nobody advises in the tree.
+        InputError: tree, scene or policy cannot be used, or the tree has no adviser.
     """
     _check_adviser(plan.tree)
     scenes = _scenes(plan, folder / "scenes")

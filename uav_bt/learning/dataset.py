@@ -1,31 +1,52 @@
-"""Flight records as what networks learn from: which files, which frames, and footage in memory."""
+"""Flight records as what networks learn from: their frames, labels of depth, advised views."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.control.ego_state import ControlNetConfig
+from perception.control.training.samples import (
+    ControlFlight,
+    FlightBuilder,
+    read_flight,
+    write_flight,
+)
+from perception.depth.training.clips import DepthLabels, Flight
+from perception.depth.training.labelling import (
+    add_parallax,
+    contact_labels,
+    read_labels,
+    write_labels,
+)
+from perception.networks.onnx_runtime import shrunk
 from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
+from uav_bt.protocols import Advance, silent
+from uav_bt.protocols import Advice, Segmenter
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
-from uav_bt.types import Attitude, DroneState
+from uav_bt.record.reader import RecordReader
+from uav_bt.types import Attitude, CameraModel, DroneState
 
 _FOOTAGE_EVERY_S: Final = 0.1  # a tick
 _END_BYTES: Final = 64 * 1024  # of either end: a finished record tells there what is in it
+# The rule's reason when it saw nothing: that depends on the depth, not on the view.
+_BLIND: Final = "no depth"
 
 
 # --- files ----------------------------------------------------------------------------------------
 
 
 def records_of(paths: Sequence[Path]) -> list[Path]:
-    """Return the records that paths stand for: files, and all below folders, each once.
+    """Return the records at paths: files, and all below folders, each once.
 
     Raises:
         FileError: a folder has none.
@@ -154,3 +175,119 @@ def footage_of(path: Path) -> Footage:
 
 def _angles(attitude: Attitude) -> tuple[float, float, float]:
     return attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad
+
+
+# --- depth ----------------------------------------------------------------------------------------
+
+
+def read_flights(
+    paths: Sequence[Path],
+    segmenter: Segmenter | None,
+    folder: Path,
+    *,
+    advance: Advance = silent,
+) -> list[Flight]:
+    """Read records and, where there is a segmenter, label it; labels already made are kept.
+
+    Args:
+        paths: of the records.
+        segmenter: gives the masks that labels are made from; None for no labels.
+        folder: where labels are kept, so that a broken-off run goes on.
+        advance: called for every frame that is labelled, and when a flight is done.
+    """
+    flights = []
+    for done, path in enumerate(paths, start=1):
+        footage = footage_of(path)
+        labels = None
+        if segmenter is not None:
+            labels = _kept_labels(path, footage, segmenter, folder, advance)
+        flights.append(Flight(footage=footage, labels=labels))
+        advance("flights", done, len(paths))
+    return flights
+
+
+def _kept_labels(
+    path: Path, footage: Footage, segmenter: Segmenter, folder: Path, advance: Advance
+) -> DepthLabels:
+    about = zlib.crc32(footage.captured_s.tobytes() + footage.frames[-1].tobytes())
+    file = folder / f"labels-{path.stem}-{about:08x}.npz"
+    if file.is_file():
+        return read_labels(file)
+
+    def report(stage: str) -> Callable[[int, int], None]:
+        return lambda done, total: advance(f"{stage}, {path.stem}", done, total)
+
+    labels = contact_labels(footage, segmenter, advance=report("contact"))
+    made = add_parallax(footage, labels, advance=report("parallax"))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_labels(file, made)
+    return made
+
+
+# --- advised views --------------------------------------------------------------------------------
+
+
+def read_advised_flights(
+    records: Sequence[Path],
+    net: ControlNetConfig,
+    folder: Path,
+    *,
+    advance: Advance = silent,
+) -> list[ControlFlight]:
+    """Read records of advised flights; what was read before is kept in a folder.
+
+    Args:
+        records: the files.
+        net: the network, for its size.
+        folder: where the views are kept, small.
+        advance: called after every record.
+
+    Raises:
+        FileError: a record is damaged, unfinished, of another camera, or nobody advised in it.
+    """
+    flights: list[ControlFlight] = []
+    camera: CameraModel | None = None
+    for done, path in enumerate(records, start=1):
+        reader = flight_record(path)
+        camera = camera or reader.camera
+        if reader.camera != camera:
+            raise FileError(
+                path,
+                f"was flown with another camera than {records[0]} ({reader.camera} against "
+                f"{camera}); train on the flights of one camera",
+            )
+        flights.append(_kept(reader, net, folder))
+        advance("flights", done, len(records))
+    return flights
+
+
+def _kept(reader: RecordReader, net: ControlNetConfig, folder: Path) -> ControlFlight:
+    size_px = (net.width_px, net.height_px)
+    state = fingerprint(reader.path)
+    file = folder / f"{reader.path.stem}-{state}-{size_px[0]}x{size_px[1]}.npz"
+    if file.is_file():
+        return read_flight(file)
+    made = _read(reader, size_px)
+    write_flight(file, made)
+    return made
+
+
+def _read(reader: RecordReader, size_px: tuple[int, int]) -> ControlFlight:
+    builder, advice = FlightBuilder(size_px), None
+    for item in footage(reader):
+        if isinstance(item, Advice):
+            advice = item
+        elif (
+            isinstance(item, StoredFrame)
+            and advice is not None
+            and advice.frame_index == item.note.index
+            and advice.decision.reason != _BLIND
+        ):
+            builder.add(shrunk(image_of(item, reader.path), size_px), advice)
+    if not len(builder):
+        raise FileError(
+            reader.path,
+            "nobody advised in this flight, so there is nothing to learn from it: fly "
+            "explore_and_land_advised, or put <Advise/> into the tree",
+        )
+    return builder.flight()

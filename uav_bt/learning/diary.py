@@ -1,4 +1,4 @@
-"""What a training run keeps beside its checkpoint: a line for each validation, and curves."""
+"""What a training run keeps beside its checkpoint: a line for each validation, curves, images."""
 
 from __future__ import annotations
 
@@ -6,6 +6,16 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from perception.depth.training.labelling import LABEL_SIZE_PX
+from perception.odometry.camera_track import shrink
+from uav_bt.errors import FileError
+from uav_bt.learning.views import DepthViews, Image
 
 _COLUMNS: Final = 3
 
@@ -42,8 +52,6 @@ class Diary:
         return [by_step[step] for step in sorted(by_step)]
 
     def _draw(self) -> None:
-        from matplotlib.figure import Figure  # noqa: PLC0415  (only the training extra has it)
-
         lines = self.lines()
         rows = -(-len(self._curves) // _COLUMNS)
         figure = Figure(figsize=(4 * _COLUMNS, 2.5 * rows), layout="constrained")
@@ -55,3 +63,37 @@ class Diary:
             pane.set_title(f"{name}: {points[-1][1]:.3f}" if points else f"{name}: none")
             pane.set_ylim(bottom=0.0)
         figure.savefig(self.folder / "curves.png")
+
+
+def write_depth_sheet(
+    path: Path, views: DepthViews, predicted: NDArray[np.float32], *, rows: int = 6
+) -> None:
+    """Draw image, true and predicted depth of some views beside each other.
+
+    Args:
+        path: the PNG file.
+        views: the images, with the truth.
+        predicted: (N, 128, 160), the depth predicted for them.
+        rows: how many of them are drawn.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
+    strips = [depth_strip(views.rgb[at], views.depth_m[at], predicted[at]) for at in places]
+    if not cv2.imwrite(str(path), np.vstack(strips)[..., ::-1]):
+        raise FileError(path, "the image cannot be written")
+
+
+def depth_strip(rgb: Image, truth_m: NDArray[np.float32], predicted: NDArray[np.float32]) -> Image:
+    """Return image, true depth and median-scaled depth side by side, (128, 480, 3) RGB."""
+    scaled = predicted * np.median(truth_m / predicted)
+    return np.hstack([shrink(rgb, LABEL_SIZE_PX), _coloured(truth_m), _coloured(scaled)])
+
+
+def _coloured(depth_m: NDArray[np.float32]) -> Image:
+    # By inverse depth, so that what is near, and matters, gets most of the colours.
+    share = np.clip((1.0 / depth_m - 1.0 / 8.0) / (1.0 / 0.6 - 1.0 / 8.0), 0.0, 1.0)
+    grey = np.rint(255.0 * share).astype(np.uint8)
+    bgr = cv2.applyColorMap(grey, cv2.COLORMAP_TURBO)
+    return np.asarray(bgr[..., ::-1], dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Pictures of the twin with their exact class ids."""
+"""Images of the twin with their truth: which scenes teach, choose and test, and what is drawn."""
 
 from __future__ import annotations
 
@@ -6,57 +6,76 @@ import math
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.camera.ground_plane import CameraView, ground_depth
+from perception.depth.training.labelling import LABEL_SIZE_PX
+from perception.odometry.camera_track import shrink
+from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.views import render_views, sample_flight_poses
 from uav_bt.errors import ValueRangeError
-from uav_bt.learning.scenes import TRAINING_SCENES
+
+TRAINING_SCENES: Final = ("train-a", "train-b", "train-c", "train-d")
+VALIDATION_SCENES: Final = ("val-a", "val-b")  # to choose and tune on
+TESTING_SCENES: Final = ("test-a", "test-b")  # to report on, never to choose by
 
 Image = NDArray[np.uint8]
 
 
+def scene_seed(seed: int, scene: Scene) -> int:
+    """Return the seed of a scene's images, whichever other scenes are in the plan.
+
+    Args:
+        seed: of the plan.
+        scene: whose name is mixed in.
+    """
+    return (seed << 32) + zlib.crc32(scene.name.encode())
+
+
+# --- class ids ------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, kw_only=True)
 class ViewPlan:
-    """Which pictures of the twin are taken."""
+    """Which images of the twin are taken."""
 
     scenes: tuple[str, ...] = TRAINING_SCENES  # names or files
-    views: int = 60  # pictures a scene
+    views: int = 60  # images a scene
     size_px: tuple[int, int] = (1152, 648)  # width and height; the teacher's
-    truth_size_px: tuple[int, int] | None = None  # of the exact ids; the pictures' when None
-    profile: str = "lab"  # whose noise, blur and exposure error the pictures get
+    truth_size_px: tuple[int, int] | None = None  # of the exact ids; the images' when None
+    profile: str = "lab"  # whose noise, blur and exposure error the images get
     facing_pad: float = 0.25  # share that looks towards the helipad, which a random yaw rarely does
     seed: int = 0
 
     def __post_init__(self) -> None:
         if not self.scenes or self.views < 1:
             raise ValueRangeError(
-                f"pictures need a scene and a positive count, got {self.scenes}, {self.views}"
+                f"images need a scene and a positive count, got {self.scenes}, {self.views}"
             )
         if not 0.0 <= self.facing_pad <= 1.0:
             raise ValueRangeError(f"facing_pad must lie within 0 and 1, got {self.facing_pad}")
 
 
 def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
-    """Take the pictures of a plan; the same plan gives the same pictures.
+    """Take the images of a plan; the same plan gives the same images.
 
     Yields:
-        A file name, the picture (H, W, 3) RGB, and its exact class ids (h, w).
+        A file name, the image (H, W, 3) RGB, and its exact class ids (h, w).
 
     Raises:
         SceneError: a scene is missing or malformed.
         MissingDependencyError: OpenGL does not work here.
     """
-    # Imported here: reading picks or training from photographs needs no simulator.
-    from sim_bridge.twin.profile import Profile  # noqa: PLC0415
-    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
-    from sim_bridge.twin.views import render_views, sample_flight_poses  # noqa: PLC0415
-
     for name in plan.scenes:
         scene = load_scene(name)
-        # By name, so that a scene's pictures do not depend on which others are in the plan.
-        seed = (plan.seed << 32) + zlib.crc32(scene.name.encode())
+        seed = scene_seed(plan.seed, scene)
         generator = np.random.default_rng(seed)
         poses = [
             _towards(pose, scene.helipad.position_m, generator)
@@ -76,9 +95,9 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
             yield f"{scene.name}-{index:05d}.png", view.image, view.ids
 
 
-def _towards(pose: Any, target_m: tuple[float, float], generator: np.random.Generator) -> Any:
-    from sim_bridge.anafi import CAMERA_FORWARD_M  # noqa: PLC0415
-
+def _towards(
+    pose: CameraPose, target_m: tuple[float, float], generator: np.random.Generator
+) -> CameraPose:
     centre_x = pose.x_m - CAMERA_FORWARD_M * math.cos(pose.yaw_rad)
     centre_y = pose.y_m - CAMERA_FORWARD_M * math.sin(pose.yaw_rad)
     straight = math.atan2(target_m[1] - centre_y, target_m[0] - centre_x)
@@ -88,4 +107,70 @@ def _towards(pose: Any, target_m: tuple[float, float], generator: np.random.Gene
         x_m=centre_x + CAMERA_FORWARD_M * math.cos(yaw),
         y_m=centre_y + CAMERA_FORWARD_M * math.sin(yaw),
         yaw_rad=yaw,
+    )
+
+
+# --- depth ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthViewPlan:
+    """Which images of the twin depth is measured on."""
+
+    scenes: tuple[str, ...] = VALIDATION_SCENES
+    views: int = 40  # images a scene
+    profile: str = "lab"  # whose noise, blur and exposure error the images get
+    min_pitch_rad: float = -0.8  # steeper images, of landings, are left out: no depth is used
+    seed: int = 11
+
+    def poses(self, scene: Scene, seed: int) -> list[CameraPose]:
+        """Draw a scene's poses.
+
+        Args:
+            scene: where.
+            seed: of `scene_seed`.
+        """
+        drawn = sample_flight_poses(scene, np.random.default_rng(seed), 2 * self.views)
+        return [pose for pose in drawn if pose.pitch_rad >= self.min_pitch_rad][: self.views]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthViews:
+    """Images with exact depth and ids, and exact ground plane, at the network's output size."""
+
+    rgb: Image  # (N, 256, 320, 3)
+    depth_m: NDArray[np.float32]  # (N, 128, 160)
+    ids: Image  # (N, 128, 160)
+    ground_m: NDArray[np.float32]  # (N, 128, 160)
+
+
+def depth_views(plan: DepthViewPlan) -> DepthViews:
+    """Render the images of a plan; the same plan gives the same images.
+
+    Raises:
+        SceneError: a scene is missing or malformed.
+        MissingDependencyError: OpenGL does not work here.
+    """
+    camera = anafi_camera(640, 360).resized(*LABEL_SIZE_PX)
+    images, depths, ids, grounds = [], [], [], []
+    for name in plan.scenes:
+        scene = load_scene(name)
+        seed = scene_seed(plan.seed, scene)
+        for view in render_views(
+            scene,
+            plan.poses(scene, seed),
+            truth_size_px=LABEL_SIZE_PX,
+            profile=Profile.named(plan.profile),
+            seed=seed,
+        ):
+            images.append(shrink(view.image))
+            depths.append(view.depth)
+            ids.append(view.ids)
+            level = CameraView(camera=camera, pitch_rad=view.pose.pitch_rad, height_m=view.pose.z_m)
+            grounds.append(ground_depth(level))
+    return DepthViews(
+        rgb=np.stack(images),
+        depth_m=np.stack(depths),
+        ids=np.stack(ids),
+        ground_m=np.stack(grounds).astype(np.float32),
     )

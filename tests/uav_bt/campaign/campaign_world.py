@@ -1,6 +1,6 @@
 """What the tests of campaigns share: plans, and flights that do not fly.
 
-`fly` runs in a pilot's process, which imports this module by name; the policies of a plan, which
+`fly` runs in a worker's process, which imports this module by name; the policies of a plan, which
 nothing here flies with, carry what a seed should come to.
 """
 

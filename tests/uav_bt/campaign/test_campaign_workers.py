@@ -1,4 +1,4 @@
-"""Pilots: a crash, a hang and a fault cost one flight and say what happened."""
+"""Worker processes: a crash, a hang and a fault cost one flight and say what happened."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from tests.uav_bt.campaign.campaign_world import FLY, plan
 from uav_bt.campaign.worker_process import FAILED, FLOWN, REFUSED
-from uav_bt.campaign.workers import Pilot, Pilots
+from uav_bt.campaign.workers import Worker, WorkerPool
 
 
 def task(fate: str, seed: int = 0) -> dict[str, Any]:
@@ -18,65 +18,65 @@ def task(fate: str, seed: int = 0) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def pilot() -> Iterator[Pilot]:
-    one = Pilot(FLY)
+def worker() -> Iterator[Worker]:
+    one = Worker(FLY)
     yield one
     one.close()
 
 
-def test_a_pilot_flies_one_task_after_the_other_in_one_process(pilot: Pilot) -> None:
-    first, second = (pilot.fly(task("lands", seed), 60.0)[FLOWN] for seed in (0, 1))
+def test_a_worker_flies_one_task_after_the_other_in_one_process(worker: Worker) -> None:
+    first, second = (worker.fly(task("lands", seed), 60.0)[FLOWN] for seed in (0, 1))
     assert (first["seed"], second["seed"]) == (0, 1)
     assert first["wall_s"] == second["wall_s"]
 
 
-def test_what_libraries_print_does_not_land_among_the_answers(pilot: Pilot) -> None:
-    assert pilot.fly(task("is chatty"), 60.0)[FLOWN]["outcome"] == "success"
+def test_what_libraries_print_does_not_land_among_the_answers(worker: Worker) -> None:
+    assert worker.fly(task("is chatty"), 60.0)[FLOWN]["outcome"] == "success"
 
 
-def test_a_fault_is_told_with_where_it_came_from(pilot: Pilot) -> None:
-    answer = pilot.fly(task("raises"), 60.0)
+def test_a_fault_is_told_with_where_it_came_from(worker: Worker) -> None:
+    answer = worker.fly(task("raises"), 60.0)
     assert answer[FAILED] == "RuntimeError: out of luck"
     assert "campaign_world.py" in answer["details"]
 
 
-def test_refused_input_is_no_failed_flight(pilot: Pilot) -> None:
-    assert pilot.fly(task("is refused"), 60.0) == {REFUSED: "no such weights"}
+def test_refused_input_is_no_failed_flight(worker: Worker) -> None:
+    assert worker.fly(task("is refused"), 60.0) == {REFUSED: "no such weights"}
 
 
-def test_a_crash_is_told_by_its_signal_and_its_last_words(pilot: Pilot) -> None:
-    answer = pilot.fly(task("crashes"), 60.0)
+def test_a_crash_is_told_by_its_signal_and_its_last_words(worker: Worker) -> None:
+    answer = worker.fly(task("crashes"), 60.0)
     assert answer[FAILED] == "its process was ended by SIGABRT"
     assert "a library's last words" in answer["details"]
 
 
-def test_a_process_that_leaves_is_told_by_its_exit_code(pilot: Pilot) -> None:
-    assert pilot.fly(task("exits"), 60.0)[FAILED] == (
+def test_a_process_that_leaves_is_told_by_its_exit_code(worker: Worker) -> None:
+    assert worker.fly(task("exits"), 60.0)[FAILED] == (
         "its process ended by itself, with exit code 3"
     )
 
 
-def test_a_flight_that_hangs_is_stopped(pilot: Pilot) -> None:
-    assert pilot.fly(task("hangs"), 0.2)[FAILED].startswith("no end after 0.2 s of wall time")
+def test_a_flight_that_hangs_is_stopped(worker: Worker) -> None:
+    assert worker.fly(task("hangs"), 0.2)[FAILED].startswith("no end after 0.2 s of wall time")
 
 
-def test_after_a_lost_process_the_next_task_flies_in_a_new_one(pilot: Pilot) -> None:
-    before = pilot.fly(task("lands"), 60.0)[FLOWN]["wall_s"]
-    lost = pilot.fly(task("exits"), 60.0)
-    answer = pilot.fly(task("lands"), 60.0)
+def test_after_a_lost_process_the_next_task_flies_in_a_new_one(worker: Worker) -> None:
+    before = worker.fly(task("lands"), 60.0)[FLOWN]["wall_s"]
+    lost = worker.fly(task("exits"), 60.0)
+    answer = worker.fly(task("lands"), 60.0)
     assert FAILED in lost
     assert answer[FLOWN]["wall_s"] != before
 
 
 def test_closing_stops_what_still_flies() -> None:
-    pilots = Pilots(FLY)
+    pool = WorkerPool(FLY)
     answers: list[dict[str, Any]] = []
-    asked = threading.Thread(target=lambda: answers.append(pilots.fly(task("hangs"), 600.0)))
+    asked = threading.Thread(target=lambda: answers.append(pool.fly(task("hangs"), 600.0)))
     asked.start()
-    while not pilots.flying:
+    while not pool.flying:
         asked.join(0.01)
-    pilots.close()
+    pool.close()
     asked.join(60.0)
     assert not asked.is_alive()
     assert FAILED in answers[0]
-    assert pilots.fly(task("lands"), 60.0) == {FAILED: "the campaign was stopped"}
+    assert pool.fly(task("lands"), 60.0) == {FAILED: "the campaign was stopped"}

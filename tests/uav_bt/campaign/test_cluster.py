@@ -70,11 +70,11 @@ def test_what_is_no_address_is_refused(address: str) -> None:
         next(DaskBackend(address, connect_s=0.5).run(FLY, plan().tasks(), 60.0))
 
 
-def test_a_worker_lets_go_of_its_pilots() -> None:
+def test_a_worker_lets_go_of_its_pools() -> None:
     task = next(plan().tasks()).to_json()
     first = module._fly(FLY, task, 60.0)["flown"]["wall_s"]
     assert module._fly(FLY, task, 60.0)["flown"]["wall_s"] == first
-    module._let_go(FLY)
+    module._close_pool(FLY)
     second = module._fly(FLY, task, 60.0)["flown"]["wall_s"]
-    module._let_go(FLY)
+    module._close_pool(FLY)
     assert second != first

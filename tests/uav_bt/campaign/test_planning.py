@@ -12,7 +12,7 @@ import pytest
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from sim_bridge.twin import scene_file
 from uav_bt.campaign import make_plan, plan_of
-from uav_bt.campaign.path_keeper import PathKeeper
+from uav_bt.campaign.flight import PathKeeper
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.errors import InputError, SceneError, TreeError, UnknownNameError
 from uav_bt.tree.shipped import shipped_trees

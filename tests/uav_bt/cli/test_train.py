@@ -17,7 +17,7 @@ from safetensors.numpy import load_file
 from perception.segmentation.teacher import load_teacher
 from tests.uav_bt.cli.cli_world import assert_refused, run
 from uav_bt.classes import CLASS_NAMES, GROUP_NAMES
-from uav_bt.learning import segmentation as training
+from uav_bt.learning.teacher import SHIPPED_TEACHER
 from uav_bt.learning.views import ViewPlan
 
 ONE_SCENE = ("--scene", "train-a", "--views", 2)
@@ -37,13 +37,13 @@ def masks(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     """Stand in for the masks, which take minutes to make; return what they were asked for."""
     asked: list[tuple[Any, ...]] = []
 
-    def label_pictures(teacher: Path, plan: Any, folder: Path, **_: Any) -> Any:
+    def label_views(teacher: Path, plan: Any, folder: Path, **_: Any) -> Any:
         asked.append((teacher, plan, folder))
         rng = np.random.default_rng(0)
         rgb = rng.integers(0, 255, (4, 32, 64, 3), dtype=np.uint8)
         return rgb, rng.integers(0, 17, (4, 32, 64), dtype=np.uint8)
 
-    monkeypatch.setattr(training, "label_pictures", label_pictures)
+    monkeypatch.setattr("uav_bt.cli.train.label_views", label_views)
     return asked
 
 
@@ -119,7 +119,7 @@ def test_training_writes_both_files_and_goes_on_where_it_stopped(
     assert out.is_file()
     assert out.with_suffix(".onnx").is_file()
     (asked,) = masks
-    assert asked[0] == training.SHIPPED_TEACHER
+    assert asked[0] == SHIPPED_TEACHER
     assert asked[1].views == ViewPlan(scenes=("train-a",), views=2, seed=5)
     assert asked[2].parent == folder
 

@@ -18,9 +18,8 @@ from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import UnknownNameError
 from uav_bt.learning.exporting import CALIBRATION_VIEWS, export_network
-from uav_bt.learning.scenes import TRAINING_SCENES, VALIDATION_SCENES
-from uav_bt.learning.segmentation import UNET_WEIGHTS
-from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.learning.training import UNET_WEIGHTS
+from uav_bt.learning.views import TRAINING_SCENES, VALIDATION_SCENES, ViewPlan, twin_views
 
 
 @pytest.fixture(scope="module")

@@ -18,14 +18,10 @@ from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
 from uav_bt import app
 from uav_bt.cli.root import uav_bt
 from uav_bt.errors import FileError, WeightsError
-from uav_bt.learning import student as student_training
+from uav_bt.learning.dataset import read_advised_flights
 from uav_bt.learning.diary import Diary
-from uav_bt.learning.student import (
-    evaluate_student,
-    first_weights,
-    read_advised_flights,
-    train_student,
-)
+from uav_bt.learning.evaluation import evaluate_student
+from uav_bt.learning.training import STUDENT_CURVES, first_weights, train_student
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
 
@@ -106,7 +102,7 @@ def test_what_was_read_is_kept(
     record: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (first,) = read_advised_flights([record], NET, tmp_path)
-    monkeypatch.setattr(student_training, "_read", None)  # nobody reads it a second time
+    monkeypatch.setattr("uav_bt.learning.dataset._read", None)  # nobody reads it a second time
     (again,) = read_advised_flights([record], NET, tmp_path)
     assert (again.labels[:, 0] == first.labels[:, 0]).all() or np.isnan(first.labels).any()
     assert (again.images == first.images).all()
@@ -146,7 +142,7 @@ def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Pa
         checkpoint=tmp_path / "checkpoint.safetensors",
         held_out=flights,
         validate_every=2,
-        diary=Diary(tmp_path / "run", student_training.CURVES),
+        diary=Diary(tmp_path / "run", STUDENT_CURVES),
         advance=lambda stage, done, total: told.append((stage.split(",")[0], done, total)),
     )
     assert score is not None
@@ -154,7 +150,7 @@ def test_training_leaves_weights_that_fly_and_a_diary(record: Path, tmp_path: Pa
     assert told == [("training", done, 4) for done in (1, 2, 3, 4)]
     notes = STUDENT_FILES.load(out)[1]
     assert (notes["flights"], notes["training"]["steps"]) == (1, 4)
-    lines = Diary(tmp_path / "run", student_training.CURVES).lines()
+    lines = Diary(tmp_path / "run", STUDENT_CURVES).lines()
     assert [line["step"] for line in lines] == [2, 4]
     assert lines[0]["wrong_side"] is None  # there is no turn in this flight
     assert (tmp_path / "run" / "curves.png").read_bytes().startswith(b"\x89PNG")

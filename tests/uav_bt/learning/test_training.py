@@ -16,9 +16,10 @@ from perception.segmentation.training.picks import Pick, write_picks
 from perception.segmentation.training.run import TrainingConfig
 from uav_bt.classes import CARPET
 from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
-from uav_bt.learning import segmentation as training
-from uav_bt.learning.scenes import VALIDATION_SCENES
-from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.learning import teacher as learning
+from uav_bt.learning.evaluation import evaluate_segmentation
+from uav_bt.learning.training import train_segmentation
+from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 
 SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
 PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
@@ -34,12 +35,12 @@ def _one_thread() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def picks() -> list[Pick]:
-    return training.draw_twin_picks(PLAN, SMALL, total=1200)
+    return learning.draw_twin_picks(PLAN, SMALL, total=1200)
 
 
 @pytest.fixture(scope="module")
 def teacher(picks: list[Pick]) -> Teacher:
-    return training.train_teacher(picks, PLAN, SMALL)
+    return learning.train_teacher(picks, PLAN, SMALL)
 
 
 def test_a_plan_gives_the_same_pictures_whichever_scenes_stand_beside() -> None:
@@ -71,8 +72,8 @@ def test_picks_are_drawn_from_every_scene(picks: list[Pick]) -> None:
 
 def test_the_teacher_learns_the_twins_patterns(teacher: Teacher) -> None:
     plan = replace(PLAN, scenes=("val-a",), views=10)
-    score = training.evaluate_segmentation(teacher.window_ids, plan)
-    assert score.pictures == 10
+    score = evaluate_segmentation(teacher.window_ids, plan)
+    assert score.images == 10
     assert score.group_miou > 0.8
 
 
@@ -81,24 +82,24 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
 ) -> None:
     weights = tmp_path / "teacher.safetensors"
     save_teacher(weights, teacher)
-    plan = training.UNetPlan(
+    plan = learning.UNetPlan(
         views=replace(PLAN, views=3), refine=RefineConfig(rounds=1), size_px=(64, 32)
     )
     told: list[tuple[str, int, int]] = []
     folder = tmp_path / "labels"
-    rgb, ids = training.label_pictures(weights, plan, folder, advance=lambda *now: told.append(now))
+    rgb, ids = learning.label_views(weights, plan, folder, advance=lambda *now: told.append(now))
     assert rgb.shape == (6, 32, 64, 3)
     assert ids.shape == (6, 32, 64)
     assert told[-1] == ("labels", 2, 2)
     first = folder / "labels-train-a.npz"
     made = first.stat().st_mtime_ns
     (folder / "labels-train-b.npz").unlink()
-    again, _ = training.label_pictures(weights, plan, folder)
+    again, _ = learning.label_views(weights, plan, folder)
     np.testing.assert_array_equal(again, rgb)
     assert first.stat().st_mtime_ns == made
 
     steps: list[int] = []
-    training.train_segmentation(
+    train_segmentation(
         (rgb, ids),
         tmp_path / "unet.safetensors",
         config=TrainingConfig(steps=2, batch=2),
@@ -119,19 +120,17 @@ def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_
             cv2.imwrite(str(tmp_path / name), big[..., ::-1])
             large += [replace(pick, x=2 * pick.x, y=2 * pick.y, origin="hand") for pick in mine]
     write_picks(tmp_path / "picks.csv", large)
-    learned = training.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
-    same = training.train_teacher(picks, PLAN, SMALL)
+    learned = learning.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
+    same = learning.train_teacher(picks, PLAN, SMALL)
     assert learned.known == same.known
-    score = training.evaluate_segmentation(
-        learned.window_ids, replace(PLAN, scenes=("val-a",), views=6)
-    )
+    score = evaluate_segmentation(learned.window_ids, replace(PLAN, scenes=("val-a",), views=6))
     assert score.group_iou[CARPET] > 0.9
 
 
 def test_a_picture_that_is_not_there_is_named(tmp_path: Path) -> None:
     write_picks(tmp_path / "picks.csv", [Pick(image="none.png", x=1, y=1, class_id=1)])
-    with pytest.raises(FileError, match=r"none\.png: is no readable picture"):
-        training.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
+    with pytest.raises(FileError, match=r"none\.png: is no readable image"):
+        learning.train_teacher_on_photographs(tmp_path / "picks.csv", tmp_path, SMALL)
 
 
 def test_bad_plans_are_refused() -> None:
@@ -151,8 +150,8 @@ def test_the_shipped_unet_sees_the_validation_scenes_well() -> None:
         truth_size_px=(224, 112),
         seed=5,
     )
-    assert training.evaluate_segmentation(shipped_unet().ids, plan).group_miou >= 0.96
+    assert evaluate_segmentation(shipped_unet().ids, plan).group_miou >= 0.96
 
 
 def test_the_shipped_teacher_knows_all_classes() -> None:
-    assert load_teacher(training.SHIPPED_TEACHER).known == tuple(range(17))
+    assert load_teacher(learning.SHIPPED_TEACHER).known == tuple(range(17))

@@ -14,12 +14,14 @@ from perception.depth.training.run import DepthTrainingConfig
 from sim_bridge.anafi import anafi_camera
 from tests.uav_bt.record.footage_world import frame, state, write_record
 from uav_bt.cli.root import uav_bt
-from uav_bt.learning import depth as depth_training
+from uav_bt.learning import training
+from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.diary import Diary
+from uav_bt.learning.views import DepthViewPlan, depth_views
 from uav_bt.types import ClassMap, Frame
 
 COUNT = 6
-FEW = depth_training.DepthViewPlan(scenes=("val-a",), views=2)
+FEW = DepthViewPlan(scenes=("val-a",), views=2)
 
 
 @pytest.fixture(autouse=True)
@@ -57,8 +59,8 @@ class _Carpet:
 
 def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
     segmenter = _Carpet()
-    (first,) = depth_training.read_flights([film], segmenter, tmp_path / "run")
-    (again,) = depth_training.read_flights([film], segmenter, tmp_path / "run")
+    (first,) = read_flights([film], segmenter, tmp_path / "run")
+    (again,) = read_flights([film], segmenter, tmp_path / "run")
     assert segmenter.asked == COUNT
     assert first.labels is not None
     assert again.labels is not None
@@ -67,23 +69,23 @@ def test_labels_are_made_once_and_kept(film: Path, tmp_path: Path) -> None:
 
 
 def test_without_a_segmenter_there_are_no_labels(film: Path, tmp_path: Path) -> None:
-    (flight,) = depth_training.read_flights([film], None, tmp_path)
+    (flight,) = read_flights([film], None, tmp_path)
     assert flight.labels is None
 
 
 def test_a_run_leaves_weights_scores_and_pictures(film: Path, tmp_path: Path) -> None:
-    flights = depth_training.read_flights([film], _Carpet(), tmp_path)
+    flights = read_flights([film], _Carpet(), tmp_path)
     config = DepthTrainingConfig(
         steps=2, batch=1, photometric=0.0, geometry=0.0, checkpoint_every=1
     )
     weights = tmp_path / "depth.safetensors"
-    score = depth_training.train_depth(
+    score = training.train_depth(
         flights,
         weights,
         config=config,
         checkpoint=tmp_path / "checkpoint.safetensors",
-        views=depth_training.depth_views(FEW),
-        diary=Diary(tmp_path / "run", depth_training.CURVES),
+        views=depth_views(FEW),
+        diary=Diary(tmp_path / "run", training.DEPTH_CURVES),
         validate_every=2,
     )
     assert score is not None

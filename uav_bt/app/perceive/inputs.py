@@ -1,4 +1,4 @@
-"""What is looked at and with what: the source, whose camera and telemetry it has, the networks."""
+"""What is perceived and with what: the source, its camera and telemetry, the networks."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a vi
 
 @dataclass(frozen=True, kw_only=True)
 class PerceiveOptions:
-    """What is known about the images, and what they are looked at with."""
+    """What is known about the images, and what they are perceived with."""
 
     camera: Path | None = None  # a camera file; None: the record's, or the ANAFI's
-    height_m: float = 1.5  # of the camera above the carpet, where no telemetry tells
-    gimbal_pitch_rad: float = math.radians(-30)  # 0 level, where no telemetry tells
+    height_m: float = 1.5  # of the camera above the carpet, without telemetry
+    gimbal_pitch_rad: float = math.radians(-30)  # 0 level, without telemetry
     telemetry: Path | None = None  # record of the same flight
     model: str = "depth"  # a shipped one's name, an ONNX file, or "contact" (no network)
     segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
     classes: Path | None = None  # class-mapping file of a foreign segmentation
-    every: int = 1  # images a step; 1 looks at all
+    every: int = 1  # images a step; 1 takes all
     longest_s: float | None = None  # of the source's time; None: to its end
     threads: int = 1  # of the networks' inference
     seed: int = 0  # of the carpet's pixels that are drawn for the scale
@@ -50,13 +50,13 @@ class PerceiveOptions:
                 f"every and threads must be at least 1, got {self.every}, {self.threads}"
             )
         if self.longest_s is not None and not self.longest_s > 0.0:
-            raise ValueRangeError(f"the time to look at must be positive, got {self.longest_s} s")
+            raise ValueRangeError(f"the time to perceive must be positive, got {self.longest_s} s")
         FixedTelemetry(height_m=self.height_m, gimbal_pitch_rad=self.gimbal_pitch_rad)
         if self.classes is not None and not self.segmentation.lower().endswith(".onnx"):
             raise InputError("a class-mapping file belongs to an ONNX segmentation network")
 
 
-class Look:
+class PerceiveInput:
     """One source with its camera, telemetry and pipeline.
 
     Args:
@@ -156,7 +156,7 @@ class Look:
         return camera, "the ANAFI's video, 69 deg wide (none given)"
 
     def progress(self, image: TimedImage) -> tuple[int, int]:
-        """Return images done and in all; as many as done where nobody knows."""
+        """Return images done and in all; as many as done where the total is unknown."""
         done = image.index + 1
         total = self.source.total or done
         if self._options.longest_s is not None:

@@ -14,7 +14,6 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
@@ -25,16 +24,14 @@ from perception.landing.detector import HelipadDetection
 from perception.landing.tracker import HelipadFinder
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.classes import CARPET
+from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import (
     CameraModel,
-    ClassMap,
-    Corridor,
     DepthMap,
     DroneState,
     Frame,
-    HelipadFix,
 )
 
 STAGES: Final = ("segmentation", "relative_depth", "metric_depth", "corridor", "helipad")
@@ -54,19 +51,12 @@ class PipelineConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Perceived:
-    """What one frame shows."""
+class Perceived(Seen):
+    """What one frame, undistorted, shows."""
 
-    frame: Frame  # undistorted
-    class_map: ClassMap
-    relative: DepthMap | None  # None without a network, and of a frozen picture
-    depth: DepthMap | None  # metric; None where nothing is known
-    refusal: str  # why there is no metric depth, or less than asked for; empty when all is well
+    relative: DepthMap | None  # None without a network, and of a frozen image
     scale: Scale | None  # of the network's depth; None where none went in
-    corridor: Corridor | None  # None without metric depth
-    intruding: NDArray[np.bool_] | None  # (H, W), pixels inside the corridor
     detection: HelipadDetection | None  # in this frame
-    helipad: HelipadFix | None
     stage_s: Mapping[str, float]  # wall time by stage; a stage that did not run is not in it
 
 
@@ -119,8 +109,8 @@ class Pipeline:
         Args:
             frame: the next one, of the camera's size.
             states: the drone's telemetry since the frame before, up to this one's capture. They
-                carry the helipad through frames that miss it; without any it is told only when
-                it is seen.
+                carry the helipad through frames that miss it; without any it is known only in
+                frames that show it.
 
         Raises:
             ShapeError: the frame has another size than the camera.
@@ -137,9 +127,15 @@ class Pipeline:
         )
         corridor = intruding = None
         if metric.depth is not None:
+            height_px, width_px = metric.depth.depth.shape
             with self._timed(spent, "corridor"):
-                corridor = self._corridor(frame, class_map, metric.depth)
-            intruding = self._intruding(frame, class_map, metric.depth)
+                view = view_of(frame, self.camera, (width_px, height_px))
+                things = class_map.ids > CARPET
+                velocity = None if self._state is None else self._state.velocity
+                corridor = self._corridors.build(
+                    metric.depth, view, velocity=velocity, things=things
+                )
+            intruding = self._corridors.intruding(metric.depth, view, things=things)
         with self._timed(spent, "helipad"):
             detection = self._finder.see(class_map, frame, self.camera)
             helipad = self._finder.fix()
@@ -164,17 +160,3 @@ class Pipeline:
         begin_s = self._timer()
         yield
         spent[stage] = self._timer() - begin_s
-
-    def _corridor(self, frame: Frame, class_map: ClassMap, depth: DepthMap) -> Corridor:
-        height_px, width_px = depth.depth.shape
-        return self._corridors.build(
-            depth,
-            view_of(frame, self.camera, (width_px, height_px)),
-            velocity=None if self._state is None else self._state.velocity,
-            things=class_map.ids > CARPET,
-        )
-
-    def _intruding(self, frame: Frame, class_map: ClassMap, depth: DepthMap) -> NDArray[np.bool_]:
-        height_px, width_px = depth.depth.shape
-        view = view_of(frame, self.camera, (width_px, height_px))
-        return self._corridors.intruding(depth, view, things=class_map.ids > CARPET)

@@ -1,21 +1,51 @@
-"""Perceive every image of a source."""
+"""Perceive every image of a source: a video with overlays, a line a frame, a summary."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
+from typing import Any, Final
 
-from uav_bt.app.perceive.inputs import Look, PerceiveOptions
-from uav_bt.app.perceive.outputs import Film, PerceiveSummary, Tally, as_json
-from uav_bt.app.perceive.pipeline import Perceived
+import numpy as np
+
+from perception.depth.scale import Scale
+from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
+from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.perceive.streams import TimedImage
+from uav_bt.classes import CLASS_COLOURS
+from uav_bt.display.video.perception_video import PerceptionPanes
+from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import InputError
 from uav_bt.files import writing
+from uav_bt.mission.flight_report import Percentiles
 from uav_bt.protocols import Advance, silent
+from uav_bt.types import CameraModel, Corridor, HelipadFix
+
+_MAX_RATE: Final = 60.0  # images a second of a video that is written
+_ALL: Final = "all"  # the stages of a frame together
 
 _Write = Callable[[TimedImage, Perceived], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceiveSummary:
+    """What was perceived."""
+
+    frames: int
+    camera: str  # whose intrinsics, in words
+    telemetry: str  # whose pose, in words
+    stage_ms: Mapping[str, Percentiles]  # wall time by stage, "all" their sum
+    without_depth: Mapping[str, int]  # frames without metric depth, by reason
+    in_part: Mapping[str, int]  # frames whose depth is not all that was asked for, by reason
+    with_helipad: int  # frames that show it
+    skipped: tuple[str, ...]  # images that could not be used, and why
+    interrupted: bool
 
 
 def perceive(
@@ -42,30 +72,30 @@ def perceive(
     options = options or PerceiveOptions()
     read = [Path(source), options.telemetry, options.camera]
     _keep_apart([path for path in (out, lines) if path is not None], read)
-    look = Look(source, options)
-    pipeline, images = look.begin()
-    tally = Tally()
+    given = PerceiveInput(source, options)
+    pipeline, images = given.begin()
+    counts = _Counts()
     with ExitStack() as stack:
         stack.enter_context(closing(images))
         writers: list[_Write] = []
         if out is not None:
-            film = Film(out, pipeline.camera, look.source.rate_per_s / options.every)
-            stack.callback(film.close)
-            writers.append(lambda _, seen: film.write(seen))
+            video = _OverlayVideo(out, pipeline.camera, given.source.rate_per_s / options.every)
+            stack.callback(video.close)
+            writers.append(lambda _, seen: video.write(seen))
         if lines is not None:
             writers.append(stack.enter_context(_json_lines(lines)))
         try:
             for image in images:
-                frame = look.telemetry.frame(image.image, image.index, image.time_s)
-                seen = pipeline.perceive(frame, look.telemetry.states(image.time_s))
-                tally.add(seen)
+                frame = given.telemetry.frame(image.image, image.index, image.time_s)
+                seen = pipeline.perceive(frame, given.telemetry.states(image.time_s))
+                counts.add(seen)
                 for write in writers:
                     write(image, seen)
-                advance(f"frames, {image.name}", *look.progress(image))
+                advance(f"frames, {image.name}", *given.progress(image))
         except KeyboardInterrupt:
-            tally.interrupted = True
-    return tally.summary(
-        camera=look.camera_words, telemetry=look.telemetry_words, skipped=look.source.skipped
+            counts.interrupted = True
+    return counts.summary(
+        camera=given.camera_words, telemetry=given.telemetry_words, skipped=given.source.skipped
     )
 
 
@@ -81,6 +111,117 @@ def _json_lines(path: Path) -> Iterator[_Write]:
     with writing(path), path.open("w", encoding="utf-8") as file:
 
         def write(image: TimedImage, seen: Perceived) -> None:
-            file.write(json.dumps(as_json(image, seen), allow_nan=False) + "\n")
+            file.write(json.dumps(_as_json(image, seen), allow_nan=False) + "\n")
 
         yield write
+
+
+# --- what is written ------------------------------------------------------------------------------
+
+
+class _OverlayVideo:
+    """The mp4 file with the overlays; it appears when it is closed."""
+
+    def __init__(self, path: Path, camera: CameraModel, rate_per_s: float) -> None:
+        self._panes = PerceptionPanes(camera, class_colours=CLASS_COLOURS)
+        self._rate = Fraction(min(rate_per_s, _MAX_RATE)).limit_denominator(1001)
+        self._file = VideoFile(path, size_px=self._panes.size_px, frames_per_s=self._rate)
+        self._begin_s: float | None = None
+        self._slot = -1
+
+    def write(self, seen: Perceived) -> None:
+        frame = seen.frame
+        self._begin_s = frame.captured_s if self._begin_s is None else self._begin_s
+        due = round((frame.captured_s - self._begin_s) * float(self._rate))
+        self._slot = max(self._slot + 1, due)
+        self._file.write(self._panes.draw(seen), self._slot)
+
+    def close(self) -> None:
+        self._file.close()
+
+
+@dataclass
+class _Counts:
+    """Sums over the images so far."""
+
+    frames: int = 0
+    stage_s: dict[str, list[float]] = field(default_factory=dict)
+    without_depth: Counter[str] = field(default_factory=Counter)
+    in_part: Counter[str] = field(default_factory=Counter)
+    with_helipad: int = 0
+    interrupted: bool = False
+
+    def add(self, seen: Perceived) -> None:
+        self.frames += 1
+        for stage, spent_s in seen.stage_s.items():
+            self.stage_s.setdefault(stage, []).append(spent_s)
+        self.stage_s.setdefault(_ALL, []).append(sum(seen.stage_s.values()))
+        if seen.refusal:
+            (self.without_depth if seen.depth is None else self.in_part)[seen.refusal] += 1
+        self.with_helipad += seen.helipad is not None and seen.helipad.detected
+
+    def summary(self, *, camera: str, telemetry: str, skipped: Sequence[str]) -> PerceiveSummary:
+        names = (*STAGES, _ALL)
+        stages = ((name, Percentiles.of_seconds(self.stage_s.get(name, []))) for name in names)
+        return PerceiveSummary(
+            frames=self.frames,
+            camera=camera,
+            telemetry=telemetry,
+            stage_ms={name: figures for name, figures in stages if figures is not None},
+            without_depth=dict(self.without_depth.most_common()),
+            in_part=dict(self.in_part.most_common()),
+            with_helipad=self.with_helipad,
+            skipped=tuple(skipped),
+            interrupted=self.interrupted,
+        )
+
+
+def _as_json(image: TimedImage, seen: Perceived) -> dict[str, Any]:
+    """Return one frame as a JSON object: what is not known is null."""
+    depth = seen.depth
+    return {
+        "image": image.name,
+        "index": image.index,
+        "time_s": round(image.time_s, 4),
+        "depth": None
+        if depth is None
+        else {
+            "confidence": round(depth.confidence, 4),
+            "scale": None if seen.scale is None else _scale_json(seen.scale),
+            "known_share": round(float(np.isfinite(depth.depth).mean()), 4),
+        },
+        "refusal": seen.refusal or None,
+        "corridor": None if seen.corridor is None else _corridor_json(seen.corridor),
+        "helipad": None if seen.helipad is None else _helipad_json(seen.helipad),
+        "ms": {stage: round(1000.0 * spent_s, 3) for stage, spent_s in seen.stage_s.items()},
+    }
+
+
+def _scale_json(scale: Scale) -> dict[str, float]:
+    return {"factor": round(scale.factor, 6), "shift_m": round(scale.shift_m, 6)}
+
+
+def _metres(value: float) -> float | None:
+    return round(value, 4) if math.isfinite(value) else None  # JSON knows no infinity
+
+
+def _corridor_json(corridor: Corridor) -> dict[str, Any]:
+    return {
+        "free_distance_m": _metres(corridor.free_distance_m),
+        "nearest_m": _metres(corridor.nearest_m),
+        "nearest_side": corridor.nearest_side,
+        "nearest_left_m": _metres(corridor.nearest_left_m),
+        "nearest_right_m": _metres(corridor.nearest_right_m),
+        "time_to_impact_s": _metres(corridor.time_to_impact_s),
+        "unknown_px": corridor.unknown_px,
+    }
+
+
+def _helipad_json(fix: HelipadFix) -> dict[str, Any]:
+    return {
+        "forward_m": _metres(fix.forward_m),
+        "right_m": _metres(fix.right_m),
+        "detected": fix.detected,
+        "confidence": round(fix.confidence, 4),
+        "seen_s": _metres(fix.captured_s),
+    }

@@ -38,7 +38,7 @@ def open_source(
 
     Args:
         text: a video file, a folder of images, an image, or `camera:N`.
-        clock: tells a live camera's times; default: the clock on the wall.
+        clock: of a live camera's times; default: the wall clock.
         times_s: of a folder's images, in their order; default: ten a second.
 
     Raises:

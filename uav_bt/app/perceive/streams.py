@@ -18,7 +18,7 @@ from uav_bt.protocols import Clock
 
 Image = NDArray[np.uint8]
 
-FOLDER_RATE: Final = 10.0  # images a second where nothing tells: a mission's tick
+FOLDER_RATE: Final = 10.0  # images a second where it is unknown: a mission's tick
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,7 +45,7 @@ class ImageSource(Protocol):
 
     @property
     def total(self) -> int | None:
-        """How many images it has; None where nobody knows."""
+        """How many images it has; None where it is unknown."""
         ...
 
     @property
@@ -200,7 +200,7 @@ class CameraSource:
         self.skipped.append(f"the camera stopped after {index + 1} images")
 
     def _opened(self) -> Any:
-        # OpenCV tells on the error stream what each of its back ends thinks of the number.
+        # Each back end of OpenCV would write about the number to the error stream.
         level = cv2.utils.logging.getLogLevel()
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
         try:

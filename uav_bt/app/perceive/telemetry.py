@@ -1,7 +1,7 @@
 """Where a video's frames were taken from: what a frame needs to know beside its pixels.
 
-A live flight's frames come with their telemetry. A video file's do not: either the camera stood
-still at a known height and pitch, or the record of the same flight holds the telemetry.
+A live flight's frames come with their telemetry. A video file's do not: either the camera was
+fixed at a known height and pitch, or the record of the same flight holds the telemetry.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Telemetry(Protocol):
         ...
 
     def states(self, until_s: float) -> list[DroneState]:
-        """Return the drone's states since the last call, up to a time; none where it stands."""
+        """Return the drone's states since the last call, up to a time; none of a fixed camera."""
         ...
 
 

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Final
 
-from uav_bt.app.replay.movement_ids import MovementIds
+from uav_bt.app.replay.recorded_drone import RecordedDrone
 from uav_bt.display.phrases import describe_movement
 from uav_bt.mission.runner import TickRecord
 from uav_bt.record.channels import TreeNote
-from uav_bt.record.moment import Moment
 from uav_bt.tree import MissionTree
 from uav_bt.types import Command, GimbalTo, MoveBy, Movement
 
@@ -40,7 +39,7 @@ class ReplayReport:
     record: str
     tree: str
     outcome: str | None  # of the recorded flight; None when its record is unfinished
-    exact: bool  # whether nothing may differ: the recorded pictures are lossless and whole
+    exact: bool  # whether nothing may differ: the recorded images are lossless and whole
     masks: str  # "network" or "recorded"
     ticks: int
     status_ticks: int  # in which a node's status differs
@@ -50,7 +49,7 @@ class ReplayReport:
     nodes: dict[str, int]  # differing ticks by the node's path, most first
     only_recorded: tuple[str, ...]  # nodes that the replayed tree does not have
     only_replayed: tuple[str, ...]
-    missing_pictures: int
+    missing_images: int
     damages: tuple[str, ...]
     ended: str | None = None  # why the replay stopped before the recording's end
 
@@ -68,35 +67,36 @@ class ReplayReport:
 
 
 class Comparison:
-    """Compares tick by tick.
+    """Compares the replay with the record, tick by tick; a listener of the runner.
 
     Args:
         recorded: the recorded tree's nodes.
         tree: the replayed tree.
-        ids: which movements stand for each other.
+        drone: replays the record; pairs the movements of both.
         tolerance: how far numbers of commands may differ, metres or radians; 0 for exactly.
     """
 
     def __init__(
-        self, recorded: TreeNote, tree: MissionTree, ids: MovementIds, *, tolerance: float
+        self, recorded: TreeNote, tree: MissionTree, drone: RecordedDrone, *, tolerance: float
     ) -> None:
         there = {node.path: place for place, node in enumerate(recorded.nodes)}
         here = {node.path: node for node in tree.nodes()}
         self._shared = [(path, there[path], here[path]) for path in there if path in here]
         self.only_recorded = tuple(path for path in there if path not in here)
         self.only_replayed = tuple(path for path in here if path not in there)
-        self._ids = ids
+        self._drone = drone
         self._tolerance = tolerance
         self.ticks = self.status_ticks = self.command_ticks = self.differing_ticks = 0
         self.nodes: Counter[str] = Counter()
         self.differences: list[Difference] = []
 
-    def add(self, moment: Moment, replayed: TickRecord) -> None:
-        """Compare a tick."""
+    def on_tick(self, record: TickRecord) -> None:
+        """Compare a tick with the recorded one."""
+        moment = self._drone.moment
         self.ticks += 1
         statuses = self._statuses(moment.statuses)
-        command = self._command(moment.commands.decided, replayed.decided or replayed.command)
-        owners = (moment.commands.proposed_by, replayed.proposed_by)
+        command = self._command(moment.commands.decided, record.decided or record.command)
+        owners = (moment.commands.proposed_by, record.proposed_by)
         proposed_by = owners if owners[0] != owners[1] else None
         self.nodes.update(statuses.keys())
         self.status_ticks += bool(statuses)
@@ -124,7 +124,7 @@ class Comparison:
         return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
 
     def _command(self, recorded: Command, replayed: Command) -> tuple[str, str] | None:
-        same_id = self._ids.pair(recorded.movement, replayed.movement)
+        same_id = self._drone.ids.pair(recorded.movement, replayed.movement)
         if (
             same_id
             and self._agree(recorded.movement, replayed.movement)
@@ -147,5 +147,5 @@ class Comparison:
 def _words(command: Command) -> str:
     movement, gimbal = command.movement, command.gimbal
     number = f" (#{movement.id})" if isinstance(movement, MoveBy) else ""
-    look = "" if gimbal is None else f", gimbal {gimbal.pitch_rad:.3f} rad"
-    return f"{describe_movement(movement)}{number}{look}"
+    tilt = "" if gimbal is None else f", gimbal {gimbal.pitch_rad:.3f} rad"
+    return f"{describe_movement(movement)}{number}{tilt}"

@@ -1,18 +1,62 @@
-"""A drone made from a record: its clock and its frames are the recorded ones."""
+"""A drone made from a record: its clock, frames and class maps are the recorded ones."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
-from uav_bt.app.replay.movement_ids import MovementIds
 from uav_bt.errors import FileError, InputError
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
-from uav_bt.types import CameraModel, ClassMap, Command, Frame, Observation
+from uav_bt.types import (
+    CameraModel,
+    ClassMap,
+    Command,
+    DroneState,
+    Frame,
+    MoveBy,
+    Movement,
+    Observation,
+)
+
+
+class MovementIds:
+    """Pairs the movements of record and replay that were commanded at the same time.
+
+    The drone answers by a movement's id, and ids are counted as movements are made: once a replay
+    makes one more or one less, all that follow are shifted, and the answers must still arrive.
+    """
+
+    def __init__(self) -> None:
+        self._replayed: dict[int, int] = {}  # by the recording's id
+
+    def pair(self, recorded: Movement, replayed: Movement) -> bool:
+        """Note what was commanded in one tick; return whether it is the same movement.
+
+        Two that began together are the same, whatever they do; movements without numbers are.
+        """
+        if not isinstance(recorded, MoveBy) or not isinstance(replayed, MoveBy):
+            return True
+        known = self._replayed.get(recorded.id)
+        if known is None and replayed.id not in self._replayed.values():
+            self._replayed[recorded.id] = replayed.id
+            return True
+        return known == replayed.id
+
+    def translated(self, state: DroneState) -> DroneState:
+        """Return a recorded state as the replay's leaves must read it."""
+        movement = state.movement
+        if movement is None:
+            return state
+        # Ids count from 1 up: no leaf waits for a negative one.
+        replayed = self._replayed.get(movement.id, -abs(movement.id))
+        if replayed == movement.id:
+            return state
+        return replace(state, movement=replace(movement, id=replayed))
 
 
 class RecordedClock:
-    """Jumps from tick to tick, however long somebody means to sleep."""
+    """Jumps from tick to tick, however long the sleep."""
 
     def __init__(self, drone: RecordedDrone) -> None:
         self._drone = drone
@@ -46,7 +90,7 @@ class RecordedDrone:
         self._frame: Frame | None = None
         self._clock = RecordedClock(self)
         self.ids = MovementIds()
-        self.missing_pictures = 0  # frames whose picture the record lacks
+        self.missing_images = 0  # frames whose image the record lacks
         first = next(self._moments, None)
         if first is None:
             raise FileError(reader.path, "the record has no tick to replay")
@@ -73,7 +117,7 @@ class RecordedDrone:
         if stored is None:
             return
         if stored.image is None:
-            self.missing_pictures += 1  # the one before stays, and grows old
+            self.missing_images += 1  # the one before stays, and grows old
             return
         try:
             self._frame = stored.frame()
@@ -92,17 +136,17 @@ class RecordedDrone:
 
     @property
     def referee(self) -> None:
-        """Nobody: what is decided now has no consequences that could be judged."""
+        """None: what is decided now has no consequences that could be judged."""
         return
 
     @property
     def scene(self) -> None:
-        """The recording's scene matters to nothing that is decided now."""
+        """None: no decision depends on the recorded scene."""
         return
 
     @property
     def live(self) -> bool:
-        """What is over needs no check."""
+        """A record needs no check before take-off."""
         return False
 
     @property
@@ -115,7 +159,7 @@ class RecordedDrone:
 
     def observe(self) -> Observation:
         """Return what was observed in this tick."""
-        return Observation(frame=self._frame, state=self.ids.told(self.moment.state))
+        return Observation(frame=self._frame, state=self.ids.translated(self.moment.state))
 
     def send(self, command: Command) -> Command:
         """Take a command without obeying it."""
@@ -126,7 +170,7 @@ class RecordedDrone:
 
 
 class RecordedSegmenter:
-    """The recorded class maps as a segmenter: perception from there on is what is tried."""
+    """The recorded class maps as a segmenter, to try what follows segmentation."""
 
     def __init__(self, drone: RecordedDrone) -> None:
         self._drone = drone

@@ -6,17 +6,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
+from typing import Any, Final, Literal
 
 from uav_bt.app.assembly import Flight, load_mission
 from uav_bt.app.flight_record import attached_files, recorded_options
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
-from uav_bt.app.replay.replay_runner import ComparingListener, ReplayJudge, ReplayRunner
 from uav_bt.errors import FileError, NodeFailedError
+from uav_bt.mission.judge import Judge, Outcome, Verdict
+from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.safety import Override
+from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
+from uav_bt.tree import Status
+from uav_bt.types import DroneState, Truth
 
 Masks = Literal["network", "recorded"]
+
+_OVER: Final = frozenset({"SUCCESS", "FAILURE"})
+_AS_RECORDED: Final = "stopped, as in the recording"
+_NOT_TICKED: Final = (Status.IDLE.name, "INVALID")  # as older records have it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,12 +56,12 @@ def replay(record: Path, options: ReplayOptions | None = None) -> ReplayReport:
     flight, masks = assemble_recorded(reader, changes)
     drone, lossless = flight.drone, flight.options.record_quality == "lossless"
     comparison = Comparison(
-        reader.tree, flight.mission, drone.ids, tolerance=0.0 if lossless else LOSSY_NUMBERS
+        reader.tree, flight.mission, drone, tolerance=0.0 if lossless else LOSSY_NUMBERS
     )
     ended = None
     try:
         with flight.connected():
-            flight.runner([ComparingListener(drone, comparison)]).run()
+            flight.runner([comparison]).run()
     except NodeFailedError as error:
         ended = str(error)  # a replayed change may well fail; that is what it is tried for
     end = reader.end
@@ -60,7 +69,7 @@ def replay(record: Path, options: ReplayOptions | None = None) -> ReplayReport:
         record=str(record),
         tree=str(changes.tree or reader.metadata.get("tree", "")),
         outcome=None if end is None else end.get("outcome"),
-        exact=lossless and not drone.missing_pictures and not reader.damages,
+        exact=lossless and not drone.missing_images and not reader.damages,
         masks=masks,
         ticks=comparison.ticks,
         status_ticks=comparison.status_ticks,
@@ -70,7 +79,7 @@ def replay(record: Path, options: ReplayOptions | None = None) -> ReplayReport:
         nodes=dict(comparison.nodes.most_common()),
         only_recorded=comparison.only_recorded,
         only_replayed=comparison.only_replayed,
-        missing_pictures=drone.missing_pictures,
+        missing_images=drone.missing_images,
         damages=reader.damages,
         ended=ended,
     )
@@ -90,7 +99,7 @@ def _check_beginning(reader: RecordReader) -> None:
 def assemble_recorded(
     reader: RecordReader, changes: ReplayOptions
 ) -> tuple[Flight[RecordedDrone], Masks]:
-    """Put a recorded flight together again: same mission, site, limits and seed, recorded eyes.
+    """Put a recorded flight together again: same mission, site, limits and seed, recorded frames.
 
     Args:
         reader: of the record.
@@ -127,3 +136,64 @@ def assemble_recorded(
         make_runner=ReplayRunner,
     )
     return flight, masks
+
+
+# --- the runner -----------------------------------------------------------------------------------
+
+
+class ReplayJudge(Judge):
+    """Ends the replay with the recording's last tick, whatever happens."""
+
+    def __init__(self, drone: RecordedDrone) -> None:
+        super().__init__()
+        self._drone = drone
+
+    def verdict(
+        self,
+        now_s: float,
+        state: DroneState,
+        truth: Truth | None,
+        tree_status: Status,
+        *,
+        abort_reason: str | None,
+    ) -> Verdict | None:
+        """Return that the recording is over, None while it goes on."""
+        del now_s, state, truth, tree_status, abort_reason
+        if self._drone.at_end:
+            return Verdict(outcome=Outcome.SUCCESS, reason="the recording is over")
+        return None
+
+
+class ReplayRunner(MissionRunner):
+    """Flies a recorded drone; an operator's stop comes again in the tick in which it came.
+
+    Args:
+        drone: the recorded drone.
+        rest: as `MissionRunner` takes it.
+        named: as `MissionRunner` takes it.
+    """
+
+    def __init__(self, drone: RecordedDrone, *rest: Any, **named: Any) -> None:
+        super().__init__(drone, *rest, **named)
+        self._recorded = drone
+
+    def _tick_tree(self) -> Status:
+        moment = self._recorded.moment
+        stopped = _stopped_by_operator(self._recorded.before, moment)
+        # A stop between two ticks keeps the tree from being ticked; one within comes after.
+        if stopped and moment.tick.tree_status in _NOT_TICKED:
+            self.request_abort(_AS_RECORDED)
+        status = super()._tick_tree()
+        if stopped:
+            self.request_abort(_AS_RECORDED)
+        return status
+
+
+def _stopped_by_operator(before: Moment | None, now: Moment) -> bool:
+    """Return whether a stop began here that the runner did not come to by itself."""
+    if now.commands.override != Override.ABORT.value:
+        return False
+    return before is None or (
+        before.commands.override not in {Override.ABORT.value, Override.BATTERY.value}
+        and before.tick.tree_status not in _OVER
+    )

@@ -11,19 +11,26 @@ it costs is one of the tables.
 from __future__ import annotations
 
 import math
-import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView
+from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.airframe import CONTROL_STEP_S, Motion
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.noise import child_seed
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.scene_file import load_scene
+from sim_bridge.twin.sensors import Sensors
+from sim_bridge.twin.views import View, render_views
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.learning.depth import DepthViewPlan
-from uav_bt.learning.scenes import TESTING_SCENES
-from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
+from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, Image, scene_seed
+from uav_bt.protocols import Advance, silent
+from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 Masks = Literal["unet", "exact"]
@@ -87,22 +94,14 @@ def take_images(
         SceneError: a scene is missing or malformed.
         MissingDependencyError: OpenGL does not work here.
     """
-    from sim_bridge.anafi import anafi_camera  # noqa: PLC0415
-    from sim_bridge.twin.profile import Profile  # noqa: PLC0415
-    from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415
-    from sim_bridge.twin.views import render_views, sample_flight_poses  # noqa: PLC0415
-
     views, profile = plan.views, Profile.named(plan.views.profile)
     total = views.views * len(views.scenes)
     video = anafi_camera(640, 360)
     done = 0
     for name in views.scenes:
         scene = load_scene(name)
-        # By name, so that a scene's images do not depend on which others are in the plan.
-        seed = (views.seed << 32) + zlib.crc32(scene.name.encode())
-        poses = _level_poses(
-            sample_flight_poses(scene, np.random.default_rng(seed), 2 * views.views), views
-        )
+        seed = scene_seed(views.seed, scene)
+        poses = views.poses(scene, seed)
         telemetry = _telemetry(profile, seed, scene.helipad.size_m[2])
         drawn = render_views(scene, poses, truth_size_px=MAP_SIZE_PX, profile=profile, seed=seed)
         for view in drawn:
@@ -112,12 +111,8 @@ def take_images(
             advance("images", done, total)
 
 
-def _level_poses(poses: list[Any], views: DepthViewPlan) -> list[Any]:
-    return [pose for pose in poses if pose.pitch_rad >= views.min_pitch_rad][: views.views]
-
-
 def _perceived(
-    view: Any,
+    view: View,
     frame: Frame,
     video: CameraModel,
     segmenter: Segmenter,
@@ -132,7 +127,7 @@ def _perceived(
     camera = video.resized(*MAP_SIZE_PX)
     exact = ClassMap(ids=np.ascontiguousarray(view.ids), captured_s=frame.captured_s)
     return SampleImage(
-        frame=_small(frame),
+        frame=replace(frame, image=frame.image[::8, ::8].copy()),
         video=video,
         camera=camera,
         masks={"unet": seen, "exact": exact},
@@ -143,22 +138,14 @@ def _perceived(
     )
 
 
-def _small(frame: Frame) -> Frame:
-    """Return the frame with every eighth pixel."""
-    return replace(frame, image=frame.image[::8, ::8].copy())
-
-
-def _telemetry(profile: Any, seed: int, start_z_m: float) -> Any:
+def _telemetry(
+    profile: Profile, seed: int, start_z_m: float
+) -> Callable[[CameraPose, Image, int], Frame]:
     """Return what makes frames: pose, image and number in, frame out, one flight's sensors."""
-    from sim_bridge.anafi import CAMERA_FORWARD_M  # noqa: PLC0415
-    from sim_bridge.twin.airframe import CONTROL_STEP_S, Motion  # noqa: PLC0415 - late, as above
-    from sim_bridge.twin.noise import child_seed  # noqa: PLC0415
-    from sim_bridge.twin.sensors import Sensors  # noqa: PLC0415
-
     sensors = Sensors(profile, seed, start_z_m=start_z_m)
     tilts = np.random.default_rng(child_seed(seed, 31))
 
-    def frame_of(pose: Any, image: NDArray[np.uint8], number: int) -> Frame:
+    def frame_of(pose: CameraPose, image: Image, number: int) -> Frame:
         roll, pitch = (float(tilt) for tilt in tilts.normal(0.0, _TILT_STD_RAD, 2))
         level_m = CAMERA_FORWARD_M * math.cos(pitch)
         motion = Motion(

@@ -14,7 +14,7 @@ from tests.uav_bt.record.record_world import FLIGHT, copy_part, fly_noisy, tree_
 from uav_bt import app
 from uav_bt.app import flight_record
 from uav_bt.app.replay import ReplayOptions, replay
-from uav_bt.app.replay.movement_ids import MovementIds
+from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, TreeError
@@ -222,7 +222,7 @@ def test_a_lost_picture_makes_a_replay_inexact(
     monkeypatch.setattr(encoder.MomentEncoder, "_frame", blind)
     record, _ = fly_noisy(tmp_path, monkeypatch)
     report = replay(record)
-    assert report.missing_pictures == 1
+    assert report.missing_images == 1
     assert not report.exact
 
 
@@ -281,7 +281,7 @@ def test_answers_arrive_at_the_movement_that_began_with_the_recorded_one() -> No
     ids = MovementIds()
     assert ids.pair(MoveBy(id=7), MoveBy(id=3))
     assert ids.pair(MoveBy(id=7), MoveBy(id=3))
-    told = ids.told(state_of(7)).movement
+    told = ids.translated(state_of(7)).movement
     assert told is not None
     assert told.id == 3
 
@@ -294,7 +294,7 @@ def test_a_movement_that_goes_on_when_the_recorded_one_is_new_is_another() -> No
 
 
 def test_an_answer_that_nobody_waits_for_reaches_nobody() -> None:
-    told = MovementIds().told(state_of(1)).movement
+    told = MovementIds().translated(state_of(1)).movement
     assert told is not None
     assert told.id == -1
 

@@ -11,17 +11,17 @@ import pytest
 from perception.camera.ground_plane import ground_depth, view_of
 from uav_bt.classes import CARPET
 from uav_bt.errors import UnknownNameError, ValueRangeError
-from uav_bt.learning.depth import DepthViewPlan
 from uav_bt.learning.depth_tables.corridors import FOCAL_FACTORS, FRONTS_M, corridor_table
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, ImagePlan, SampleImage, take_images
 from uav_bt.learning.depth_tables.methods import METHODS, Error, methods_for, metric_maps
-from uav_bt.learning.depth_tables.report import TABLES, evaluate_depth
 from uav_bt.learning.depth_tables.tables import (
     DepthQuestions,
     distance_table,
     pair_table,
     sensitivity_table,
 )
+from uav_bt.learning.evaluation import TABLES, evaluate_depth
+from uav_bt.learning.views import DepthViewPlan
 from uav_bt.types import ClassMap, DepthMap, Frame
 
 PLAN = ImagePlan(views=DepthViewPlan(scenes=("train-a", "train-b"), views=5, seed=3))

@@ -1,14 +1,18 @@
-"""All tables of metric depth in one go, as plain values for a file or a screen."""
+"""Networks measured: segmentation and depth against the twin's truth, the student by its rule."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
 
+from perception.control.runtime import ControlEstimate, OnnxControlStudent
+from perception.control.training.samples import Batch, ControlFlight, ControlSamples
+from perception.control.training.scoring import ControlScore, score_control
+from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.depth_tables.corridors import corridor_table
 from uav_bt.learning.depth_tables.images import ImagePlan, Masks, take_images
@@ -18,7 +22,55 @@ from uav_bt.learning.depth_tables.tables import (
     pair_table,
     sensitivity_table,
 )
-from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
+from uav_bt.learning.views import Image, ViewPlan, twin_views
+from uav_bt.protocols import Advance, silent
+from uav_bt.protocols import DepthEstimator, Segmenter
+
+
+def evaluate_segmentation(
+    segment: Callable[[Image], Image], plan: ViewPlan, *, advance: Advance = silent
+) -> SegmentationScore:
+    """Score a segmentation against the twin's exact ids.
+
+    Args:
+        segment: (H, W, 3) RGB to (h, w) class ids; `OnnxSegmenter.ids`, for instance.
+        plan: which images.
+        advance: called after every image.
+    """
+    total = plan.views * len(plan.scenes)
+
+    def pairs() -> Iterator[tuple[Image, Image]]:
+        for done, (_, rgb, ids) in enumerate(twin_views(plan), start=1):
+            yield segment(rgb), ids
+            advance("evaluation", done, total)
+
+    return score_segmentation(pairs())
+
+
+def evaluate_student(
+    flights: Sequence[ControlFlight], student: OnnxControlStudent, *, max_windows: int = 2000
+) -> ControlScore:
+    """Score a control student on advised flights.
+
+    Args:
+        flights: their views, of the network's size.
+        student: the network as it flies.
+        max_windows: how many are scored, evenly spread over all.
+
+    Raises:
+        ValueRangeError: no view can be scored.
+        WeightsError: the network answered with something that is not a number.
+    """
+
+    def estimates(batch: Batch) -> list[ControlEstimate]:
+        windows = zip(batch.frames, batch.state, strict=True)
+        return [student.estimate(list(frames), state) for frames, state in windows]
+
+    samples = ControlSamples(flights, student.config)
+    return score_control(estimates, samples, max_windows=max_windows)
+
+
+# --- depth ----------------------------------------------------------------------------------------
 
 _Rows = Sequence[Any]
 _MAKERS: Final[Mapping[str, Callable[[DepthQuestions, Masks, Advance], _Rows]]] = {

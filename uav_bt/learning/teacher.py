@@ -1,36 +1,34 @@
-"""Training and evaluation of the perception on pictures of the twin.
-
-`perception` learns from any iterable of samples; this module makes the samples: it renders the
-scenes, lets the teacher look at them, and hands both on.
-"""
+"""The teacher of segmentation: trained on picks, it labels what the U-Net learns from."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
+from perception.odometry.camera_track import shrink
 from perception.segmentation.clean import RefineConfig
-from perception.segmentation.evaluation import SegmentationScore, score_segmentation
 from perception.segmentation.teacher import Teacher, TeacherConfig, fit_teacher, load_teacher
 from perception.segmentation.training.picks import Pick, draw_picks, gather_patches, read_picks
-from uav_bt.errors import FileError
+from uav_bt.errors import FileError, InputError, ValueRangeError
 from uav_bt.files import whole_file
+from uav_bt.learning.dataset import fingerprint, image_of, spaced
 from uav_bt.learning.views import Image, ViewPlan, twin_views
 from uav_bt.protocols import Advance, silent
+from uav_bt.record.footage import flight_record, footage
+from uav_bt.record.moment import StoredFrame
 
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
-UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 
 
-# --- the teacher ----------------------------------------------------------------------------------
+# --- training -------------------------------------------------------------------------------------
 
 
 def draw_twin_picks(
@@ -52,18 +50,18 @@ def draw_twin_picks(
 def train_teacher(
     picks: Sequence[Pick], plan: ViewPlan, config: TeacherConfig, *, advance: Advance = silent
 ) -> Teacher:
-    """Train the teacher on picks of the plan's pictures."""
+    """Train the teacher on picks of the plan's images."""
     wanted = {pick.image for pick in picks}
     total = plan.views * len(plan.scenes)
 
-    def pictures() -> Iterator[tuple[str, Image]]:
+    def images() -> Iterator[tuple[str, Image]]:
         small = replace(plan, size_px=(config.width_px, config.height_px), truth_size_px=(32, 18))
         for done, (name, rgb, _) in enumerate(twin_views(small), start=1):
             if name in wanted:
                 yield name, rgb
             advance("patches", done, total)
 
-    return fit_teacher(gather_patches(picks, pictures(), config.patch_px), config, seed=plan.seed)
+    return fit_teacher(gather_patches(picks, images(), config.patch_px), config, seed=plan.seed)
 
 
 def train_teacher_on_photographs(picks_path: Path, folder: Path, config: TeacherConfig) -> Teacher:
@@ -74,24 +72,24 @@ def train_teacher_on_photographs(picks_path: Path, folder: Path, config: Teacher
     """
     picks = read_picks(picks_path)
     scaled: list[Pick] = []
-    pictures: dict[str, Image] = {}
+    images: dict[str, Image] = {}
     for name in dict.fromkeys(pick.image for pick in picks):
         bgr = cv2.imread(str(folder / name), cv2.IMREAD_COLOR)
         if bgr is None:
-            raise FileError(folder / name, f"is no readable picture, yet {picks_path} names it")
+            raise FileError(folder / name, f"is no readable image, yet {picks_path} names it")
         size = (config.width_px, config.height_px)
         small = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
-        pictures[name] = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+        images[name] = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2RGB), dtype=np.uint8)
         height, width = bgr.shape[:2]
         scaled.extend(
             replace(pick, x=pick.x * size[0] // width, y=pick.y * size[1] // height)
             for pick in picks
             if pick.image == name
         )
-    return fit_teacher(gather_patches(scaled, pictures.items(), config.patch_px), config)
+    return fit_teacher(gather_patches(scaled, images.items(), config.patch_px), config)
 
 
-# --- the student ----------------------------------------------------------------------------------
+# --- labels ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,10 +98,10 @@ class UNetPlan:
 
     views: ViewPlan = field(default_factory=lambda: ViewPlan(views=875, seed=1))  # 3,500 in all
     refine: RefineConfig = field(default_factory=RefineConfig)
-    size_px: tuple[int, int] = (224, 112)  # of the labels and of the pictures the net sees
+    size_px: tuple[int, int] = (224, 112)  # of the labels and of the images the net sees
 
 
-def label_pictures(
+def label_views(
     teacher_path: Path,
     plan: UNetPlan,
     folder: Path,
@@ -111,14 +109,14 @@ def label_pictures(
     workers: int = 1,
     advance: Advance = silent,
 ) -> tuple[Image, Image]:
-    """Let the teacher label the plan's pictures; scenes already done in the folder are kept.
+    """Let the teacher label the plan's images; scenes already done in the folder are kept.
 
     Args:
         teacher_path: the teacher's weights.
-        plan: which pictures.
+        plan: which images.
         folder: where each scene's result is kept, so that a broken-off run goes on.
         workers: processes; scenes are shared out among them.
-        advance: told when a scene is done.
+        advance: called when a scene is done.
 
     Returns:
         Pictures (N, h, w, 3) and the teacher's ids (N, h, w).
@@ -154,60 +152,71 @@ def _label_scene(teacher_path: Path, plan: UNetPlan, scene: str, file: Path) -> 
         np.savez_compressed(out, rgb=np.stack(rgbs), ids=np.stack(labels))
 
 
-def train_segmentation(
-    pictures: tuple[Image, Image],
-    weights: Path,
+def label_flights(
+    teacher_path: Path,
+    records: Sequence[Path],
+    plan: UNetPlan,
+    folder: Path,
     *,
-    config: Any = None,
-    checkpoint: Path | None = None,
+    every_s: float = 1.0,
     advance: Advance = silent,
-) -> None:
-    """Train the U-Net and write its safetensors and, beside them, the ONNX file made from them.
+) -> tuple[Image, Image]:
+    """Label frames of flights with the teacher; flights already done in the folder are kept.
 
     Args:
-        pictures: (N, h, w, 3) and labels (N, h, w), as `label_pictures` gives them.
-        weights: the safetensors file; the ONNX file has the same name.
-        config: a `perception.segmentation.training.run.TrainingConfig`; None for its defaults.
-        checkpoint: the state of a run to go on from, and to keep.
-        advance: told after every step, with the loss in the stage's name.
+        teacher_path: the teacher's weights.
+        records: flight records (mcap).
+        plan: how masks are sharpened, and their size; its views are not drawn.
+        folder: where each flight's result is kept, so that a broken-off run goes on.
+        every_s: between two frames of a flight; nearer ones show the same.
+        advance: called after every frame.
+
+    Returns:
+        Images (N, h, w, 3) and the teacher's ids (N, h, w).
+
+    Raises:
+        FileError: a record or the teacher is absent or damaged.
+        InputError: there is no frame.
     """
-    from perception.segmentation.training import (  # noqa: PLC0415  (torch: only training needs it)
-        run,
-        unet,
-    )
-
-    settings = run.TrainingConfig() if config is None else config
-    rgb, ids = pictures
-    net = run.train_unet(
-        run.LabelledImages(rgb=rgb, ids=ids),
-        settings,
-        unet.UNetConfig(width_px=rgb.shape[2], height_px=rgb.shape[1]),
-        checkpoint=checkpoint,
-        progress=lambda now, _net: advance(f"training, loss {now.loss:.3f}", now.step, now.steps),
-    )
-    notes = {"training": asdict(settings), "images": len(rgb)}
-    unet.UNET_FILES.save(weights, net, notes=notes)
-    unet.UNET_FILES.export(weights, weights.with_suffix(".onnx"))
+    if not every_s > 0.0:
+        raise ValueRangeError(f"the time between two frames must be positive, got {every_s} s")
+    teacher = load_teacher(teacher_path)
+    folder.mkdir(parents=True, exist_ok=True)
+    parts = [
+        _labelled(teacher, record, plan, folder, every_s=every_s, advance=advance)
+        for record in records
+    ]
+    if not any(len(rgb) for rgb, _ in parts):
+        raise InputError("there is no frame in these flights to learn from")
+    return np.concatenate([rgb for rgb, _ in parts]), np.concatenate([ids for _, ids in parts])
 
 
-# --- evaluation -----------------------------------------------------------------------------------
-
-
-def evaluate_segmentation(
-    segment: Callable[[Image], Image], plan: ViewPlan, *, advance: Advance = silent
-) -> SegmentationScore:
-    """Score a segmentation against the twin's exact ids.
-
-    Args:
-        segment: (H, W, 3) RGB to (h, w) class ids; `OnnxSegmenter.ids`, for instance.
-        plan: which pictures.
-        advance: told after every picture.
-    """
-    total = plan.views * len(plan.scenes)
-
-    def pairs() -> Iterator[tuple[Image, Image]]:
-        for done, (_, rgb, ids) in enumerate(twin_views(plan), start=1):
-            yield segment(rgb), ids
-            advance("evaluation", done, total)
-
-    return score_segmentation(pairs())
+def _labelled(
+    teacher: Teacher,
+    record: Path,
+    plan: UNetPlan,
+    folder: Path,
+    *,
+    every_s: float,
+    advance: Advance,
+) -> tuple[Image, Image]:
+    reader = flight_record(record)
+    file = folder / f"labels-{record.stem}-{fingerprint(record)}-{every_s:g}s.npz"
+    if file.is_file():
+        with np.load(file, allow_pickle=False) as kept:
+            return kept["rgb"], kept["ids"]
+    found = (item for item in footage(reader) if isinstance(item, StoredFrame))
+    frames = list(spaced(found, every_s))
+    teacher_px = (teacher.config.width_px, teacher.config.height_px)
+    width, height = plan.size_px
+    rgbs = np.zeros((len(frames), height, width, 3), dtype=np.uint8)
+    ids = np.zeros((len(frames), height, width), dtype=np.uint8)
+    for done, frame in enumerate(frames):
+        image = shrink(image_of(frame, record), teacher_px)
+        mask = teacher.refined_ids(image, plan.refine)
+        rgbs[done] = shrink(image, plan.size_px)
+        ids[done] = cv2.resize(mask, plan.size_px, interpolation=cv2.INTER_NEAREST_EXACT)
+        advance(f"labels, {record.stem}", done + 1, len(frames))
+    with whole_file(file) as partial, partial.open("wb") as out:
+        np.savez_compressed(out, rgb=rgbs, ids=ids)
+    return rgbs, ids
