@@ -55,7 +55,9 @@ VARIANTS = {
 }
 
 
-def teach(name: str, paths: Sequence[Path], steps: int, run: Path, views: DepthViews) -> DepthScore:
+def _teach(
+    name: str, paths: Sequence[Path], steps: int, run: Path, views: DepthViews
+) -> DepthScore:
     """Train a variant, or go on with it, and return its score."""
     variant, folder = VARIANTS[name], run / name
     folder.mkdir(parents=True, exist_ok=True)
@@ -102,7 +104,7 @@ def main() -> None:
     views = depth_views(DepthViewPlan())
     print(f"{arguments.steps} steps each; {len(views.rgb)} images of the validation scenes")
     for name in arguments.variants:
-        score = teach(name, arguments.flights, arguments.steps, arguments.run, views)
+        score = _teach(name, arguments.flights, arguments.steps, arguments.run, views)
         print(
             f"{VARIANTS[name].title:<42}relative error {score.abs_rel:.3f}  "
             f"obstacles {score.obstacle_error_m:.3f} m  carpet {score.carpet_error_m:.3f} m",

@@ -103,7 +103,7 @@ def drawn_views(arguments: argparse.Namespace) -> Iterator[tuple[View, CameraVie
             )
 
 
-def check_ground(view: View, seen: CameraView, generator: np.random.Generator) -> NDArray[Any]:
+def _check_ground(view: View, seen: CameraView, generator: np.random.Generator) -> NDArray[Any]:
     """Return the distances between carpet points as drawn and as cast back."""
     places = np.flatnonzero(view.ids == CARPET)
     if places.size < 100:
@@ -113,7 +113,7 @@ def check_ground(view: View, seen: CameraView, generator: np.random.Generator) -
     return np.abs(error[rows, columns])
 
 
-def tally_contact(tallies: dict[str, Tally], found: ContactDepth, view: View) -> None:
+def _tally_contact(tallies: dict[str, Tally], found: ContactDepth, view: View) -> None:
     """Add a view's errors by kind of surface."""
     near, ids = view.depth < NEAR_M, view.ids
     cut = np.isin(ids, [box for box in BOXES if (ids[-1] == box).any()])
@@ -158,9 +158,9 @@ def main() -> None:
         ids = view.ids
         if unet is not None:
             ids = watch.run("segmentation U-Net", lambda: unet.ids(view.image))  # noqa: B023 - at once
-        points.append(check_ground(view, seen, generator))
+        points.append(_check_ground(view, seen, generator))
         found = watch.run("contact", lambda: contact_depth(ids, seen))  # noqa: B023
-        tally_contact(contact, found, view)
+        _tally_contact(contact, found, view)
         metric = DepthMap(depth=found.depth, metric=True, captured_s=0.0, at_most=found.at_most)
         watch.run("corridor", lambda: corridors.build(metric, seen, things=ids > CARPET))  # noqa: B023
         if network is None:

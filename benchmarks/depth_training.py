@@ -173,7 +173,7 @@ def _without(all_: DepthLabels, some: DepthLabels) -> NDArray[np.float32]:
     return np.asarray(rest, dtype=np.float32)
 
 
-def motion(footage: Footage, truth: Truth, pairs: int) -> None:
+def _motion(footage: Footage, truth: Truth, pairs: int) -> None:
     """Print how well frames match when warped with exact depth and each kind of movement."""
     track = camera_track(footage)
     source = ClipSource(
@@ -241,7 +241,7 @@ def main() -> None:
     elif given.what == "labels":
         labels(footage, truth, every=3)
     else:
-        motion(footage, truth, given.count)
+        _motion(footage, truth, given.count)
 
 
 if __name__ == "__main__":

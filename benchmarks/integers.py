@@ -15,8 +15,7 @@ from perception.control.runtime import OnnxControlStudent
 from perception.depth.runtime import OnnxDepthEstimator
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.runtime import OnnxSegmenter
-from uav_bt.learning.scenes import VALIDATION_SCENES
-from uav_bt.learning.views import ViewPlan, twin_views
+from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
 
 VIEWS = ViewPlan(
     scenes=VALIDATION_SCENES, views=40, size_px=(640, 360), truth_size_px=(32, 18), seed=5

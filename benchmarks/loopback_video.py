@@ -68,7 +68,7 @@ def age_s(luma: NDArray[np.uint8]) -> float:
     return 1e-6 * ((round(1e6 * time.monotonic()) - captured_us) % (1 << BITS))
 
 
-def serve(config: EncoderConfig, link: Connection) -> None:
+def _serve(config: EncoderConfig, link: Connection) -> None:
     """Serve until asked to stop, then send what was done and the CPU time of a frame."""
 
     async def work() -> tuple[VideoStats, float]:
@@ -141,11 +141,11 @@ def annex_b(packet: bytes) -> bytes:
     return units
 
 
-def measure(config: EncoderConfig, frames: int) -> str:
+def _measure(config: EncoderConfig, frames: int) -> str:
     """Return a row: what one size and rate cost."""
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    process = context.Process(target=serve, args=(config, there), daemon=True)
+    process = context.Process(target=_serve, args=(config, there), daemon=True)
     process.start()
     ages: list[float] = []
     for age in Client(here.recv()).ages_s():
@@ -177,7 +177,7 @@ def main() -> None:
     for size_px in SIZES:
         for rate_hz in options.rate:
             config = EncoderConfig(size_px=size_px, rate_hz=rate_hz)
-            print(measure(config, options.frames))
+            print(_measure(config, options.frames))
 
 
 if __name__ == "__main__":

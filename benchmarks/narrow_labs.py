@@ -72,7 +72,7 @@ def _placed(rng: np.random.Generator, pad: NDArray[np.float64]) -> list[NDArray[
     return boxes
 
 
-def fly(tree: str, number: int) -> tuple[int, str, float | None, float | None]:
+def _fly(tree: str, number: int) -> tuple[int, str, float | None, float | None]:
     """Fly one lab; the number, the outcome, the time to land and the least clearance."""
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / f"narrow-{number}.yaml"
@@ -94,7 +94,7 @@ def main() -> int:
     numbers = range(arguments.labs)
     flights = []
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
-        for flight in pool.map(fly, [arguments.tree] * len(numbers), numbers):
+        for flight in pool.map(_fly, [arguments.tree] * len(numbers), numbers):
             flights.append(flight)
             number, outcome, land_s, clearance_m = flight
             landed = "" if land_s is None else f"  {land_s:5.1f} s to land"

@@ -95,7 +95,7 @@ def machine_s() -> tuple[float, float]:
 
 
 @contextmanager
-def served(python: str, address: str, scene: str, seed: int, rate: float) -> Iterator[None]:
+def _served(python: str, address: str, scene: str, seed: int, rate: float) -> Iterator[None]:
     """Serve a drone while this lasts."""
     arguments = [
         *(python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, "--scene", scene),
@@ -128,7 +128,7 @@ def main() -> None:
         options = app.FlightOptions(
             drone=f"anafi:{address}", site=Site(take_off_surface_m=0.4, video_latency_s=0.03)
         )
-        with served(args.server_python, address, args.scene, number, args.rate):
+        with _served(args.server_python, address, args.scene, number, args.rate):
             wall_s, cpu_s = time.perf_counter(), time.process_time()
             cores_s, stolen_s = machine_s()
             with latencies.measured():

@@ -74,7 +74,7 @@ def percentiles(values_s: Sequence[float]) -> str:
     return f"p50 {p50:7.3f} ms  p99 {p99:7.3f} ms"
 
 
-def overhead(rounds: int, hover_s: float, folder: Path) -> None:
+def _overhead(rounds: int, hover_s: float, folder: Path) -> None:
     """Fly the same flight with and without a record in turns, and compare the ticks."""
     tree = folder / "hover.xml"
     tree.write_text(TREE.format(hover_s=hover_s), encoding="utf-8")
@@ -128,7 +128,7 @@ def _told(record: Path) -> str:
     )
 
 
-def kills(count: int, folder: Path) -> None:
+def _kills(count: int, folder: Path) -> None:
     """Kill flights at random and see what their records have."""
     tree = folder / "hover.xml"
     tree.write_text(HOVER, encoding="utf-8")
@@ -159,9 +159,9 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if arguments.what == "overhead":
-            overhead(arguments.rounds, arguments.hover, Path(folder))
+            _overhead(arguments.rounds, arguments.hover, Path(folder))
         else:
-            kills(arguments.count, Path(folder))
+            _kills(arguments.count, Path(folder))
 
 
 if __name__ == "__main__":

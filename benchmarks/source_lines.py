@@ -31,12 +31,12 @@ def main() -> None:
     print(f"{'':12}{'all':>8}{'code':>8}{'docs':>8}{'comment':>8}{'blank':>8}{'modules':>8}")
     total: Counter[str] = Counter()
     for name in (*PACKAGES, "tests", "benchmarks"):
-        counts = sum((lines(path) for path in modules(root, name)), Counter())
+        counts = sum((lines(path) for path in _modules(root, name)), Counter())
         if name in PACKAGES:
             total += counts
         print(f"{name:12}{row(counts)}")
     print(f"{'packages':12}{row(total)}")
-    source = [path for name in PACKAGES for path in modules(root, name)]
+    source = [path for name in PACKAGES for path in _modules(root, name)]
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in source]
     sizes = [len(path.read_text(encoding="utf-8").splitlines()) for path in source]
     late = sum(path.read_text(encoding="utf-8").count("noqa: PLC0415") for path in source)
@@ -51,7 +51,7 @@ def main() -> None:
     )
 
 
-def modules(root: Path, name: str) -> list[Path]:
+def _modules(root: Path, name: str) -> list[Path]:
     """Return the Python files of a package that git follows."""
     listed = subprocess.run(  # noqa: S603 - git itself
         ["git", "-C", str(root), "ls-files", f"{name}/*.py"],  # noqa: S607 - as the shell finds it

@@ -58,7 +58,7 @@ VARIANTS: Final[Mapping[str, Variant]] = {
 }
 
 
-def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapping[str, Any]:
+def _trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapping[str, Any]:
     """Train a variant unless that is done; return its score on the held-out flights."""
     weights = home / "student.safetensors"
     if not weights.with_suffix(".onnx").is_file():
@@ -81,7 +81,7 @@ def trained(variant: Variant, home: Path, arguments: argparse.Namespace) -> Mapp
     return score
 
 
-def flown(home: Path, arguments: argparse.Namespace) -> Sequence[Mapping[str, Any]]:
+def _flown(home: Path, arguments: argparse.Namespace) -> Sequence[Mapping[str, Any]]:
     """Fly a variant's student; return the flights' reports."""
     policy = f"student:{(home / 'student.onnx').resolve()}"
     plan = campaigns.make_plan(
@@ -94,7 +94,7 @@ def flown(home: Path, arguments: argparse.Namespace) -> Sequence[Mapping[str, An
     return result.flights
 
 
-def row(name: str, score: Mapping[str, Any], flights: Sequence[Mapping[str, Any]]) -> str:
+def _row(name: str, score: Mapping[str, Any], flights: Sequence[Mapping[str, Any]]) -> str:
     """Return a variant's line of the table."""
     outcomes = Counter(flight["outcome"] for flight in flights)
     explored_m = fmean(flight["explore_distance_m"] for flight in flights)
@@ -133,8 +133,8 @@ def main(words: Sequence[str] | None = None) -> None:
         variant = VARIANTS[name]
         home = arguments.out / name.replace(" ", "_")
         home.mkdir(parents=True, exist_ok=True)
-        score = trained(variant, home, arguments)
-        print(row(name, score, flown(home, arguments)), flush=True)
+        score = _trained(variant, home, arguments)
+        print(_row(name, score, _flown(home, arguments)), flush=True)
 
 
 if __name__ == "__main__":

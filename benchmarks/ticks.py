@@ -132,7 +132,7 @@ def our_tree(nodes: int, reference: str | None) -> Callable[[], object]:
     return tree.tick
 
 
-def their_tree(nodes: int, *, reads: bool) -> Callable[[], object]:
+def _their_tree(nodes: int, *, reads: bool) -> Callable[[], object]:
     """Return what ticks the same tree of py_trees once."""
     writer = py_trees.blackboard.Client(name="writer")
     writer.register_key(key=NUMBER.name, access=py_trees.common.Access.WRITE)
@@ -175,9 +175,9 @@ def rate(tick: Callable[[], object], duration_s: float) -> float:
 def measure(nodes: int, rounds: int, slice_s: float) -> Iterator[str]:
     """Measure all contestants on trees of one size; give a table's rows."""
     rivals = {
-        "py_trees, bare": their_tree(nodes, reads=False),
+        "py_trees, bare": _their_tree(nodes, reads=False),
         "uav_bt, bare": our_tree(nodes, None),
-        "py_trees, Client reads": their_tree(nodes, reads=True),
+        "py_trees, Client reads": _their_tree(nodes, reads=True),
         "uav_bt, reads of {key}": our_tree(nodes, "{number}"),
         "uav_bt, reads of {@key}": our_tree(nodes, "{@number}"),
     }

@@ -55,7 +55,7 @@ GIMBAL_RAD = math.radians(-28.0)  # where a mission holds it
 Options = argparse.Namespace
 
 
-def in_turns(
+def _in_turns(
     work: Mapping[str, Callable[[int], object]], count: int
 ) -> dict[str, NDArray[np.float64]]:
     """Run contestants in turns; return wall and processor time of each, (2, count) milliseconds."""
@@ -97,7 +97,7 @@ def segmenter(given: Options) -> None:
     for threads in given.threads:
         cv2.setNumThreads(threads)
         nets = {name: contestant(name, threads) for name in given.model or SHIPPED_UNETS}
-        for name, (wall, processor) in in_turns(nets, given.count or 300).items():
+        for name, (wall, processor) in _in_turns(nets, given.count or 300).items():
             p50, p99 = np.percentile(wall, [50, 99])
             print(
                 f"{name}, {threads} thread(s): median {p50:.1f} ms, p99 {p99:.1f} ms, processor "
@@ -153,7 +153,7 @@ def student(given: Options) -> None:
         cv2.setNumThreads(threads)
         paths = [Path(name) for name in given.model or [SHIPPED_STUDENT]]
         made = {str(path): contestant(path, threads) for path in paths}
-        times = in_turns({name: run for name, (run, _) in made.items()}, given.count or 300)
+        times = _in_turns({name: run for name, (run, _) in made.items()}, given.count or 300)
         for path in paths:
             wall, processor = times[str(path)]
             p50, p99 = np.percentile(wall, [50, 99])

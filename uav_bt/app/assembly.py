@@ -132,7 +132,7 @@ class Flight(Generic[DroneT]):
 
     @contextmanager
     def connected(self) -> Iterator[None]:
-        """Connect the drone and set the mission up; let go of the drone at the end.
+        """Connect the drone and set the mission up; disconnect the drone at the end.
 
         Raises:
             DroneError: the drone cannot be reached.
@@ -213,7 +213,7 @@ def make_drone(options: FlightOptions) -> Drone:
     """Return an unconnected drone.
 
     Raises:
-        UnknownNameError: nobody registered the drone.
+        UnknownNameError: no drone is registered under that name.
         InputError: the drone refuses the options.
     """
     name = options.drone.partition(":")[0]
@@ -233,7 +233,7 @@ def make_drone(options: FlightOptions) -> Drone:
 def drone_settings(options: FlightOptions) -> dict[str, Any]:
     """Return what options say about a drone, by the name of a field of its config class.
 
-    None means that nothing is said: the drone's own default holds.
+    None: the drone's own default holds.
     """
     site, limits = options.site or Site(), _limits(options)
     _, colon, address = options.drone.partition(":")

@@ -12,7 +12,7 @@ from uav_bt.types import CameraModel, Command, Frame, Observation
 
 
 class CalibratedDrone:
-    """Flies another drone, with a camera file in place of the intrinsics that it tells itself."""
+    """Flies another drone, with a camera file in place of the intrinsics that it reports."""
 
     def __init__(self, drone: Drone, camera_file: Path) -> None:
         """Keep both; the file is read when the size of the frames is known.
@@ -70,12 +70,12 @@ class CalibratedDrone:
         """
         self._drone.connect()
         try:
-            told = self._drone.camera
+            reported = self._drone.camera
             calibrated = load_camera(
                 self._file,
-                size_px=(told.width_px, told.height_px),
-                # A board cannot tell where on the drone the lens sits.
-                forward_offset_m=told.forward_offset_m,
+                size_px=(reported.width_px, reported.height_px),
+                # A calibration board does not show where on the drone the lens sits.
+                forward_offset_m=reported.forward_offset_m,
             )
         except Exception:
             self._drone.disconnect()
@@ -87,7 +87,7 @@ class CalibratedDrone:
 
         Raises:
             DroneError: the drone is not connected.
-            ShapeError: the frame has another size than the drone said.
+            ShapeError: the frame has another size than the drone reports.
         """
         undistorter = self._ready()
         seen = self._drone.observe()
@@ -99,11 +99,11 @@ class CalibratedDrone:
         return replace(seen, frame=self._last[1])
 
     def send(self, command: Command) -> Command:
-        """Tell the drone; return what was really sent."""
+        """Send a command to the drone; return what was really sent."""
         return self._drone.send(command)
 
     def disconnect(self) -> None:
-        """Let go; safe to call twice."""
+        """Disconnect; safe to call twice."""
         self._drone.disconnect()
 
     def _ready(self) -> Undistorter:

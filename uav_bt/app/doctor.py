@@ -23,10 +23,10 @@ _NOT_FOR_USERS: Final = frozenset({"dev"})
 
 
 def examine(draws: Callable[[], str]) -> Iterator[Check]:
-    """Look at the machine, line by line.
+    """Check the machine, line by line.
 
     Args:
-        draws: draws a picture of the lab and says with what; raises when it cannot.
+        draws: draws an image of the lab and says with what; raises when it cannot.
     """
     yield _python()
     yield Check(what="uav-bt", good=True, found=__version__)

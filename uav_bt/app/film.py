@@ -23,6 +23,7 @@ from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight import Listeners
 from uav_bt.board import METRIC_DEPTH
+from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, HELIPAD_BOX
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem
@@ -65,7 +66,7 @@ def _item(
 
 
 def lab_map_of(drone: Drone) -> LabMap | None:
-    """Return the map of a drone's lab; None where nobody knows what stands there."""
+    """Return the map of a drone's lab; None where it is unknown."""
     return map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None
 
 
@@ -83,17 +84,16 @@ class VideoListeners:
 
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin the video of a connected drone's flight."""
-        camera, mission = flight.drone.camera, flight.mission
-        panes = Panes(
-            flight.context.board,
-            camera,
-            class_colours=CLASS_COLOURS,
-            lab_map=lab_map_of(flight.drone),
-            title=self._title,
+        drone = flight.drone
+        self._video.begin(
+            panes_of(
+                flight.context.board,
+                drone.camera,
+                flight.mission,
+                lab_map=lab_map_of(drone),
+                title=self._title,
+            )
         )
-        if makes_depth(mission):
-            panes.show_depth(corridor_marker(mission, camera))
-        self._video.begin(panes)
         return [self._video]
 
     def conclude(self, report: FlightReport) -> None:
@@ -105,6 +105,29 @@ class VideoListeners:
             lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
         good = report.outcome == Outcome.SUCCESS.value
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
+
+
+def panes_of(
+    board: Blackboard,
+    camera: CameraModel,
+    tree: MissionTree | None,
+    *,
+    lab_map: LabMap | None,
+    title: str,
+) -> Panes:
+    """Return what draws a flight's video.
+
+    Args:
+        board: what the mission knows in the tick that is drawn.
+        camera: intrinsics at the frames' size.
+        tree: the mission; None where some of its nodes are not installed.
+        lab_map: what stands in the lab; None where it is not known.
+        title: a line on the map.
+    """
+    panes = Panes(board, camera, class_colours=CLASS_COLOURS, lab_map=lab_map, title=title)
+    if tree is not None and makes_depth(tree):
+        panes.show_depth(corridor_marker(tree, camera))
+    return panes
 
 
 def makes_depth(tree: MissionTree) -> bool:
@@ -124,7 +147,7 @@ def corridor_of(tree: MissionTree) -> CorridorConfig | None:
 
 
 def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
-    """Return what tells a film which pixels are inside the corridor that a tree asks for.
+    """Return what marks the pixels inside the corridor that a tree asks for.
 
     Args:
         tree: the mission.

@@ -2,7 +2,8 @@
 
 The mission flies a pretended drone: it takes off, moves and lands in numbers only, at once and
 without error, so that tree and perception run as they would. The gimbal is pointed for real, since
-what is seen depends on it. Whoever holds the drone at flight height sees what the mission would do.
+what is seen depends on it. A person who holds the drone at flight height sees what the mission would
+do.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class RehearsedDrone:
 
     @property
     def referee(self) -> None:
-        """Nothing true can be said of a pretended flight."""
+        """There is no truth about a pretended flight."""
         return
 
     @property
@@ -113,7 +114,7 @@ class RehearsedDrone:
         return command
 
     def disconnect(self) -> None:
-        """Let go; safe to call twice."""
+        """Disconnect; safe to call twice."""
         self._drone.disconnect()
 
     def _raised(self, frame: Frame) -> Frame:

@@ -12,7 +12,7 @@ from uav_bt.errors import InputError, ValueRangeError
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedFile:
-    """A tree or a scene, and what it said when the campaign was planned."""
+    """A tree or a scene, and its content when the campaign was planned."""
 
     name: str  # what flights and reports call it
     path: str  # absolute, so that workers find it from any folder

@@ -41,11 +41,11 @@ from uav_bt.errors import MissionError
 @click.option(
     "--seed-from", type=click.IntRange(min=0), default=0, show_default=True, help="The first seed."
 )
-@workers_option()
-@profile_option()
+@workers_option
+@profile_option
 @click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
-@image_size_option()
-@policy_option()
+@image_size_option
+@policy_option
 @click.option(
     "--out",
     metavar="DIR",

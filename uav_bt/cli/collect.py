@@ -60,9 +60,9 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
     help="Let this control student (ONNX) fly in place of the tree's policies.",
 )
 @seed_option()
-@image_size_option()
-@policy_option()
-@workers_option()
+@image_size_option
+@policy_option
+@workers_option
 @click.option(
     "--out",
     metavar="DIR",

@@ -77,8 +77,8 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     is_flag=True,
     help="Motors off: perception and tree see the live video, and show what would be sent.",
 )
-@profile_option()
-@policy_option()
+@profile_option
+@policy_option
 @click.option(
     "--camera",
     metavar="FILE",
@@ -113,8 +113,8 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     help=f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
 )
 @click.option("--realtime", is_flag=True, help="Fly the twin no faster than real time.")
-@image_size_option()
-@threads_option()
+@image_size_option
+@threads_option
 @click.pass_context
 def fly(
     ctx: click.Context,

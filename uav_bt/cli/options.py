@@ -54,6 +54,41 @@ def _node_policies(
     return policies
 
 
+image_size_option = click.option(
+    "--image-size",
+    metavar="WxH",
+    callback=_image_size,
+    default="640x360",
+    show_default=True,
+    help="Size of the camera's frames, 16:9.",
+)
+policy_option = click.option(
+    "--policy",
+    "policies",
+    metavar="NODE=NAME",
+    multiple=True,
+    callback=_node_policies,
+    help="Let a node, by name or path, use another leaf policy. Repeatable.",
+)
+profile_option = click.option(
+    "--profile",
+    metavar="NAME",
+    default="lab",
+    show_default=True,
+    help="How imperfect the twin is: ideal, lab or harsh.",
+)
+threads_option = click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Threads of the networks' inference.",
+)
+workers_option = click.option(
+    "--workers", type=click.IntRange(min=1), help="Flights at a time; default: all cores."
+)
+
+
 def output_option(
     name: str, help_: str, *, default: Path | None = None, suffix: str = ""
 ) -> _Decorator:
@@ -140,59 +175,6 @@ def views_option(default: int) -> _Decorator:
         return scenes(views(command))
 
     return decorate
-
-
-def image_size_option() -> _Decorator:
-    """Return the option for the size of the camera's frames."""
-    return click.option(
-        "--image-size",
-        metavar="WxH",
-        callback=_image_size,
-        default="640x360",
-        show_default=True,
-        help="Size of the camera's frames, 16:9.",
-    )
-
-
-def policy_option() -> _Decorator:
-    """Return the repeatable option that swaps leaf policies; the parameter is `policies`."""
-    return click.option(
-        "--policy",
-        "policies",
-        metavar="NODE=NAME",
-        multiple=True,
-        callback=_node_policies,
-        help="Let a node, by name or path, use another leaf policy. Repeatable.",
-    )
-
-
-def profile_option() -> _Decorator:
-    """Return the option for how imperfect the twin is."""
-    return click.option(
-        "--profile",
-        metavar="NAME",
-        default="lab",
-        show_default=True,
-        help="How imperfect the twin is: ideal, lab or harsh.",
-    )
-
-
-def threads_option() -> _Decorator:
-    """Return the option for the threads of inference."""
-    return click.option(
-        "--threads",
-        type=click.IntRange(min=1),
-        default=1,
-        show_default=True,
-        help="Threads of the networks' inference.",
-    )
-
-
-def workers_option() -> _Decorator:
-    """Return the option for the number of processes that fly."""
-    return click.option(
-        "--workers", type=click.IntRange(min=1), help="Flights at a time; default: all cores."
-    )
 
 
 def run_option(name: str, content: str) -> _Decorator:

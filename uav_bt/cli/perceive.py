@@ -74,7 +74,7 @@ from uav_bt.errors import MissionError
     type=click.FloatRange(min=0.0, min_open=True),
     help="Stop after this much of the source.",
 )
-@threads_option()
+@threads_option
 @click.pass_context
 def perceive(
     ctx: click.Context,

@@ -142,7 +142,7 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 @click.command()
 @_file_argument
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
-@policy_option()
+@policy_option
 @click.option(
     "--masks",
     type=click.Choice(["network", "recorded"]),

@@ -35,7 +35,7 @@ def _port(name: str, what: str) -> click.Option:
     "and an outdoor drone's pace, as scripts for the ANAFI expect.",
 )
 @seed_option()
-@profile_option()
+@profile_option
 @click.option(
     "--address",
     default="127.0.0.1",
@@ -43,7 +43,7 @@ def _port(name: str, what: str) -> click.Option:
     help="Where it listens. For several drones: 127.0.0.2, 127.0.0.3, ... At any address other "
     "than 127.x.x.x, everybody who can reach it can fly the drone.",
 )
-@image_size_option()
+@image_size_option
 @click.option(
     "--rate",
     "rate_hz",

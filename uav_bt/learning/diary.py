@@ -80,12 +80,12 @@ def write_depth_sheet(
         FileError: the file cannot be written.
     """
     places = np.linspace(0, len(views.rgb) - 1, rows).astype(int)
-    strips = [depth_strip(views.rgb[at], views.depth_m[at], predicted[at]) for at in places]
+    strips = [_depth_strip(views.rgb[at], views.depth_m[at], predicted[at]) for at in places]
     if not cv2.imwrite(str(path), np.vstack(strips)[..., ::-1]):
         raise FileError(path, "the image cannot be written")
 
 
-def depth_strip(rgb: Image, truth_m: NDArray[np.float32], predicted: NDArray[np.float32]) -> Image:
+def _depth_strip(rgb: Image, truth_m: NDArray[np.float32], predicted: NDArray[np.float32]) -> Image:
     """Return image, true depth and median-scaled depth side by side, (128, 480, 3) RGB."""
     scaled = predicted * np.median(truth_m / predicted)
     return np.hstack([shrink(rgb, LABEL_SIZE_PX), _coloured(truth_m), _coloured(scaled)])

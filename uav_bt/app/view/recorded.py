@@ -14,13 +14,12 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Final
 
 from sim_bridge.twin.scene_file import load_scene
-from uav_bt.app.film import corridor_marker, makes_depth, map_of_scene
+from uav_bt.app.film import map_of_scene, panes_of
 from uav_bt.app.flight_record import attached_files
 from uav_bt.app.view.live import setting_of
-from uav_bt.classes import CLASS_COLOURS
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import TreeNode, ViewSetting
-from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
+from uav_bt.display.video.video import FlightVideo, FlightVideoConfig
 from uav_bt.errors import FileError, TreeError
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickListener
@@ -72,10 +71,10 @@ class RecordedFlight:
     @property
     def title(self) -> str:
         """The mission, the scene, the seed."""
-        told: Mapping[str, str] = self.reader.metadata
-        words = [Path(told.get("tree", self.reader.path.name)).stem]
-        words += [told[name] for name in ("scene",) if told.get(name) not in (None, "", "null")]
-        words += [f"seed {told['seed']}"] if "seed" in told else []
+        facts: Mapping[str, str] = self.reader.metadata
+        words = [Path(facts.get("tree", self.reader.path.name)).stem]
+        words += [facts[name] for name in ("scene",) if facts.get(name) not in (None, "", "null")]
+        words += [f"seed {facts['seed']}"] if "seed" in facts else []
         return ", ".join(words)
 
     @property
@@ -113,8 +112,8 @@ class RecordedFlight:
 
         Args:
             stream: open.
-            advance: told how many ticks are drawn.
-            stopped: asked whether nobody looks any more.
+            advance: called with the number of ticks drawn.
+            stopped: returns whether the viewer was closed.
 
         Raises:
             FileError: the record has no tick there, or one that cannot be read.
@@ -161,6 +160,10 @@ class RecordedFlight:
     def save(self, path: Path, *, advance: Advance = silent) -> None:
         """Write the view as an rrd file, which appears whole or not at all.
 
+        Args:
+            path: the file.
+            advance: called with the number of ticks drawn.
+
         Raises:
             FileError: it cannot be written, or the record not be read.
             MissingDependencyError: Rerun is not installed.
@@ -187,20 +190,19 @@ class RecordedFlight:
     def film(self, path: Path, *, speed: float = 1.0, advance: Advance = silent) -> None:
         """Write the flight as a video: camera, mask, depth, map and the active branch.
 
+        Args:
+            path: the mp4 file.
+            speed: the video runs so many times faster than the mission.
+            advance: called with the number of ticks drawn.
+
         Raises:
             FileError: the video cannot be written, or the record not be read.
             MissingDependencyError: no video encoder works here.
         """
         reader, playback = self.reader, Playback(self.reader)
-        panes = Panes(
-            playback.board,
-            reader.camera,
-            class_colours=CLASS_COLOURS,
-            lab_map=self.lab_map,
-            title=self.title,
+        panes = panes_of(
+            playback.board, reader.camera, self.tree, lab_map=self.lab_map, title=self.title
         )
-        if self.tree is not None and makes_depth(self.tree):
-            panes.show_depth(corridor_marker(self.tree, reader.camera))
         with FlightVideo(path, panes, FlightVideoConfig(speed=speed)) as video:
             self._play(playback, video, "video", advance)
             end = reader.end

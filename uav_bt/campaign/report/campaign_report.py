@@ -178,14 +178,14 @@ def _origin(source: Provenance) -> Table:
         last = plan.seed_from + plan.flights - 1
         rows += [(f"tree {file.name}", f"SHA-256 {file.sha256}") for file in plan.trees]
         rows += [(f"scene {file.name}", f"SHA-256 {file.sha256}") for file in plan.scenes]
-        rows += [(f"weights {name}", f"SHA-256 {said}") for name, said in plan.weights.items()]
+        rows += [(f"weights {name}", f"SHA-256 {digest}") for name, digest in plan.weights.items()]
         rows += [
             ("seeds", f"{plan.seed_from} to {last}"),
             ("profile", plan.profile),
             ("images", f"{width}x{height}"),
             ("masks", "exact, from the referee" if plan.exact_masks else "the network's"),
             ("policies", ", ".join(f"{node}={name}" for node, name in plan.policies.items())),
-            ("versions", ", ".join(f"{name} {said}" for name, said in plan.versions.items())),
+            ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
         ]
     rows += [
         (f"run {run.get('began', '')}", f"{run.get('backend', '')}, code {run.get('code', '')}")

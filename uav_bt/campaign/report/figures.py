@@ -41,7 +41,7 @@ DENSITIES: Final = {
 """The paper's four density plots, in its order: field, and what stands under the axis."""
 
 _STYLE: Final[dict[str, Any]] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same picture everywhere
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same image everywhere
     "font.size": 9.0,
     "axes.edgecolor": "#adb5bd",
     "axes.labelcolor": _INK,

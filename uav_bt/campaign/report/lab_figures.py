@@ -29,12 +29,12 @@ Flights = Sequence[dict[str, Any]]
 Cells = NDArray[np.bool_]
 
 
-def flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
+def _flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
     """Return a set's flights in a scene whose path was kept."""
     return [flight for flight in one.flights if flight["scene"] == scene and flight.get("path")]
 
 
-def covered_shares(flights: Flights, lab: LabMap) -> list[float]:
+def _covered_shares(flights: Flights, lab: LabMap) -> list[float]:
     """Return which share of the carpet that is free of boxes each flight has been over, 0 to 1."""
     free = free_cells(lab)
     return [
@@ -54,7 +54,7 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
     Returns:
         A PNG; None when no path was kept.
     """
-    columns = [(one, flown) for one in sets if (flown := flights_in(one, scene))]
+    columns = [(one, flown) for one in sets if (flown := _flights_in(one, scene))]
     if not columns:
         return None
     with style():
@@ -114,7 +114,7 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
         cmap="Blues",
         zorder=0,
     )
-    shares = covered_shares(flown, lab)
+    shares = _covered_shares(flown, lab)
     axes.set_title(
         f"a flight covers {100.0 * float(np.mean(shares)):.0f} % of the free carpet"
         f" ({100.0 * min(shares):.0f} to {100.0 * max(shares):.0f} %)"

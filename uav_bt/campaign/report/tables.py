@@ -117,13 +117,13 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     summaries = [(one, summarise(one.flights)) for one in sets]
     for name in METRICS:
-        said = "; ".join(figure.text for figure in PAPER.get(name, ()))
+        published = "; ".join(figure.text for figure in PAPER.get(name, ()))
         for one, summary in summaries:
             found = summary.metrics[name]
             if found is not None:
                 numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
                 rounded = (round(number, 3) for number in numbers)
-                rows.append((name, one.label, found.count, *rounded, said or None))
+                rows.append((name, one.label, found.count, *rounded, published or None))
     return Table(
         name="metrics",
         title="Times and distances",
@@ -148,7 +148,7 @@ def _failures(sets: Sequence[FlightSet], page: Path) -> Table:
             flight.get("reason"),
             flight.get("duration_s"),
             _record(one, flight, page),
-            repeat_command(one, flight),
+            _repeat_command(one, flight),
         )
         for one in sets
         for flight in sorted(one.flights, key=lambda f: (str(f["scene"]), f["seed"]))
@@ -176,7 +176,7 @@ def _record(one: FlightSet, flight: dict[str, Any], page: Path) -> Link | None:
     return Link(text="record", target=Path(target).as_posix())
 
 
-def repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
+def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
     """Return the command that flies a flight again."""
     plan = one.source.plan
     scene = flight["scene"]
