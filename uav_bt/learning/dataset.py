@@ -29,8 +29,7 @@ from perception.networks.onnx_runtime import shrunk
 from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
-from uav_bt.protocols import Advance, silent
-from uav_bt.protocols import Advice, Segmenter
+from uav_bt.protocols import Advance, Advice, Segmenter, silent
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader

@@ -23,8 +23,7 @@ from uav_bt.learning.depth_tables.tables import (
     sensitivity_table,
 )
 from uav_bt.learning.views import Image, ViewPlan, twin_views
-from uav_bt.protocols import Advance, silent
-from uav_bt.protocols import DepthEstimator, Segmenter
+from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
 
 
 def evaluate_segmentation(
