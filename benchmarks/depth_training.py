@@ -34,8 +34,7 @@ from perception.depth.training.labelling import (
     exact_labels,
     frames_of,
 )
-from perception.depth.training.losses import photometric_error
-from perception.depth.training.losses import warp
+from perception.depth.training.losses import photometric_error, warp
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, camera_track, measured_motion
 from perception.segmentation.runtime import shipped_unet

@@ -22,8 +22,7 @@ from perception.segmentation.clean import RefineConfig
 from perception.segmentation.evaluation import score_segmentation
 from perception.segmentation.runtime import OnnxSegmenter
 from perception.segmentation.teacher import TeacherConfig
-from perception.segmentation.training.run import LOSSES
-from perception.segmentation.training.run import TrainingConfig
+from perception.segmentation.training.run import LOSSES, TrainingConfig
 from uav_bt.learning.teacher import draw_twin_picks, train_teacher
 from uav_bt.learning.training import train_segmentation
 from uav_bt.learning.views import TESTING_SCENES, Image, ViewPlan, twin_views
