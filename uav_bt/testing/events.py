@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,6 +23,7 @@ _LOGGED: Final = (
     NodeEvent.RAISED,
 )
 _WORDS: Final = {kind.value: kind for kind in _LOGGED}
+_TICKED: Final = (NodeEvent.STARTED, NodeEvent.RAN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,39 +108,55 @@ class EventLog:
 
     # --- assertions -------------------------------------------------------------------------------
 
-    def assert_happened(
-        self,
-        node: str,
-        *kinds: NodeEvent | str,
-        times: int | None = None,
-        tick: int | None = None,
+    def assert_started(
+        self, node: str, *, times: int | None = None, tick: int | None = None
     ) -> None:
-        """Fail unless something happened to a node.
-
-            log.assert_happened("Climb", "started", times=1)
-            log.assert_happened("EmergencyLand", "started", times=0)
-
-        Args:
-            node: its path, name or node id.
-            kinds: which events count, all together: started (the first tick of an activation), ran
-                (a further one), succeeded, failed, skipped, halted or raised; none: all.
-            times: how often exactly; 0: never; default: at least once.
-            tick: only in this tick.
-
-        Raises:
-            AssertionError: it did not; the message shows the log.
-            UnknownNameError: the tree has no such node, or there is no such kind.
-        """
+        """Fail unless a node began, at all or so many times, in any tick or that one."""
         __tracebackhide__ = True
-        found = len(self.of(node, *kinds, tick=tick))
-        if (found > 0) if times is None else (found == times):
-            return
-        what = " or ".join(_kind(kind).value for kind in kinds)
-        when = "" if tick is None else f" in tick {tick}"
-        expected = "at least once" if times is None else "never" if times == 0 else f"{times} times"
-        raise AssertionError(
-            f"expected '{node}' {what}{when} {expected}, it was {found} times\n{self.table()}"
-        )
+        self._assert(node, (NodeEvent.STARTED,), times, tick)
+
+    def assert_ran(self, node: str, *, times: int | None = None, tick: int | None = None) -> None:
+        """Fail unless a node was ticked, be it for the first time or again."""
+        __tracebackhide__ = True
+        self._assert(node, _TICKED, times, tick)
+
+    def assert_halted(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node was stopped while it ran."""
+        __tracebackhide__ = True
+        self._assert(node, (NodeEvent.HALTED,), times, tick)
+
+    def assert_succeeded(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node answered SUCCESS."""
+        __tracebackhide__ = True
+        self._assert(node, (NodeEvent.SUCCEEDED,), times, tick)
+
+    def assert_failed(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node answered FAILURE."""
+        __tracebackhide__ = True
+        self._assert(node, (NodeEvent.FAILED,), times, tick)
+
+    def assert_skipped(
+        self, node: str, *, times: int | None = None, tick: int | None = None
+    ) -> None:
+        """Fail unless a node was passed over by itself or by its conditions."""
+        __tracebackhide__ = True
+        self._assert(node, (NodeEvent.SKIPPED,), times, tick)
+
+    def assert_not_started(self, node: str, *, tick: int | None = None) -> None:
+        """Fail when a node began."""
+        __tracebackhide__ = True
+        self._assert(node, (NodeEvent.STARTED,), 0, tick)
+
+    def assert_not_halted(self, node: str, *, tick: int | None = None) -> None:
+        """Fail when a node was stopped while it ran."""
+        __tracebackhide__ = True
+        self._assert(node, (NodeEvent.HALTED,), 0, tick)
 
     def assert_order(self, *steps: str) -> None:
         """Fail unless these things happened one after another; others may lie between.
@@ -166,6 +184,21 @@ class EventLog:
     def _step(self, step: str) -> tuple[set[str], NodeEvent]:
         node, _, word = step.strip().rpartition(" ")
         return self._find(node.strip()), _kind(word)
+
+    def _assert(
+        self, node: str, kinds: Iterable[NodeEvent], times: int | None, tick: int | None
+    ) -> None:
+        __tracebackhide__ = True
+        kinds = tuple(kinds)
+        found = len(self.of(node, *kinds, tick=tick))
+        if (found > 0) if times is None else (found == times):
+            return
+        what = " or ".join(kind.value for kind in kinds)
+        when = "" if tick is None else f" in tick {tick}"
+        expected = "at least once" if times is None else "never" if times == 0 else f"{times} times"
+        raise AssertionError(
+            f"expected '{node}' {what}{when} {expected}, it was {found} times\n{self.table()}"
+        )
 
 
 def _kind(word: NodeEvent | str) -> NodeEvent:

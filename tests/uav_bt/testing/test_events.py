@@ -59,17 +59,17 @@ def test_conditions_forestall_and_skip() -> None:
     """A node that its conditions answer for never starts."""
     bench = bench_of('<Sequence><Fly _successIf="true"/><Look _skipIf="true"/></Sequence>')
     assert bench.tick() is Status.SUCCESS
-    bench.log.assert_happened("Fly", "started", times=0)
-    bench.log.assert_happened("Fly", "succeeded")
-    bench.log.assert_happened("Look", "skipped", times=1, tick=1)
+    bench.log.assert_not_started("Fly")
+    bench.log.assert_succeeded("Fly")
+    bench.log.assert_skipped("Look", times=1, tick=1)
 
 
 def test_a_finished_leaf_that_nobody_reset_does_not_start_again() -> None:
     """A tick passes over it, and the log says so."""
     bench = bench_of("<Parallel success_count='2'><Fly/><Look/></Parallel>", Fly="S", Look="RRS")
     bench.tick_until(Status.SUCCESS, max_ticks=3)
-    bench.log.assert_happened("Fly", "started", times=1)
-    bench.log.assert_happened("Look", "started", "ran", times=3)
+    bench.log.assert_started("Fly", times=1)
+    bench.log.assert_ran("Look", times=3)
 
 
 def test_halting_the_tree_is_told_once() -> None:
@@ -78,9 +78,9 @@ def test_halting_the_tree_is_told_once() -> None:
     bench.tick()
     bench.halt()
     bench.halt()
-    bench.log.assert_happened("Fly", "halted", times=1)
-    bench.log.assert_happened("Sequence", "halted", times=1)
-    bench.log.assert_happened("Look", "halted", times=0)
+    bench.log.assert_halted("Fly", times=1)
+    bench.log.assert_halted("Sequence", times=1)
+    bench.log.assert_not_halted("Look")
 
 
 def test_an_exception_is_an_event_of_its_node() -> None:
@@ -114,7 +114,7 @@ def test_a_failing_assertion_shows_the_log() -> None:
     bench = bench_of("<Fly/>", Fly="RS")
     bench.tick_until(Status.SUCCESS, max_ticks=2)
     with pytest.raises(AssertionError) as failure:
-        bench.log.assert_happened("Fly", "halted")
+        bench.log.assert_halted("Fly")
     assert str(failure.value) == (
         "expected 'Fly' halted at least once, it was 0 times\n"
         " tick     time  event      node\n"
@@ -123,11 +123,11 @@ def test_a_failing_assertion_shows_the_log() -> None:
         "    2     0.10  succeeded  M/Fly"
     )
     with pytest.raises(AssertionError, match="'Fly' started or ran in tick 2 3 times, it was 1"):
-        bench.log.assert_happened("Fly", "started", "ran", times=3, tick=2)
+        bench.log.assert_ran("Fly", times=3, tick=2)
     with pytest.raises(AssertionError, match="'Fly' started never, it was 1 times"):
-        bench.log.assert_happened("Fly", "started", times=0)
+        bench.log.assert_not_started("Fly")
     with pytest.raises(AssertionError, match="'Fly' failed at least once, it was 0 times"):
-        bench.log.assert_happened("Fly", "failed")
+        bench.log.assert_failed("Fly")
 
 
 def test_a_long_log_is_cut() -> None:
@@ -144,6 +144,6 @@ def test_misspelt_names_are_no_silent_pass() -> None:
     """A node or a kind that there is not is an error, also in a negative assertion."""
     bench = bench_of("<Fly/>", Fly="R")
     with pytest.raises(UnknownNameError, match="unknown node 'Flu'; did you mean 'Fly'"):
-        bench.log.assert_happened("Flu", "started", times=0)
+        bench.log.assert_not_started("Flu")
     with pytest.raises(UnknownNameError, match="unknown event 'halts'; did you mean 'halted'"):
         bench.log.assert_order("Fly halts")

@@ -28,8 +28,8 @@ def test_landing_follows_finding_the_pad() -> None:
     bench.log.assert_order(
         *("TakeOff succeeded", "ReturnToBase succeeded", "HelipadCenter succeeded", "Land started")
     )
-    bench.log.assert_happened("Segment", "started", times=ticks)
-    bench.log.assert_happened("EmergencyLand", "started", times=0)
+    bench.log.assert_started("Segment", times=ticks)
+    bench.log.assert_not_started("EmergencyLand")
 
 
 @pytest.mark.parametrize(("centring", "tries"), [("FFS", 3), ("FFFFS", 5)])
@@ -37,8 +37,8 @@ def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> 
     """Up to five times."""
     bench = land_only(HelipadCenter=centring)
     bench.tick_until(Status.SUCCESS, max_ticks=40)
-    bench.log.assert_happened("ReturnToBase", "started", times=tries)
-    bench.log.assert_happened("EmergencyLand", "started", times=0)
+    bench.log.assert_started("ReturnToBase", times=tries)
+    bench.log.assert_not_started("EmergencyLand")
 
 
 @pytest.mark.parametrize("mocks", [{"HelipadCenter": "F"}, {"TakeOff": "RF"}, {"Land": "RF"}])
@@ -53,7 +53,7 @@ def test_blindness_stops_what_flies() -> None:
     """A perception leaf that fails halts the movement under way."""
     bench = land_only(Segment="SSF", TakeOff="R")
     bench.tick_until(Status.FAILURE, max_ticks=3)
-    bench.log.assert_happened("TakeOff", "halted", times=1, tick=3)
+    bench.log.assert_halted("TakeOff", times=1, tick=3)
 
 
 def test_hovering_looks_around_once() -> None:
@@ -61,8 +61,8 @@ def test_hovering_looks_around_once() -> None:
     flies = {"TakeOff": "RS", "HoverFor": "(RS)", "Turn": "(RS)", "HelipadCenter": "S", "Land": "S"}
     bench = load_tree(TREES / "hover_and_look.xml", mocks={**LOOKS, **flies})
     bench.tick_until(Status.SUCCESS, max_ticks=40)
-    bench.log.assert_happened("Turn", "succeeded", times=4)
-    bench.log.assert_happened("HoverFor", "succeeded", times=5)
+    bench.log.assert_succeeded("Turn", times=4)
+    bench.log.assert_succeeded("HoverFor", times=5)
     bench.log.assert_order("Turn started", "look_around succeeded", "HelipadCenter started")
 
 
@@ -83,4 +83,4 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
         *("Explore failed", "Avoid started", "Avoid succeeded", "Explore started"),
         *("step_or_turn halted", "Timeout failed", "explore_for_90_s succeeded", "Land started"),
     )
-    bench.log.assert_happened("EmergencyLand", "started", times=0)
+    bench.log.assert_not_started("EmergencyLand")
