@@ -25,6 +25,7 @@ FLOOR_ONE = {
         "errors",
         "files",
         "plugins",
+        "progress",
         "protocols",
         "yaml_file",
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -211,11 +210,3 @@ class LeafPolicy(Protocol):
     def decide(self, view: PolicyView) -> Decision:
         """Return the next movement."""
         ...
-
-
-Advance = Callable[[str, int, int], None]
-"""Called with the stage's name, the steps done and the steps in all."""
-
-
-def silent(_stage: str, _done: int, _total: int) -> None:
-    """Report nothing."""

@@ -10,20 +10,17 @@ there wins, and of those within a fiftieth of it the one with the most corners.
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.checkerboards import MIN_CORNERS, Corners, Grey, find_any_board, find_board
-from uav_bt.errors import FileError, InputError, ShapeError, ValueRangeError
-from uav_bt.protocols import Advance, silent
+from perception.camera.checkerboards import MIN_CORNERS, Corners, Photographs, find_boards, shows
+from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel
-
-Photographs = Mapping[str, Callable[[], Grey]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +84,7 @@ def calibrate(
         InputError: too few photographs show a board.
     """
     config = config or CalibrationConfig()
-    boards, size_px, unreadable = _find_boards(photographs, advance)
+    boards, size_px, unreadable = find_boards(photographs, advance)
     layouts = _layouts(boards, config)
     if not layouts:
         raise InputError(
@@ -114,68 +111,14 @@ def calibrate(
     return Calibration(best=best, trials=tuple(trials), skipped=skipped)
 
 
-# --- boards ---------------------------------------------------------------------------------------
-
-
-def _find_boards(
-    photographs: Photographs, advance: Advance
-) -> tuple[dict[str, Corners], tuple[int, int], dict[str, str]]:
-    """Return each photograph's board, their width and height, and what could not be read."""
-    boards: dict[str, Corners] = {}
-    unreadable: dict[str, str] = {}
-    shape: tuple[int, ...] = ()
-    for done, (name, read) in enumerate(photographs.items(), start=1):
-        try:
-            image = read()
-        except FileError as error:
-            unreadable[name] = str(error)
-            continue
-        if shape and image.shape != shape:
-            expected = f"{shape[0]}x{shape[1]}, as the rest"
-            raise ShapeError(name, expected=expected, actual=image.shape)
-        shape = image.shape
-        found = find_any_board(image)
-        if found is not None:
-            boards[name] = found
-        advance("boards", done, len(photographs))
-    if not shape:
-        raise InputError(f"none of {len(photographs)} photographs can be read")
-    readable = {name: read for name, read in photographs.items() if name not in unreadable}
-    _look_again(readable, boards, advance)
-    return boards, (shape[1], shape[0]), unreadable
-
-
-def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: Advance) -> None:
-    """Look for the commonest layout where less of a board was found: knowing it helps."""
-    votes = Counter(grid.shape[:2] for grid in boards.values())
-    agreed = [layout for layout, count in votes.items() if count > 1]
-    if not agreed:
-        return
-    rows, columns = max(agreed, key=lambda layout: (votes[layout], layout[0] * layout[1]))
-    less = [
-        name
-        for name in photographs
-        if name not in boards or not _shows(boards[name], columns, rows)
-    ]
-    for done, name in enumerate(less, start=1):
-        whole = find_board(photographs[name](), columns, rows)
-        if whole is not None:
-            boards[name] = whole
-        advance("boards again", done, len(less))
-
-
 def _layouts(boards: Mapping[str, Corners], config: CalibrationConfig) -> list[tuple[int, int]]:
     """Return (columns, rows) of the layouts that enough photographs allow, by falling corners."""
     counted = {}
     for rows, columns in {grid.shape[:2] for grid in boards.values()}:
-        images = sum(_shows(grid, columns, rows) for grid in boards.values())
+        images = sum(shows(grid, columns, rows) for grid in boards.values())
         if images >= config.min_images:
             counted[columns, rows] = columns * rows * images
     return sorted(counted, key=lambda layout: -counted[layout])[: config.max_layouts]
-
-
-def _shows(grid: Corners, columns: int, rows: int) -> bool:
-    return bool(grid.shape[0] >= rows and grid.shape[1] >= columns)
 
 
 # --- solving --------------------------------------------------------------------------------------
@@ -192,7 +135,7 @@ def _try_layout(
     views = {
         name: np.ascontiguousarray(grid[:rows, :columns])
         for name, grid in boards.items()
-        if _shows(grid, columns, rows)
+        if shows(grid, columns, rows)
     }
     names = _spread(list(views), config.max_images)
     error_px, camera, per_view = _solve([views[name] for name in names], size_px, config)
@@ -304,7 +247,7 @@ def _skipped(
         grid = boards.get(name)
         if grid is None:
             reasons[name] = "no board found"
-        elif not _shows(grid, best.columns, best.rows):
+        elif not shows(grid, best.columns, best.rows):
             reasons[name] = (
                 f"only {grid.shape[1]}x{grid.shape[0]} of {whole} corners found: the board is "
                 "partly out of view, or too small"

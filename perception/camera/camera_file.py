@@ -71,13 +71,13 @@ def load_camera(
 
     Args:
         path: the YAML file.
-        size_px: width and height of the pictures it is for; the camera is scaled to it. As
+        size_px: width and height of the images it is for; the camera is scaled to it. As
             calibrated when None.
         forward_offset_m: of the lens ahead of the drone's centre, where the file does not say it.
 
     Raises:
         FileError: the file is absent or malformed.
-        ValueRangeError: it was calibrated at another aspect than that of the pictures.
+        ValueRangeError: it was calibrated at another aspect than that of the images.
     """
     file = read_yaml(
         path, _CameraFile, "camera file", remedy="`uav-bt lab calibrate` makes one"
@@ -137,18 +137,18 @@ class _CameraFile:
 def fitted_camera(
     camera: CameraModel, width_px: int, height_px: int, *, source: str = "the camera"
 ) -> CameraModel:
-    """Return a camera scaled to another picture size of the same aspect.
+    """Return a camera scaled to another image size of the same aspect.
 
     Raises:
-        ValueRangeError: the aspect is another, so that the picture was cropped or comes from
+        ValueRangeError: the aspect is another, so that the image was cropped or comes from
             another camera.
     """
     aspect, wanted = camera.width_px / camera.height_px, width_px / height_px
     if abs(aspect / wanted - 1.0) > _ASPECT_SLACK:
         raise ValueRangeError(
             f"{source} was calibrated at {camera.width_px}x{camera.height_px} (aspect "
-            f"{aspect:.3f}), the pictures are {width_px}x{height_px} (aspect {wanted:.3f}): "
-            "calibrate with pictures of the video that is flown with"
+            f"{aspect:.3f}), the images are {width_px}x{height_px} (aspect {wanted:.3f}): "
+            "calibrate with images of the video that is flown with"
         )
     return camera.resized(width_px, height_px)
 

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable, Mapping
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import ShapeError
+from uav_bt.errors import FileError, InputError, ShapeError
+from uav_bt.progress import Advance
 
 Grey = NDArray[np.uint8]  # (H, W)
 Corners = NDArray[np.float32]  # (rows, columns, 2): column and row in the image of each corner
+
+Photographs = Mapping[str, Callable[[], Grey]]
 
 MIN_CORNERS = 12  # 4x3: fewer say little more than the board's four corners do
 
@@ -113,3 +119,65 @@ def _refined(image: Grey, grid: Corners, shrink: float) -> Corners:
         image, np.ascontiguousarray(full.reshape(-1, 1, 2)), (reach, reach), (-1, -1), ends
     )
     return np.asarray(placed, dtype=np.float32).reshape(grid.shape)
+
+
+def find_boards(
+    photographs: Photographs, advance: Advance
+) -> tuple[dict[str, Corners], tuple[int, int], dict[str, str]]:
+    """Find the boards of many photographs of one camera.
+
+    Args:
+        photographs: by name, what reads the image as (H, W) grey; all of one size.
+        advance: called with the progress.
+
+    Returns:
+        Each photograph's board, width and height of the photographs, and why some cannot be read.
+
+    Raises:
+        ShapeError: the images differ in size.
+        InputError: none can be read.
+    """
+    boards: dict[str, Corners] = {}
+    unreadable: dict[str, str] = {}
+    shape: tuple[int, ...] = ()
+    for done, (name, read) in enumerate(photographs.items(), start=1):
+        try:
+            image = read()
+        except FileError as error:
+            unreadable[name] = str(error)
+            continue
+        if shape and image.shape != shape:
+            expected = f"{shape[0]}x{shape[1]}, as the rest"
+            raise ShapeError(name, expected=expected, actual=image.shape)
+        shape = image.shape
+        found = find_any_board(image)
+        if found is not None:
+            boards[name] = found
+        advance("boards", done, len(photographs))
+    if not shape:
+        raise InputError(f"none of {len(photographs)} photographs can be read")
+    readable = {name: read for name, read in photographs.items() if name not in unreadable}
+    _look_again(readable, boards, advance)
+    return boards, (shape[1], shape[0]), unreadable
+
+
+def _look_again(photographs: Photographs, boards: dict[str, Corners], advance: Advance) -> None:
+    """Look for the commonest layout where less of a board was found: knowing it helps."""
+    votes = Counter(grid.shape[:2] for grid in boards.values())
+    agreed = [layout for layout, count in votes.items() if count > 1]
+    if not agreed:
+        return
+    rows, columns = max(agreed, key=lambda layout: (votes[layout], layout[0] * layout[1]))
+    less = [
+        name for name in photographs if name not in boards or not shows(boards[name], columns, rows)
+    ]
+    for done, name in enumerate(less, start=1):
+        whole = find_board(photographs[name](), columns, rows)
+        if whole is not None:
+            boards[name] = whole
+        advance("boards again", done, len(less))
+
+
+def shows(grid: Corners, columns: int, rows: int) -> bool:
+    """Return whether a board shows so many inner corners, along its longer side and its shorter."""
+    return bool(grid.shape[0] >= rows and grid.shape[1] >= columns)

@@ -61,8 +61,6 @@ class OnnxControlStudent:
     """
 
     def __init__(self, path: Path = SHIPPED_STUDENT, *, threads: int = 1) -> None:
-        if threads < 1:
-            raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         self._path = path
         model = read_model(path, _COMMAND)
         self.config = _config_of(model, path)

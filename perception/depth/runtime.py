@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.networks.onnx_runtime import (
+    accept_uint8,
     compile_model,
     input_size,
     read_model,
     shrunk,
-    taking_pictures,
 )
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
@@ -21,6 +21,9 @@ from uav_bt.types import DepthMap, Frame
 
 SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
 """The depth networks that come with the package: in 8-bit integers, and in floats."""
+
+CONTACT: Final = "contact"
+"""The depth model without a network, which callers handle: masks and ground contact alone."""
 
 _MAX_DEPTH: Final = 1e4  # of a disparity of zero: so far that nothing there matters
 
@@ -45,8 +48,6 @@ class OnnxDepthEstimator:
     def __init__(
         self, path: Path, *, says: Literal["depth", "disparity"] = "depth", threads: int = 1
     ) -> None:
-        if threads < 1:
-            raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         if says not in ("depth", "disparity"):
             raise UnknownNameError(
                 "meaning of a depth network's output", says, ("depth", "disparity")
@@ -55,7 +56,7 @@ class OnnxDepthEstimator:
         self._inverse = says == "disparity"
         model = read_model(path, "`uav-bt net train depth`")
         self._size = input_size(model, path)
-        self._request = compile_model(taking_pictures(model), threads).create_infer_request()
+        self._request = compile_model(accept_uint8(model), threads).create_infer_request()
         grey = np.full((self._size[1], self._size[0], 3), 127, dtype=np.uint8)
         self._output_px = self._check_output(self._run(grey))
 
@@ -114,10 +115,13 @@ def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEst
 
     Raises:
         UnknownNameError: it is neither.
+        ValueRangeError: it is the earlier name of "contact".
         WeightsError: the file cannot be used.
     """
     if str(model) in SHIPPED_DEPTHS:
         return OnnxDepthEstimator(SHIPPED_WEIGHTS / f"{model}.onnx", threads=threads)
+    if str(model) == "footing":
+        raise ValueRangeError(f"depth model 'footing' is called '{CONTACT}' now")
     if Path(model).suffix.lower() != ".onnx":
-        raise UnknownNameError("depth network", str(model), (*SHIPPED_DEPTHS, "FILE.onnx"))
+        raise UnknownNameError("depth model", str(model), (*SHIPPED_DEPTHS, CONTACT, "FILE.onnx"))
     return OnnxDepthEstimator(Path(model), threads=threads)

@@ -49,7 +49,7 @@ class ScaleConfig:
     # 256 rows, as a share of the map's height so that it means the same at every size.
     margin_share: float = 10.0 / 256.0
     min_points: int = 20  # fewer inner carpet pixels than this are no scale
-    farthest_m: float = 6.0  # beyond the lab a row of pixels spans metres
+    max_range_m: float = 6.0  # beyond the lab a row of pixels spans metres
     spread_half: float = 0.1  # relative spread of the ratios at which the confidence is a half
 
     def __post_init__(self) -> None:
@@ -109,7 +109,7 @@ def sample_carpet(
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     inner = cv2.erode(padded, kernel)[reach:-reach, reach:-reach]
     with np.errstate(invalid="ignore"):
-        usable = (inner > 0) & (ground_m <= config.farthest_m) & (relative > 0.0)
+        usable = (inner > 0) & (ground_m <= config.max_range_m) & (relative > 0.0)
     places = np.flatnonzero(usable)
     if places.size < config.min_points:
         return None

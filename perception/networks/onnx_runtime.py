@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import io
 import os
 from collections.abc import MutableMapping, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.errors import WeightsError
+from uav_bt.errors import ValueRangeError, WeightsError
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
 _CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # oneDNN's, today's and the older name
@@ -38,13 +37,18 @@ def read_model(path: Path, remedy: str) -> Any:
         raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
 
 
-def model_of_bytes(content: bytes) -> Any:
-    """Return the network of an ONNX file's content."""
-    return _openvino().Core().read_model(io.BytesIO(content))
-
-
 def compile_model(model: Any, threads: int) -> Any:
-    """Return the network, ready to be asked for one picture at a time."""
+    """Return the network, compiled for one image at a time.
+
+    Args:
+        model: the network.
+        threads: of inference.
+
+    Raises:
+        ValueRangeError: there is no thread.
+    """
+    if threads < 1:
+        raise ValueRangeError(f"inference needs at least one thread, got {threads}")
     settings = {
         "PERFORMANCE_HINT": "LATENCY",
         "NUM_STREAMS": 1,
@@ -59,7 +63,7 @@ def compile_model(model: Any, threads: int) -> Any:
 
 
 def input_size(model: Any, path: Path, *, planar: bool = True) -> tuple[int, int]:
-    """Return width and height of the one picture that the network takes; its batch becomes one.
+    """Return width and height of the one image that the network takes; its batch becomes one.
 
     Args:
         model: the network.
@@ -82,7 +86,7 @@ def input_size(model: Any, path: Path, *, planar: bool = True) -> tuple[int, int
     return width.get_length(), height.get_length()
 
 
-def taking_pictures(
+def accept_uint8(
     model: Any,
     *,
     planar: bool = True,
@@ -90,7 +94,7 @@ def taking_pictures(
     scale: Sequence[float] = (255.0, 255.0, 255.0),
     colours: Literal["rgb", "bgr"] = "rgb",
 ) -> Any:
-    """Let a network of floats take pictures as they are: faster than to convert them first.
+    """Let a network of floats take uint8 images: faster than to convert them first.
 
     Args:
         model: the network, of one input.
@@ -139,7 +143,7 @@ def class_numbers(model: Any) -> Any:
 
 
 def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return a picture resized (never cropped) to the width and height of a network's input.
+    """Return an image resized (never cropped) to the width and height of a network's input.
 
     Each pixel is the mean of what it covers, to less than a grey level: a mean over a whole number
     of pixels, then what lies between two of them. OpenCV's exact one takes three times as long

@@ -154,20 +154,6 @@ def build_corridor(
     )
 
 
-def intruding_pixels(
-    depth: DepthMap, planes: CorridorPlanes, *, things: NDArray[np.bool_] | None = None
-) -> NDArray[np.bool_]:
-    """Return the pixels that `build_corridor` finds inside the corridor, (H, W), for images.
-
-    Raises:
-        ShapeError: the sizes differ.
-        ValueRangeError: the depth is not metric.
-    """
-    _check(depth, planes, things)
-    known, lost, bound = _looked_at(depth, things)
-    return _inside(known, depth.depth, planes) | _inside(lost, bound, planes)
-
-
 def _looked_at(
     depth: DepthMap, things: NDArray[np.bool_] | None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]]:
@@ -255,8 +241,24 @@ class CorridorBuilder:
     def intruding(
         self, depth: DepthMap, view: CameraView, *, things: NDArray[np.bool_] | None = None
     ) -> NDArray[np.bool_]:
-        """Return the pixels inside the corridor; see `intruding_pixels`."""
-        return intruding_pixels(depth, self.planes(view), things=things)
+        """Return the pixels that `build` finds inside the corridor, for images.
+
+        Args:
+            depth: metric depth, (H, W).
+            view: the camera, at that size.
+            things: (H, W) pixels that count; all when None.
+
+        Returns:
+            (H, W) bool.
+
+        Raises:
+            ShapeError: the sizes differ.
+            ValueRangeError: the depth is not metric.
+        """
+        planes = self.planes(view)
+        _check(depth, planes, things)
+        known, lost, bound = _looked_at(depth, things)
+        return _inside(known, depth.depth, planes) | _inside(lost, bound, planes)
 
     def build(
         self,

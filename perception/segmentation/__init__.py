@@ -1,1 +1,1 @@
-"""Class maps from pictures: the SVM teacher, the U-Net it teaches, and any foreign network."""
+"""Class maps from images: the SVM teacher, the U-Net it teaches, and any foreign network."""

@@ -44,7 +44,7 @@ GROUP_ALIASES: Final[Mapping[str, int]] = MappingProxyType(
 )
 """The class that stands for a group when a network does not tell its classes apart."""
 
-_MOST_CLASSES: Final = 65536  # a class number beyond this is a mistake, not a network
+_MAX_CLASSES: Final = 65536  # a class number beyond this is a mistake, not a network
 _Triple = tuple[float, float, float]
 
 
@@ -58,7 +58,7 @@ _OurClass = Annotated[int, PlainValidator(_class_of)]  # files have names
 
 @dataclass(frozen=True, kw_only=True)
 class InputFormat:
-    """How a network wants its picture."""
+    """How a network wants its image."""
 
     mean: _Triple = (0.0, 0.0, 0.0)  # subtracted from the 0..255 colours, red green blue
     scale: _Triple = (255.0, 255.0, 255.0)  # divides the difference
@@ -90,7 +90,7 @@ class ClassMapping:
         if not self.classes:
             raise ValueRangeError("a class mapping must list at least one class")
         for theirs in self.classes:
-            if not 0 <= theirs < _MOST_CLASSES:
+            if not 0 <= theirs < _MAX_CLASSES:
                 raise ValueRangeError(f"a class number must lie within 0 and 65535, got {theirs}")
 
     @staticmethod

@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.networks.onnx_runtime import (
+    accept_uint8,
     class_numbers,
     compile_model,
     input_size,
     read_model,
     shrunk,
-    taking_pictures,
 )
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.mapping import ClassMapping, read_mapping
 from perception.segmentation.teacher import Teacher, load_teacher
-from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import UnknownNameError, WeightsError
 from uav_bt.types import ClassMap, Frame
 
 SHIPPED_UNETS: Final = ("unet", "unet-fp32")
@@ -53,15 +53,13 @@ class OnnxSegmenter:
     def __init__(
         self, path: Path, mapping: ClassMapping | Path | None = None, *, threads: int = 1
     ) -> None:
-        if threads < 1:
-            raise ValueRangeError(f"inference needs at least one thread, got {threads}")
         self._path = path
         self._mapping = _mapping_of(mapping)
         model = read_model(path, "`uav-bt net train segmentation`")
         wanted = self._mapping.input
         planar = wanted.layout == "nchw"
         self._size = input_size(model, path, planar=planar)
-        model = taking_pictures(
+        model = accept_uint8(
             model, planar=planar, mean=wanted.mean, scale=wanted.scale, colours=wanted.colours
         )
         shape = model.output(0).get_partial_shape()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -29,7 +29,8 @@ from perception.networks.onnx_runtime import shrunk
 from perception.odometry.camera_track import FOOTAGE_SIZE_PX, Footage, shrink
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
-from uav_bt.protocols import Advance, Advice, Segmenter, silent
+from uav_bt.progress import Advance, silent
+from uav_bt.protocols import Advice, Segmenter
 from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 from uav_bt.record.reader import RecordReader
@@ -213,11 +214,11 @@ def _kept_labels(
     if file.is_file():
         return read_labels(file)
 
-    def report(stage: str) -> Callable[[int, int], None]:
-        return lambda done, total: advance(f"{stage}, {path.stem}", done, total)
+    def report(stage: str, done: int, total: int) -> None:
+        advance(f"{stage}, {path.stem}", done, total)
 
-    labels = contact_labels(footage, segmenter, advance=report("contact"))
-    made = add_parallax(footage, labels, advance=report("parallax"))
+    labels = contact_labels(footage, segmenter, advance=report)
+    made = add_parallax(footage, labels, advance=report)
     folder.mkdir(parents=True, exist_ok=True)
     write_labels(file, made)
     return made

@@ -23,7 +23,8 @@ from uav_bt.learning.depth_tables.tables import (
     sensitivity_table,
 )
 from uav_bt.learning.views import Image, ViewPlan, twin_views
-from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
+from uav_bt.progress import Advance, silent
+from uav_bt.protocols import DepthEstimator, Segmenter
 
 
 def evaluate_segmentation(

@@ -15,7 +15,7 @@ from perception.networks.training.network_files import NetworkFiles
 from perception.segmentation.training.unet import UNET_FILES
 from uav_bt.errors import UnknownNameError
 from uav_bt.learning.views import ViewPlan, twin_views
-from uav_bt.protocols import Advance, silent
+from uav_bt.progress import Advance, silent
 
 Network = Literal["segmentation", "depth", "student"]
 Precision = Literal["int8", "fp32"]

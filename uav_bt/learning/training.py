@@ -27,7 +27,7 @@ from perception.segmentation.training.unet import UNET_FILES, UNetConfig
 from uav_bt.errors import WeightsError
 from uav_bt.learning.diary import Diary, write_depth_sheet
 from uav_bt.learning.views import DepthViews, Image
-from uav_bt.protocols import Advance, silent
+from uav_bt.progress import Advance, silent
 
 UNET_WEIGHTS: Final = SHIPPED_WEIGHTS / "unet.safetensors"
 

@@ -21,8 +21,8 @@ from uav_bt.classes import CLASS_TO_GROUP, GROUP_BACKGROUND, GROUP_CARPET, GROUP
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import CameraModel
 
-_NEAREST_M, _FURTHEST_M = 0.3, 5.0  # the paper's range of distances
-_LEAST_CARPET = 50  # pixels; with fewer there is no scale
+_MIN_RANGE_M, _MAX_RANGE_M = 0.3, 5.0  # the paper's range of distances
+_MIN_CARPET_PX = 50  # pixels; with fewer there is no scale
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +87,7 @@ def _score_one(sample: DepthSample) -> tuple[float, ...]:
     if not (np.isfinite(predicted).all() and (predicted > 0.0).all()):
         raise ValueRangeError("a predicted depth must be positive and finite everywhere")
     groups = CLASS_TO_GROUP[sample.ids]
-    near = (truth >= _NEAREST_M) & (truth <= _FURTHEST_M)
+    near = (truth >= _MIN_RANGE_M) & (truth <= _MAX_RANGE_M)
     things = near & (groups != GROUP_BACKGROUND)
     obstacle, carpet = near & (groups == GROUP_OBSTACLE), near & (groups == GROUP_CARPET)
     if not things.any():
@@ -97,7 +97,7 @@ def _score_one(sample: DepthSample) -> tuple[float, ...]:
     ratio = np.maximum(scaled / truth, truth / scaled)
     metric = np.full_like(truth, np.nan)
     seen = carpet & np.isfinite(sample.ground_m)
-    if np.count_nonzero(seen) >= _LEAST_CARPET:
+    if np.count_nonzero(seen) >= _MIN_CARPET_PX:
         metric = predicted * np.median(sample.ground_m[seen] / predicted[seen])
     error_m = np.abs(metric - truth)
     return (
@@ -199,14 +199,14 @@ class PointConfig:
 
     each: int = 40  # an image, of obstacles and of the carpet
     inset_px: int = 2  # from the border of a class: one holds a tape to a thing, not past it
-    nearest_m: float = 0.3  # along the ray; the paper's range of distances
-    furthest_m: float = 5.0
+    min_range_m: float = 0.3  # along the ray; the paper's range of distances
+    max_range_m: float = 5.0
 
     def __post_init__(self) -> None:
-        if self.each < 1 or self.inset_px < 0 or not 0.0 <= self.nearest_m < self.furthest_m:
+        if self.each < 1 or self.inset_px < 0 or not 0.0 <= self.min_range_m < self.max_range_m:
             raise ValueRangeError(
-                "points need each >= 1, inset_px >= 0 and 0 <= nearest_m < furthest_m, got "
-                f"{self.each}, {self.inset_px}, {self.nearest_m}, {self.furthest_m}"
+                "points need each >= 1, inset_px >= 0 and 0 <= min_range_m < max_range_m, got "
+                f"{self.each}, {self.inset_px}, {self.min_range_m}, {self.max_range_m}"
             )
 
 
@@ -250,7 +250,7 @@ def draw_points(
     range_m = depth_m * ray_lengths(camera)
     square = np.ones((2 * config.inset_px + 1, 2 * config.inset_px + 1), dtype=np.uint8)
     inner = cv2.erode(ids, square) == cv2.dilate(ids, square)
-    inner &= (range_m >= config.nearest_m) & (range_m <= config.furthest_m)
+    inner &= (range_m >= config.min_range_m) & (range_m <= config.max_range_m)
     groups = CLASS_TO_GROUP[ids]
     chosen = []
     for group in (GROUP_OBSTACLE, GROUP_CARPET):

@@ -19,7 +19,7 @@ class Clip:
     images: Floats  # (3, 3, H, W), RGB, 0 to 1
     motions: Floats  # (2, 3, 4), from the target's camera to each reference's, metres
     intrinsics: Floats  # (4,): fx, fy, cx, cy in pixels of the images
-    labels: Floats | None  # (3, h, w); NaN where nobody knows
+    labels: Floats | None  # (3, h, w); NaN where unknown
     at_most: Floats | None  # (3, h, w); inf without a bound
 
 
@@ -33,7 +33,7 @@ def turned(clip: Clip, pitch_rad: float, roll_rad: float = 0.0) -> Clip:
 
     Returns:
         The same frames, movements and labels for that camera; at the borders, where it would have
-        seen more, pictures are mirrored and labels unknown.
+        seen more, images are mirrored and labels unknown.
     """
     c, s = math.cos(pitch_rad), math.sin(pitch_rad)
     up = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])

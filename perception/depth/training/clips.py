@@ -18,18 +18,18 @@ class ClipConfig:
     """Which frames go together, and how they are varied."""
 
     # Between a target and a reference: less movement shows no depth, more leaves no overlap.
-    least_move_m: float = 0.04
-    most_move_m: float = 0.5
-    most_turn_rad: float = 0.35
-    most_apart_s: float = 2.0  # integrated velocity drifts
-    least_height_m: float = 0.8  # above the carpet: the ground before take-off teaches nothing
+    min_move_m: float = 0.04
+    max_move_m: float = 0.5
+    max_turn_rad: float = 0.35
+    max_apart_s: float = 2.0  # integrated velocity drifts
+    min_height_m: float = 0.8  # above the carpet: the ground before take-off teaches nothing
     # Single frames are drawn from every so many: neighbours look alike, and `labelling` labels
     # those only.
     single_every: int = 3
-    odometry: bool = True  # measure movements on the carpet; else telemetry's word is taken
-    # Either way: flights keep one gimbal angle, and a network would learn rows by heart.
+    odometry: bool = True  # measure movements on the carpet; else telemetry's are taken
+    # Limits of random turns: flights keep one gimbal angle, and a network would learn rows.
     pitch_rad: float = 0.07
-    roll_rad: float = 0.02  # likewise; a gimbal leaves that much
+    roll_rad: float = 0.02  # a gimbal leaves that much
     flip: float = 0.5  # share of clips that are mirrored
     brightness: float = 0.2  # relative, either way; one draw for all frames of a clip
     tint: float = 0.05  # relative, either way, each colour for itself
@@ -37,10 +37,10 @@ class ClipConfig:
     def __post_init__(self) -> None:
         if self.single_every < 1:
             raise ValueRangeError(f"single_every must be positive, got {self.single_every}")
-        if not 0.0 <= self.least_move_m < self.most_move_m:
+        if not 0.0 <= self.min_move_m < self.max_move_m:
             raise ValueRangeError(
-                "least_move_m must be less than most_move_m, got "
-                f"{self.least_move_m} and {self.most_move_m}"
+                "min_move_m must be less than max_move_m, got "
+                f"{self.min_move_m} and {self.max_move_m}"
             )
 
 
@@ -48,7 +48,7 @@ class ClipConfig:
 class DepthLabels:
     """What is known about the depth of a flight's frames, without or with the truth."""
 
-    depth_m: NDArray[np.float16]  # (N, h, w) along the optical axis; NaN where nobody knows
+    depth_m: NDArray[np.float16]  # (N, h, w) along the optical axis; NaN where unknown
     at_most_m: NDArray[np.float16] | None = None  # (N, h, w); inf without a bound
 
     def __post_init__(self) -> None:
@@ -103,7 +103,7 @@ class ClipSource:
         self._aloft: list[NDArray[np.intp]] = []
         for number, (flight, track) in enumerate(zip(flights, self._tracks, strict=True)):
             height_m = flight.footage.height_above_carpet_m
-            aloft = np.flatnonzero(height_m >= self._config.least_height_m)
+            aloft = np.flatnonzero(height_m >= self._config.min_height_m)
             self._aloft.append(aloft[aloft % self._config.single_every == 0])
             for target in aloft:
                 beside = self._beside(flight.footage, track, int(target))
@@ -112,7 +112,7 @@ class ClipSource:
         if not self.frame_count:
             raise ValueRangeError(
                 f"no frame of {len(self._flights)} flights was taken from "
-                f"{self._config.least_height_m} m or more above the carpet; fly higher"
+                f"{self._config.min_height_m} m or more above the carpet; fly higher"
             )
 
     def __len__(self) -> int:
@@ -142,11 +142,11 @@ class ClipSource:
         turned_rad = np.arccos(np.clip(axes @ axes[target], -1.0, 1.0))
         apart_s = np.abs(footage.captured_s - footage.captured_s[target])
         return np.flatnonzero(
-            (moved_m >= config.least_move_m)
-            & (moved_m <= config.most_move_m)
-            & (turned_rad <= config.most_turn_rad)
-            & (apart_s <= config.most_apart_s)
-            & (footage.height_above_carpet_m >= config.least_height_m)
+            (moved_m >= config.min_move_m)
+            & (moved_m <= config.max_move_m)
+            & (turned_rad <= config.max_turn_rad)
+            & (apart_s <= config.max_apart_s)
+            & (footage.height_above_carpet_m >= config.min_height_m)
         )
 
     def draw(self, rng: np.random.Generator) -> Clip:
@@ -178,7 +178,7 @@ class ClipSource:
             config = self._config
             raise ValueRangeError(
                 f"no frame of {len(self._flights)} flights has two others that were taken from "
-                f"{config.least_move_m} to {config.most_move_m} m away; fly further"
+                f"{config.min_move_m} to {config.max_move_m} m away; fly further"
             )
         number, target, beside = self._targets[int(rng.integers(len(self._targets)))]
         first, second = rng.choice(beside, size=2, replace=False)

@@ -8,7 +8,7 @@ moves most from frame to frame (`perception.depth.training.parallax`).
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -32,31 +32,26 @@ from perception.odometry.camera_track import (
 )
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
 from uav_bt.files import whole_file
+from uav_bt.progress import Advance, silent
 from uav_bt.protocols import Segmenter
 from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Frame
 
 LABEL_SIZE_PX: Final = (FOOTAGE_SIZE_PX[0] // 2, FOOTAGE_SIZE_PX[1] // 2)  # the network's output
 
 Image = NDArray[np.uint8]
-Advance = Callable[[int, int], None]
-"""Told frames done and in all."""
-
-
-def _silent(_done: int, _total: int) -> None:
-    """Tell nobody."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabelConfig:
     """Which frames are labelled, and from which others."""
 
-    least_height_m: float = 0.8  # above the carpet; the ground before take-off teaches nothing
+    min_height_m: float = 0.8  # above the carpet; the ground before take-off teaches nothing
     every: int = 3  # frames; neighbours look alike, and dense flow is slow
     others: int = 4  # frames that parallax is measured against
-    least_move_m: float = 0.04  # of the camera, to such a frame
-    most_move_m: float = 0.3
-    most_turn_rad: float = 0.45  # half of the picture's width still overlaps
-    most_apart_s: float = 2.0  # integrated velocity drifts
+    min_move_m: float = 0.04  # of the camera, to such a frame
+    max_move_m: float = 0.3
+    max_turn_rad: float = 0.45  # half of the image's width still overlaps
+    max_apart_s: float = 2.0  # integrated velocity drifts
     # Of the bound that masks give: a flow that says more is wrong. The slack is the height's.
     bound_slack: float = 1.1
     parallax: ParallaxConfig = field(default_factory=ParallaxConfig)
@@ -102,7 +97,7 @@ def contact_labels(
     segmenter: Segmenter,
     config: LabelConfig | None = None,
     *,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> DepthLabels:
     """Label a flight from a network's masks and from what things stand on.
 
@@ -110,7 +105,7 @@ def contact_labels(
         footage: one flight.
         segmenter: gives the masks.
         config: which frames are labelled.
-        advance: told after every frame.
+        advance: called with the progress after every frame.
     """
     config = config or LabelConfig()
     width, height = LABEL_SIZE_PX
@@ -124,7 +119,7 @@ def contact_labels(
         while state.captured_s < frame.captured_s and (later := next(states, None)) is not None:
             state = later
             memory.predict(state)
-        if frame.height_above_carpet_m >= config.least_height_m:
+        if frame.height_above_carpet_m >= config.min_height_m:
             class_map = segmenter.segment(frame)
             view = view_of(frame, footage.camera, class_map.ids.shape[::-1])
             # What stands too near for its base to be seen was seen from further away.
@@ -133,7 +128,7 @@ def contact_labels(
             if place % config.every == 0:
                 known = contact_depth(class_map.ids, view, remembered=remembered)
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)
-        advance(place + 1, len(footage))
+        advance("contact", place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=bound)
 
 
@@ -142,7 +137,7 @@ def add_parallax(
     labels: DepthLabels,
     config: LabelConfig | None = None,
     *,
-    advance: Advance = _silent,
+    advance: Advance = silent,
 ) -> DepthLabels:
     """Label what is left without from the movement between frames.
 
@@ -150,7 +145,7 @@ def add_parallax(
         footage: one flight.
         labels: its labels so far; they stay as they are.
         config: which frames are labelled, and from which others.
-        advance: told after every frame.
+        advance: called with the progress after every frame.
 
     Raises:
         ShapeError: the labels are of another flight.
@@ -162,7 +157,7 @@ def add_parallax(
     config = config or LabelConfig()
     track = camera_track(footage)
     depth = labels.depth_m.copy()
-    aloft = footage.height_above_carpet_m >= config.least_height_m
+    aloft = footage.height_above_carpet_m >= config.min_height_m
     for place in range(len(footage)):
         if aloft[place] and place % config.every == 0:
             found = _small(_parallax_of(footage, track, place, config))
@@ -170,7 +165,7 @@ def add_parallax(
             if labels.at_most_m is not None:
                 wanted &= found <= config.bound_slack * labels.at_most_m[place]
             depth[place][wanted] = found[wanted]
-        advance(place + 1, len(footage))
+        advance("parallax", place + 1, len(footage))
     return DepthLabels(depth_m=depth, at_most_m=labels.at_most_m)
 
 
@@ -227,10 +222,10 @@ def _beside(
     cosine = track.rotation[:, :, 2] @ track.rotation[place, :, 2]
     apart_s = np.abs(footage.captured_s - footage.captured_s[place])
     fit = np.flatnonzero(
-        (moved_m >= config.least_move_m)
-        & (moved_m <= config.most_move_m)
-        & (cosine >= np.cos(config.most_turn_rad))
-        & (apart_s <= config.most_apart_s)
+        (moved_m >= config.min_move_m)
+        & (moved_m <= config.max_move_m)
+        & (cosine >= np.cos(config.max_turn_rad))
+        & (apart_s <= config.max_apart_s)
     )
     if len(fit) <= config.others:
         return fit

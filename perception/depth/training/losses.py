@@ -74,10 +74,9 @@ def warp(source: Tensor, depth: Tensor, motion: Tensor, intrinsics: Tensor) -> W
         ShapeError: depth, motion or intrinsics do not belong to the source.
     """
     count, _, height, width = source.shape
-    expected = {(count, 1, height, width): depth, (count, 3, 4): motion, (count, 4): intrinsics}
-    for shape, tensor in expected.items():
-        if tensor.shape != shape:
-            raise ShapeError("warping", expected="x".join(map(str, shape)), actual=tensor.shape)
+    _check("warping", depth, (count, 1, height, width))
+    _check("warping", motion, (count, 3, 4))
+    _check("warping", intrinsics, (count, 4))
     rays = pixel_rays(intrinsics, height, width)
     rotated = motion[:, :, :3] @ rays
     points = rotated * depth.reshape(count, 1, -1) + motion[:, :, 3:]
@@ -106,7 +105,12 @@ def invert_motion(motion: Tensor) -> Tensor:
 
 _SSIM_SHARE: Final = 0.85
 _C1, _C2 = 0.01**2, 0.03**2  # Wang et al. (2004), for values from 0 to 1
-_LEAST_PIXELS: Final = 100.0  # a mask with fewer says nothing; its mean is drawn towards nought
+_MIN_PIXELS: Final = 100.0  # a mask with fewer says nothing; its mean is drawn towards zero
+
+
+def _check(name: str, tensor: Tensor, shape: Sequence[int]) -> None:
+    if tensor.shape != torch.Size(shape):
+        raise ShapeError(name, expected="x".join(map(str, shape)), actual=tensor.shape)
 
 
 def photometric_error(first: Tensor, second: Tensor) -> Tensor:
@@ -119,6 +123,7 @@ def photometric_error(first: Tensor, second: Tensor) -> Tensor:
     Returns:
         (N, 1, H, W), 0 to 1.
     """
+    _check("the second image", second, first.shape)
     difference = (first - second).abs().clamp(max=1.0)
     error = (1.0 - _SSIM_SHARE) * difference + _SSIM_SHARE * _dissimilarity(first, second)
     return error.mean(dim=1, keepdim=True)
@@ -140,7 +145,7 @@ def _dissimilarity(first: Tensor, second: Tensor) -> Tensor:
 
 @dataclass(frozen=True, kw_only=True)
 class ConsistencyMaps:
-    """How well a source picture explains a target picture, by pixel of the target."""
+    """How well a source image explains a target image, by pixel of the target."""
 
     photometric: Tensor  # (N, 1, H, W), weighted by the geometric agreement
     geometric: Tensor  # (N, 1, H, W), 0 (depths agree) to 1
@@ -156,7 +161,7 @@ def consistency_maps(
 ) -> ConsistencyMaps:
     """Compare a target with what the source shows of it.
 
-    A pixel counts where its point falls into the source's picture, and where warping explains it
+    A pixel counts where its point falls into the source's image, and where warping explains it
     better than no movement at all does (which leaves out what moves along, and flat colour).
 
     Args:
@@ -197,17 +202,18 @@ def best_of(maps: Sequence[ConsistencyMaps]) -> ConsistencyMaps:
 
 
 def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
-    """Return the mean where the mask is 1; a nearly empty mask gives nearly nought."""
-    return (values * mask).sum() / mask.sum().clamp(min=_LEAST_PIXELS)
+    """Return the mean where the mask is 1; a nearly empty mask gives nearly zero."""
+    return (values * mask).sum() / mask.sum().clamp(min=_MIN_PIXELS)
 
 
 def smoothness_loss(depth: Tensor, image: Tensor) -> Tensor:
-    """Return the mean gradient of the mean-normalised depth, less where the picture has edges.
+    """Return the mean gradient of the mean-normalised depth, less where the image has edges.
 
     Args:
         depth: (N, 1, H, W).
         image: (N, 3, H, W), 0 to 1.
     """
+    _check("depth to smooth", depth, (len(image), 1, *image.shape[2:]))
     level = depth / depth.mean(dim=(2, 3), keepdim=True).clamp(min=1e-7)
     loss = depth.new_zeros(())
     for axis in (2, 3):
@@ -221,14 +227,16 @@ def label_loss(depth: Tensor, label: Tensor, at_most: Tensor | None = None) -> T
 
     Args:
         depth: (N, 1, H, W), positive.
-        label: (N, 1, H, W); NaN where nobody knows.
+        label: (N, 1, H, W); NaN where unknown.
         at_most: (N, 1, H, W) upper bound, inf without one; None where there are no bounds at all.
     """
+    _check("depth labels", label, depth.shape)
     known = torch.isfinite(label)
     log_depth = depth.log()
     distance = (log_depth - label.where(known, depth.detach()).log()).abs()
     loss = masked_mean(distance, known.to(depth.dtype))
     if at_most is not None:
+        _check("depth bounds", at_most, depth.shape)
         # Only where there is no label: there, the label says more.
         bounded = torch.isfinite(at_most) & ~known
         excess = functional.relu(log_depth - at_most.where(bounded, depth.detach()).log())

@@ -161,7 +161,7 @@ _GAIN: Final = 0.01
 
 
 class PoseNet(nn.Module):
-    """Two pictures, (N, 3, H, W) each, to the movement from the first camera to the second."""
+    """Two images, (N, 3, H, W) each, to the movement from the first camera to the second."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -7,13 +7,12 @@ from frame to frame. Between frames whose movement is known exactly
     flowed pixel = (ray d + t) projected
 
 with t the movement in the frame's own directions, which is linear in the depth d, once for columns
-and once for rows. Several frames are added up in
-least squares, and what does not fit all of them, or moved too little, is left unknown.
+and once for rows. Several frames are added up in least squares; what does not fit all of them, or
+moved too little, is left unknown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -34,12 +33,12 @@ _OUTSIDE = 1e3  # px, a flow that closes no loop
 class ParallaxConfig:
     """What is believed of a flow."""
 
-    least_views: int = 2  # beside the frame itself, so that a wrong flow is found out
-    least_parallax_px: float = 6.0  # root sum square; an error of half a pixel is 8 % of it
-    most_misfit_px: float = 0.7  # root mean square of what the depth does not explain
-    most_loop_px: float = 0.8  # there and back again
-    nearest_m: float = 0.2
-    furthest_m: float = 4.0  # beyond, parallax is too small and ground contacts are seen anyway
+    min_views: int = 2  # beside the frame itself, so that a wrong flow is found out
+    min_parallax_px: float = 6.0  # root sum square; an error of half a pixel is 8 % of it
+    max_misfit_px: float = 0.7  # root mean square of what the depth does not explain
+    max_loop_px: float = 0.8  # there and back again
+    min_depth_m: float = 0.2
+    max_depth_m: float = 4.0  # beyond, parallax is too small and ground contacts are seen anyway
 
 
 class Parallax:
@@ -111,7 +110,7 @@ class Parallax:
         # In pixels of the other frame once divided by the depth there, which `depth` does.
         slope = np.stack([fx * (self._rays[0] - x), fy * (self._rays[1] - y)])
         shift = np.stack([fx * (x * t[2] - t[0]), fy * (y * t[2] - t[1])])
-        good = (loop < self._config.most_loop_px) & (np.asarray(inside) > 0)
+        good = (loop < self._config.max_loop_px) & (np.asarray(inside) > 0)
         self._terms.append((good, slope, shift))
         self._slope_sq += good * (slope**2).sum(axis=0)
         self._product += good * (slope * shift).sum(axis=0)
@@ -144,8 +143,8 @@ class Parallax:
         parallax = np.zeros(self._grey.shape)
         solvable = self._slope_sq > 0.0
         depth = self._product / np.where(solvable, self._slope_sq, 1.0)
-        within = solvable & (depth >= config.nearest_m) & (depth <= config.furthest_m)
-        depth = np.where(within, depth, config.furthest_m)  # a stand-in that divides well
+        within = solvable & (depth >= config.min_depth_m) & (depth <= config.max_depth_m)
+        depth = np.where(within, depth, config.max_depth_m)  # a stand-in that divides well
         for good, slope, shift in self._terms:
             views += good
             # Pixels, to first order: the depth in the other frame is nearly the same.
@@ -153,31 +152,8 @@ class Parallax:
             parallax += good * ((shift / depth) ** 2).sum(axis=0)
         known = (
             within
-            & (views >= config.least_views)
-            & (parallax >= config.least_parallax_px**2)
-            & (misfit <= np.maximum(views, 1) * config.most_misfit_px**2)
+            & (views >= config.min_views)
+            & (parallax >= config.min_parallax_px**2)
+            & (misfit <= np.maximum(views, 1) * config.max_misfit_px**2)
         )
         return np.where(known, depth, np.nan).astype(np.float32)
-
-
-def parallax_depth(
-    grey: Image,
-    others: Iterable[tuple[Image, Floats]],
-    camera: CameraModel,
-    config: ParallaxConfig | None = None,
-) -> Map:
-    """Return the depth of a frame from others and the movements to them.
-
-    Args:
-        grey: (H, W), the frame.
-        others: frames (H, W) and movements (3, 4) from the frame's camera to theirs.
-        camera: of all of them.
-        config: what is believed.
-
-    Returns:
-        (H, W) metres along the optical axis; NaN where it is not known.
-    """
-    parallax = Parallax(grey, camera, config)
-    for other, motion in others:
-        parallax.add(other, motion)
-    return parallax.depth()

@@ -1,7 +1,7 @@
-"""Picks: points on pictures of which a person (or the twin, in a person's place) says the class.
+"""Picks: points on images of which a person (or the twin, in a person's place) says the class.
 
-The file is CSV with the columns ``image,x,y,class,origin``: the picture's file name, the pixel's
-column and row in that picture, a class name, and who picked it (``hand`` or ``simulated``).
+The file is CSV with the columns ``image,x,y,class,origin``: the image's file name, the pixel's
+column and row in that image, a class name, and who picked it (``hand`` or ``simulated``).
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ _COLUMNS: Final = ("image", "x", "y", "class", "origin")
 
 @dataclass(frozen=True, kw_only=True)
 class Pick:
-    """A pixel of a picture and its class."""
+    """A pixel of an image and its class."""
 
-    image: str  # the picture's file name, without a folder
-    x: int  # column, pixels of that picture
+    image: str  # the image's file name, without a folder
+    x: int  # column, pixels of that image
     y: int  # row
     class_id: int
     origin: Origin = "hand"  # simulated picks must never pass for a person's
@@ -126,21 +126,21 @@ class PickedPatches:
 
 def gather_patches(
     picks: Iterable[Pick],
-    pictures: Iterable[tuple[str, NDArray[np.uint8]]],
+    images: Iterable[tuple[str, NDArray[np.uint8]]],
     patch_px: int,
 ) -> PickedPatches:
     """Look at the patches around all picks.
 
     Args:
-        picks: of those pictures.
-        pictures: file name and (H, W, 3) RGB uint8; one at a time is held.
+        picks: of those images.
+        images: file name and (H, W, 3) RGB uint8; one at a time is held.
         patch_px: side of the patches, pixels.
 
     Returns:
-        Features, labels and colours, in the pictures' order.
+        Features, labels and colours, in the images' order.
 
     Raises:
-        ValueRangeError: a pick lies outside its picture, or its picture did not come.
+        ValueRangeError: a pick lies outside its image, or its image did not come.
     """
     by_image: dict[str, list[Pick]] = {}
     for pick in picks:
@@ -148,7 +148,7 @@ def gather_patches(
     features: list[NDArray[np.float64]] = []
     labels: list[int] = []
     colour_counts = np.zeros((CLASS_COUNT, COLOUR_COUNT), dtype=np.int64)
-    for name, rgb in pictures:
+    for name, rgb in images:
         mine = by_image.pop(name, [])
         if not mine:
             continue
@@ -163,9 +163,9 @@ def gather_patches(
             colour_counts[pick.class_id] += count_colours(rgb[patch])
     if by_image:
         missing = ", ".join(sorted(by_image))
-        raise ValueRangeError(f"picks name pictures that are not there: {missing}")
+        raise ValueRangeError(f"picks name images that are not there: {missing}")
     if not features:
-        raise ValueRangeError("there is not one pick on these pictures")
+        raise ValueRangeError("there is not one pick on these images")
     return PickedPatches(
         features=np.concatenate(features),
         labels=np.array(labels, dtype=np.int64),
@@ -178,7 +178,7 @@ def gather_patches(
 
 @dataclass(frozen=True, kw_only=True)
 class _Site:
-    """Where one picture shows one class best."""
+    """Where one image shows one class best."""
 
     image: str
     share: float  # largest part of a patch that is the class
@@ -196,16 +196,16 @@ def draw_picks(
 ) -> list[Pick]:
     """Draw picks from exact class ids, as a person would click them: well inside each class.
 
-    For each class, pictures are chosen among those that show it well, and points among the pixels
+    For each class, images are chosen among those that show it well, and points among the pixels
     whose patch is mostly that class. A class too small for pure patches (the far H) gets the purest
-    there are. The paper took 7 to 9 pictures a class in each scene and 6,484 points in all.
+    there are. The paper took 7 to 9 images a class in each scene and 6,484 points in all.
 
     Args:
-        samples: picture name and its (H, W) exact ids; one scene's pictures.
-        rng: draws pictures and points.
+        samples: image name and its (H, W) exact ids; one scene's images.
+        rng: draws images and points.
         patch_px: side of the teacher's patches, pixels.
         total: points over all classes of this scene.
-        images_per_class: fewest and most pictures a class.
+        images_per_class: fewest and most images a class.
         purity: share of the patch that should be the class.
 
     Returns:
@@ -228,7 +228,7 @@ def draw_picks(
     picks: list[Pick] = []
     for class_id in sorted(sites):
         wanted = int(rng.integers(images_per_class[0], images_per_class[1] + 1))
-        # All pictures that reach the purity are equally good, so that distances and angles vary.
+        # All images that reach the purity are equally good, so that distances and angles vary.
         order = rng.permutation(len(sites[class_id]))
         ranked = sorted(order, key=lambda i: -min(sites[class_id][i].share, purity))
         chosen = [sites[class_id][i] for i in ranked[:wanted]]
@@ -250,5 +250,5 @@ def _site(
     share[~mask] = 0.0  # a person clicks on the thing itself
     best = float(share.max())
     points = np.argwhere(share >= min(purity, 0.95 * best))[:, ::-1].astype(np.int64)
-    # A few hundred are plenty to draw from; whole masks of every picture would fill the memory.
+    # A few hundred are plenty to draw from; whole masks of every image would fill the memory.
     return _Site(image=name, share=best, points=rng.permutation(points)[:500])

@@ -79,13 +79,13 @@ _HUE_LEVEL_DEG: Final = 2.0  # OpenCV's 8-bit hue counts in steps of two degrees
 
 @dataclass(frozen=True, kw_only=True)
 class AugmentConfig:
-    """How far a training picture may be changed; each draw is uniform within plus and minus."""
+    """How far a training image may be changed; each draw is uniform within plus and minus."""
 
     hue_deg: float = 5.0  # the paper's
     saturation: float = 0.02  # relative, the paper's
     value: float = 0.06  # relative, the paper's
     rotation_deg: float = 8.0  # the paper gives none; a stabilised camera rolls little
-    shift: float = 0.1  # of the picture's sides; the paper gives none
+    shift: float = 0.1  # of the image's sides; the paper gives none
 
     def __post_init__(self) -> None:
         if min(self.hue_deg, self.saturation, self.value, self.rotation_deg, self.shift) < 0.0:
@@ -98,9 +98,9 @@ def augmented(
     rng: np.random.Generator,
     config: AugmentConfig,
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return a changed picture and its equally moved class ids.
+    """Return a changed image and its equally moved class ids.
 
-    What comes in from outside the picture is its mirror image, in both alike.
+    What comes in from outside the image is its mirror image, in both alike.
 
     Args:
         rgb: (H, W, 3) uint8.
@@ -109,7 +109,7 @@ def augmented(
         config: their limits.
 
     Raises:
-        ShapeError: picture and ids differ in size.
+        ShapeError: image and ids differ in size.
     """
     height, width = rgb.shape[:2]
     if ids.shape != (height, width):

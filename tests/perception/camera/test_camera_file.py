@@ -71,7 +71,7 @@ def test_a_camera_serves_other_sizes_of_its_aspect(tmp_path: Path) -> None:
 def test_another_aspect_is_refused_with_both(tmp_path: Path, size: tuple[int, int]) -> None:
     path = tmp_path / "camera.yaml"
     write_camera(path, TRIAL)
-    with pytest.raises(ValueRangeError, match=f"1280x720.*pictures are {size[0]}x{size[1]}"):
+    with pytest.raises(ValueRangeError, match=f"1280x720.*images are {size[0]}x{size[1]}"):
         load_camera(path, size_px=size)
     with pytest.raises(ValueRangeError, match="the camera was calibrated"):
         fitted_camera(CAMERA, *size)

@@ -83,7 +83,7 @@ def test_far_carpet_and_impossible_predictions_are_left_out() -> None:
     relative = predicted()
     relative[:, :112] = np.nan
     relative[60:, 112:] = -1.0
-    drawn = sample(relative, config=ScaleConfig(farthest_m=4.0))
+    drawn = sample(relative, config=ScaleConfig(max_range_m=4.0))
 
     assert drawn is not None
     columns, rows = drawn.pixels.T

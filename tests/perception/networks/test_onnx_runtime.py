@@ -1,5 +1,6 @@
 """What all networks are run with: pictures in, class numbers out, no instruction that kills."""
 
+import tempfile
 from pathlib import Path
 
 import cv2
@@ -20,14 +21,17 @@ def _network(shape: list[int], *nodes: object) -> object:
         [helper.make_tensor_value_info("y", FLOAT, shape)],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
-    return runtime.model_of_bytes(model.SerializeToString())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "net.onnx"
+        path.write_bytes(model.SerializeToString())
+        return runtime.read_model(path, "a test")
 
 
 # --- pictures -------------------------------------------------------------------------------------
 
 
 def test_colours_are_shifted_scaled_and_ordered_as_the_network_wants() -> None:
-    model = runtime.taking_pictures(
+    model = runtime.accept_uint8(
         _network([1, 3, 8, 16]), mean=(10.0, 0.0, 0.0), scale=(2.0, 1.0, 4.0), colours="bgr"
     )
     rgb = np.full((1, 8, 16, 3), (30, 40, 50), dtype=np.uint8)
@@ -37,7 +41,7 @@ def test_colours_are_shifted_scaled_and_ordered_as_the_network_wants() -> None:
 
 
 def test_a_channels_last_network_gets_its_channels_last() -> None:
-    model = runtime.taking_pictures(_network([1, 8, 16, 3]), planar=False)
+    model = runtime.accept_uint8(_network([1, 8, 16, 3]), planar=False)
     rgb = np.full((1, 8, 16, 3), (0, 51, 255), dtype=np.uint8)
     seen = runtime.compile_model(model, 1)(rgb)[0]
     np.testing.assert_allclose(seen[0, 2, 5], [0.0, 0.2, 1.0], rtol=1e-6)

@@ -44,7 +44,7 @@ def test_only_the_tables_asked_for_are_made() -> None:
     ("arguments", "words"),
     [
         (["--model", "absent.onnx"], ["absent.onnx"]),
-        (["--model", "dept"], ["unknown depth network 'dept'"]),
+        (["--model", "dept"], ["unknown depth model 'dept'"]),
         (["--model", "contact", "--tables", "pair"], ["unknown table 'pair'", "'pairs'"]),
         (["--model", "contact", "--tables", ","], ["no table"]),
         (["--model", "contact", "--scene", "test-c"], ["unknown scene 'test-c'"]),

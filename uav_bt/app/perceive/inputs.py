@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from perception.camera.camera_file import load_camera
-from perception.depth.runtime import SHIPPED_DEPTHS, load_depth_estimator
+from perception.depth.runtime import CONTACT, load_depth_estimator
 from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
@@ -24,7 +24,6 @@ from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record
 from uav_bt.types import CameraModel
 
-_CONTACT: Final = "contact"
 _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a video are square
 
 
@@ -185,9 +184,6 @@ def _segmenter(options: PerceiveOptions) -> Segmenter:
 
 
 def _network(options: PerceiveOptions) -> DepthEstimator | None:
-    if options.model == _CONTACT:
+    if options.model == CONTACT:
         return None
-    if options.model not in SHIPPED_DEPTHS and not options.model.lower().endswith(".onnx"):
-        known = (*SHIPPED_DEPTHS, _CONTACT, "FILE.onnx")
-        raise UnknownNameError("depth model", options.model, known)
     return load_depth_estimator(options.model, threads=options.threads)

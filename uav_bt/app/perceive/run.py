@@ -24,7 +24,7 @@ from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import InputError
 from uav_bt.files import writing
 from uav_bt.mission.flight_report import Percentiles
-from uav_bt.protocols import Advance, silent
+from uav_bt.progress import Advance, silent
 from uav_bt.types import CameraModel, Corridor, HelipadFix
 
 _MAX_RATE: Final = 60.0  # images a second of a video that is written

@@ -14,7 +14,7 @@ from perception.obstacles.corridor import CorridorConfig, CorridorPlanes, build_
 from uav_bt.classes import CARPET
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import methods_for, metric_maps
-from uav_bt.protocols import Advance, silent
+from uav_bt.progress import Advance, silent
 from uav_bt.types import Corridor, DepthMap
 
 FRONTS_M: Final = (0.3, 0.5, 1.0, 1.5, 2.0, 3.0)

@@ -29,7 +29,8 @@ from sim_bridge.twin.sensors import Sensors
 from sim_bridge.twin.views import View, render_views
 from uav_bt.errors import UnknownNameError, ValueRangeError
 from uav_bt.learning.views import TESTING_SCENES, DepthViewPlan, Image, scene_seed
-from uav_bt.protocols import Advance, DepthEstimator, Segmenter, silent
+from uav_bt.progress import Advance, silent
+from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame
 
 Masks = Literal["unet", "exact"]

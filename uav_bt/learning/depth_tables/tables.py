@@ -29,7 +29,7 @@ from perception.depth.evaluation.scores import (
 )
 from uav_bt.learning.depth_tables.images import Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import Error, Method, methods_for, metric_maps
-from uav_bt.protocols import Advance, silent
+from uav_bt.progress import Advance, silent
 from uav_bt.types import DepthMap
 
 PATCHES_PX: Final = (1, 3, 5, 7, 9)

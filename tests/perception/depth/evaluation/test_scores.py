@@ -155,5 +155,5 @@ def test_maps_of_another_size_are_refused() -> None:
 
 
 def test_unusable_settings_are_refused() -> None:
-    with pytest.raises(ValueRangeError, match="nearest_m"):
-        PointConfig(nearest_m=5.0, furthest_m=1.0)
+    with pytest.raises(ValueRangeError, match="min_range_m"):
+        PointConfig(min_range_m=5.0, max_range_m=1.0)

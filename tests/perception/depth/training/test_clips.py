@@ -49,7 +49,7 @@ def _warping_error(clip: Clip) -> float:
 
 
 def test_references_are_near_enough_and_far_enough(flight: clips.Flight) -> None:
-    config = replace(PLAIN, least_move_m=0.12, most_move_m=0.3)
+    config = replace(PLAIN, min_move_m=0.12, max_move_m=0.3)
     source = clips.ClipSource([flight], config)
     for seed in range(8):
         clip = source.draw(np.random.default_rng(seed))
@@ -127,7 +127,7 @@ def test_single_frames_need_no_movement(flight: clips.Flight) -> None:
 
 
 def test_a_flight_that_does_not_move_is_refused(flight: clips.Flight) -> None:
-    config = replace(PLAIN, least_move_m=5.0, most_move_m=6.0)
+    config = replace(PLAIN, min_move_m=5.0, max_move_m=6.0)
     source = clips.ClipSource([flight], config)
     assert len(source) == 0
     assert source.draw_frames(np.random.default_rng(0)).labels is not None
@@ -137,7 +137,7 @@ def test_a_flight_that_does_not_move_is_refused(flight: clips.Flight) -> None:
 
 def test_a_flight_that_stays_on_the_ground_is_refused(flight: clips.Flight) -> None:
     with pytest.raises(ValueRangeError, match="fly higher"):
-        clips.ClipSource([flight], replace(PLAIN, least_height_m=4.0))
+        clips.ClipSource([flight], replace(PLAIN, min_height_m=4.0))
 
 
 def test_flights_with_and_without_labels_do_not_mix(flight: clips.Flight) -> None:

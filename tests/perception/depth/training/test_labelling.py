@@ -9,10 +9,10 @@ import pytest
 
 from perception.depth.training import labelling
 from perception.depth.training.clips import DepthLabels
-from perception.depth.training.parallax import ParallaxConfig, parallax_depth
+from perception.depth.training.parallax import Parallax, ParallaxConfig
 from tests.perception.depth.depth_flight import KnownFlight, known_flight
 from uav_bt.errors import FileError, ShapeError, ValueRangeError
-from uav_bt.types import ClassMap, Frame
+from uav_bt.types import CameraModel, ClassMap, Frame
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +40,21 @@ def _relative_error(found: np.ndarray, known: KnownFlight, place: int) -> np.nda
     return np.abs(found - truth)[counts] / truth[counts]
 
 
+def _parallax_depth(
+    grey: np.ndarray, others: list[tuple[np.ndarray, np.ndarray]], camera: CameraModel
+) -> np.ndarray:
+    parallax = Parallax(grey, camera)
+    for other, motion in others:
+        parallax.add(other, motion)
+    return parallax.depth()
+
+
 # --- parallax -------------------------------------------------------------------------------------
 
 
 def test_flow_between_known_places_gives_depth(known: KnownFlight) -> None:
     others = [(_grey(known, j), known.motion(5, j)) for j in (1, 3, 8, 10)]
-    depth = parallax_depth(_grey(known, 5), others, known.footage.camera)
+    depth = _parallax_depth(_grey(known, 5), others, known.footage.camera)
     error = _relative_error(depth, known, 5)
     assert error.size > 5000
     assert np.median(error) < 0.04
@@ -53,13 +62,13 @@ def test_flow_between_known_places_gives_depth(known: KnownFlight) -> None:
 
 def test_one_other_frame_is_not_believed(known: KnownFlight) -> None:
     others = [(_grey(known, 9), known.motion(5, 9))]
-    assert np.isnan(parallax_depth(_grey(known, 5), others, known.footage.camera)).all()
+    assert np.isnan(_parallax_depth(_grey(known, 5), others, known.footage.camera)).all()
 
 
 def test_frames_from_the_same_place_say_nothing(known: KnownFlight) -> None:
     still = np.eye(3, 4)
     others = [(_grey(known, 5), still)] * 3
-    assert np.isnan(parallax_depth(_grey(known, 5), others, known.footage.camera)).all()
+    assert np.isnan(_parallax_depth(_grey(known, 5), others, known.footage.camera)).all()
 
 
 def test_frames_that_do_not_fit_their_movements_say_little(known: KnownFlight) -> None:
@@ -67,7 +76,7 @@ def test_frames_that_do_not_fit_their_movements_say_little(known: KnownFlight) -
     wrong = [(_grey(known, j), known.motion(5, 11 - j)) for j in (1, 3, 8, 10)]
     camera = known.footage.camera
     believed, doubted = (
-        np.isfinite(parallax_depth(_grey(known, 5), others, camera)).sum()
+        np.isfinite(_parallax_depth(_grey(known, 5), others, camera)).sum()
         for others in (right, wrong)
     )
     assert doubted < 0.2 * believed
@@ -75,7 +84,7 @@ def test_frames_that_do_not_fit_their_movements_say_little(known: KnownFlight) -
 
 def test_a_frame_of_another_size_is_refused(known: KnownFlight) -> None:
     with pytest.raises(ShapeError, match="256x320, as its camera"):
-        parallax_depth(np.zeros((20, 30), np.uint8), [], known.footage.camera)
+        _parallax_depth(np.zeros((20, 30), np.uint8), [], known.footage.camera)
 
 
 # --- labels ---------------------------------------------------------------------------------------
@@ -94,7 +103,7 @@ def test_ground_contacts_label_carpet_and_boxes(known: KnownFlight) -> None:
 
 
 def test_low_frames_get_no_labels(known: KnownFlight) -> None:
-    config = labelling.LabelConfig(least_height_m=9.0)
+    config = labelling.LabelConfig(min_height_m=9.0)
     labels = labelling.contact_labels(known.footage, _Exact(known), config)
     assert np.isnan(labels.depth_m).all()
 
@@ -135,7 +144,7 @@ def test_frames_come_back_with_their_telemetry(known: KnownFlight) -> None:
 def test_no_frames_at_all_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="every and others"):
         replace(labelling.LabelConfig(), others=0)
-    assert ParallaxConfig().least_views == 2
+    assert ParallaxConfig().min_views == 2
 
 
 @pytest.mark.parametrize("bounded", [True, False])

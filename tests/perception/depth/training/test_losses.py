@@ -236,3 +236,15 @@ def test_a_bound_pulls_only_what_exceeds_it_and_has_no_label() -> None:
     assert torch.isfinite(depth.grad).all()
     pulled = depth.grad[0, 0, 0] > 0.0
     assert pulled.nonzero().flatten().tolist() == [5, 6, 7, 8, 9]
+
+
+def test_maps_of_another_size_are_refused() -> None:
+    depth, image = torch.ones(1, 1, 6, 8), torch.ones(1, 3, 12, 16)
+    with pytest.raises(ShapeError, match="labels must be 1x1x6x8"):
+        losses.label_loss(depth, torch.ones(1, 1, 6, 4))
+    with pytest.raises(ShapeError, match="bounds must be 1x1x6x8"):
+        losses.label_loss(depth, depth, torch.ones(1, 1, 6, 4))
+    with pytest.raises(ShapeError, match="smooth must be 1x1x12x16"):
+        losses.smoothness_loss(depth, image)
+    with pytest.raises(ShapeError, match="second image"):
+        losses.photometric_error(image, image[..., 1:])

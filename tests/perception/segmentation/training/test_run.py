@@ -11,7 +11,7 @@ import onnx
 import pytest
 import torch
 
-from perception.networks.onnx_runtime import compile_model, read_model, taking_pictures
+from perception.networks.onnx_runtime import accept_uint8, compile_model, read_model
 from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.evaluation import score_segmentation
@@ -157,7 +157,7 @@ def test_the_onnx_file_answers_as_torch_does(tmp_path: Path) -> None:
     UNET_FILES.save(weights, net, notes={})
     UNET_FILES.export(weights, tmp_path / "unet.onnx")
     segmenter = OnnxSegmenter(tmp_path / "unet.onnx")
-    model = taking_pictures(read_model(tmp_path / "unet.onnx", "nothing"))
+    model = accept_uint8(read_model(tmp_path / "unet.onnx", "nothing"))
     rgb = np.random.default_rng(0).integers(256, size=(32, 64, 3), dtype=np.uint8)
     with torch.inference_mode():
         expected = net(torch.from_numpy(rgb[None]).permute(0, 3, 1, 2) / 255.0).numpy()

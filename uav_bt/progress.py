@@ -1,0 +1,12 @@
+"""How long work reports its progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Advance = Callable[[str, int, int], None]
+"""Called with the stage's name, the steps done and the steps in all."""
+
+
+def silent(_stage: str, _done: int, _total: int) -> None:
+    """Report nothing."""
