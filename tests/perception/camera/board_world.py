@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import load_mujoco
-from sim_bridge.twin.scene import Helipad, Lighting, Scene
+from sim_bridge.twin.scene import Lighting
 
 load_mujoco()
 
@@ -49,8 +49,8 @@ def photograph(
         (H, W, 3) uint8 RGB.
     """
     builder = twin_model._Builder()
-    bright = Lighting(ambient=0.9, direction=(0.6, 0.2, -0.6))
-    builder.room(Scene(name="board", helipad=Helipad(position_m=(2.0, 1.5)), lighting=bright))
+    builder.room()
+    builder.lights(Lighting(ambient=0.9, direction=(0.6, 0.2, -0.6)))
     builder._texture("board", _texture(squares))
     width_m, height_m = ((count + 2) * square_m for count in squares)
     solid = twin_model._Solid(half_m=(0.002, width_m / 2, height_m / 2), centre_m=_CENTRE_M)
