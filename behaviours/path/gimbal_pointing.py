@@ -15,7 +15,7 @@ _MIN_BEARINGS = 2  # degrees that must show something of unknown range; fewer ar
 class GimbalPointingConfig:
     """How far down the camera looks, and when."""
 
-    min_pitch_rad: float = math.radians(-50)  # steeper, roofs are no longer told from bases
+    min_pitch_rad: float = math.radians(-50)  # steeper, roofs cannot be distinguished from bases
     near_ahead_rad: float = math.radians(45)  # what is unplaced this near to ahead is looked at
     look_down_s: float = 1.0  # so long, enough for the memory to place it
 

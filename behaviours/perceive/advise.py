@@ -1,4 +1,4 @@
-"""Advise: ask a leaf policy about every view, whoever flies; what it says is for the records.
+"""Advise: ask a leaf policy about every view; its advice goes to the records, not to the drone.
 
 A network learns from it what the rule does. In flights of the rule it is what was done; in flights
 of the network it is what should have been done where the network led (dataset aggregation: Ross,
@@ -20,7 +20,7 @@ from uav_bt.types import HeldTurn
 class Advise(Leaf):
     """Ask a leaf policy about each new view, and write what it says; SUCCESS always.
 
-    It stands behind the perception leaves, `RememberViews` among them. Nobody has to follow it.
+    It comes after the perception leaves, `RememberViews` among them. No leaf follows the advice.
     """
 
     ports = (Port("policy", str, default="corridor", doc="leaf policy that is asked"),)
@@ -28,7 +28,7 @@ class Advise(Leaf):
     writes = (ADVICE,)
 
     def on_setup(self, mission: MissionContext) -> None:
-        """Find the policy; raises UnknownNameError for a name that nobody registered."""
+        """Find the policy; raises UnknownNameError for a name that is not registered."""
         self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
         self._rng: np.random.Generator = mission.rng(self.path)
         self._last_index = -1

@@ -21,7 +21,7 @@ from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import PastView
 
-_KEPT: Final = 48  # pictures at the network's size: those of 4 s at 10 frames a second, and more
+_KEPT: Final = 48  # images at the network's size: those of 4 s at 10 frames a second, and more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class StudentPolicyConfig:
 
 
 class StudentPolicy:
-    """The network as a leaf policy. Pure: it keeps pictures it has shrunk, and nothing else."""
+    """The network as a leaf policy. Pure: it keeps images that it has resized, and nothing else."""
 
     def __init__(
         self, weights: Path = SHIPPED_STUDENT, *, config: StudentPolicyConfig | None = None
@@ -60,7 +60,7 @@ class StudentPolicy:
         """
         self._config = config or StudentPolicyConfig()
         self._student = OnnxControlStudent(weights)
-        self._pictures: OrderedDict[tuple[int, float], NDArray[np.uint8]] = OrderedDict()
+        self._images: OrderedDict[tuple[int, float], NDArray[np.uint8]] = OrderedDict()
 
     @classmethod
     def from_text(cls, text: str) -> Self:
@@ -71,7 +71,7 @@ class StudentPolicy:
         """Return an advance or a turn. A turn under way keeps its direction until it worked.
 
         Raises:
-            MissionError: nobody remembers views for it.
+            MissionError: no leaf remembers views for it.
             WeightsError: the network answered with something that is not a number.
         """
         if view.recent is None:
@@ -87,7 +87,7 @@ class StudentPolicy:
             full_turns=view.full_turns,
         )
         estimate = self._student.estimate(
-            [self._picture(past) for past in views],
+            [self._image(past) for past in views],
             state_vector(ego, [past.pose for past in views]),
         )
         return self._decision(estimate, view)
@@ -109,11 +109,11 @@ class StudentPolicy:
         reason = f"{'edge' if ends else 'obstacle'} {estimate.advance:.2f}"
         return Decision(yaw_rad=yaw_rad, carpet_ends=ends, reason=reason, free_m=free_m)
 
-    def _picture(self, past: PastView) -> NDArray[np.uint8]:
-        """Return a view's picture at the network's size; each is shrunk once."""
+    def _image(self, past: PastView) -> NDArray[np.uint8]:
+        """Return the image of a view at the size of the network; each is resized once."""
         key = (past.frame.index, past.frame.captured_s)
-        if key not in self._pictures:
-            self._pictures[key] = self._student.preprocess(past.frame.image)
-            if len(self._pictures) > _KEPT:
-                self._pictures.popitem(last=False)
-        return self._pictures[key]
+        if key not in self._images:
+            self._images[key] = self._student.preprocess(past.frame.image)
+            if len(self._images) > _KEPT:
+                self._images.popitem(last=False)
+        return self._images[key]

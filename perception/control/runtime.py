@@ -102,7 +102,7 @@ class OnnxControlStudent:
             raise ShapeError("views", expected=expected, actual=frames.shape)
         if state.shape != self._state[1:]:
             raise ShapeError("state vector", expected=str(self._state[1]), actual=state.shape)
-        # The network's own layers turn NaN into zero, and nobody would notice.
+        # The network's own layers turn NaN into zero, unnoticed.
         if not np.isfinite(state).all():
             raise ValueRangeError(
                 f"the state must be finite numbers, got {state.tolist()}; look at telemetry"

@@ -115,7 +115,7 @@ def build_corridor(
     """Find what is inside the corridor.
 
     Where the depth is unknown but bounded, a thing whose bound is inside the corridor is inside;
-    how near it is nobody knows, so nothing ahead of it counts as free.
+    how near it is is unknown, so nothing ahead of it counts as free.
 
     Args:
         depth: metric depth, (H, W).

@@ -114,7 +114,7 @@ RECENT_VIEWS: Final = Key(
 ADVICE: Final = Key(
     "advice",
     Advice,
-    "what a policy says of the newest view, whoever flies",
+    "a policy's advice on the newest view",
     writer="Advise",
     max_age_s=_FRAME_MAX_AGE_S,
 )

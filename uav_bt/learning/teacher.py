@@ -119,7 +119,7 @@ def label_views(
         advance: called when a scene is done.
 
     Returns:
-        Pictures (N, h, w, 3) and the teacher's ids (N, h, w).
+        Images (N, h, w, 3) and the teacher's ids (N, h, w).
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"labels-{Path(name).stem}.npz" for name in plan.views.scenes]
