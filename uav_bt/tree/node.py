@@ -152,6 +152,20 @@ class Node(Surroundings, Behaviour):
         Raises:
             NodeFailedError: an exception came out of this node or of one below it.
         """
+        if self.observer is not None or self._conditions is not None:
+            return self._tick_watched()
+        # The same for a node that is not observed and has no conditions, which most are.
+        try:
+            status = self._tick()
+        except NodeFailedError:
+            raise
+        except Exception as error:
+            raise NodeFailedError(self.path, error) from error
+        if status is not SKIPPED:
+            self.node_status = status
+        return status
+
+    def _tick_watched(self) -> Status:
         observer = self.observer
         conditions = self._conditions
         try:
