@@ -6,10 +6,12 @@ import importlib.metadata
 import importlib.util
 import sys
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
-from uav_bt.protocols import LeafPolicy
+
+if TYPE_CHECKING:
+    from uav_bt.protocols import LeafPolicy
 
 BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
 POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
@@ -117,6 +119,8 @@ def make_policy(name: str) -> LeafPolicy:
         UnknownNameError: it is not registered.
         InputError: it takes no argument, or refuses this one.
     """
+    from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
+
     registered, colon, argument = name.partition(":")
     factory = load(POLICIES, registered)
     if colon and not hasattr(factory, "from_text"):

@@ -185,7 +185,7 @@ def _in_integers(
         RangeEstimatorParametersSet,
     )
 
-    nncf.set_log_level(logging.ERROR)
+    logging.getLogger("nncf").setLevel(logging.ERROR)  # of the logger, not of others' handlers
     extremes = RangeEstimatorParametersSet.MINMAX
     with redirect_stdout(io.StringIO()):  # its progress bars
         quantized: onnx.ModelProto = nncf.quantize(

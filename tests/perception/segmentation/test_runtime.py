@@ -144,7 +144,7 @@ def test_absent_and_damaged_networks_are_refused(tmp_path: Path) -> None:
     with pytest.raises(WeightsError, match=r"n\.onnx: is not a readable ONNX network"):
         runtime.OnnxSegmenter(path)
     with pytest.raises(ValueRangeError, match="at least one thread"):
-        runtime.OnnxSegmenter(path, threads=0)
+        runtime.shipped_unet(threads=0)
 
 
 def test_an_answer_that_is_not_a_number_is_refused(tmp_path: Path) -> None:

@@ -112,7 +112,13 @@ def test_a_missing_package_is_named_with_its_extra(
     module: str, arguments: list[str], extra: str
 ) -> None:
     done = python(
-        f"import sys\nsys.modules[{module!r}] = None\nfrom uav_bt.cli import main\n"
+        "import sys\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name.partition('.')[0] == {module!r}:\n"
+        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
+        "sys.meta_path.insert(0, Absent())\n"
+        "from uav_bt.cli import main\n"
         f"sys.argv[1:] = {arguments!r}\nmain()"
     )
     assert done.returncode == 2

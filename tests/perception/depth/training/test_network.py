@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from perception.depth.runtime import OnnxDepthEstimator, load_depth_estimator
-from perception.depth.training import network, pose_network, run
+from perception.depth.training import network, run
 from perception.depth.training.network import DEPTH_FILES
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from uav_bt.errors import ValueRangeError, WeightsError
@@ -93,7 +93,7 @@ def test_a_depth_that_the_network_cannot_say_is_refused() -> None:
 
 
 def test_every_parameter_of_both_networks_learns() -> None:
-    net, pose = network.DepthNet(NET), pose_network.PoseNet()
+    net, pose = network.DepthNet(NET), network.PoseNet()
     pictures = torch.rand(2, 3, 32, 64)
     loss = net(pictures).mean() + pose(pictures, pictures.flip(3)).square().sum()
     loss.backward()
@@ -107,7 +107,7 @@ def test_every_parameter_of_both_networks_learns() -> None:
 def test_an_untrained_pose_network_says_almost_no_movement() -> None:
     torch.manual_seed(0)
     with torch.inference_mode():
-        motion = pose_network.PoseNet().eval()(torch.rand(2, 3, 64, 64), torch.rand(2, 3, 64, 64))
+        motion = network.PoseNet().eval()(torch.rand(2, 3, 64, 64), torch.rand(2, 3, 64, 64))
     assert motion.shape == (2, 3, 4)
     torch.testing.assert_close(motion[:, :, :3], torch.eye(3).expand(2, 3, 3), atol=0.05, rtol=0)
     assert motion[:, :, 3].abs().max() < 0.05
@@ -115,7 +115,7 @@ def test_an_untrained_pose_network_says_almost_no_movement() -> None:
 
 def test_six_numbers_are_a_translation_and_a_rotation_vector() -> None:
     quarter = torch.pi / 2.0
-    motion = pose_network.motion_matrix(torch.tensor([[1.0, 2.0, 3.0, 0.0, quarter, 0.0]]))
+    motion = network.motion_matrix(torch.tensor([[1.0, 2.0, 3.0, 0.0, quarter, 0.0]]))
     wanted = torch.tensor([[[0.0, 0.0, 1.0, 1.0], [0.0, 1.0, 0.0, 2.0], [-1.0, 0.0, 0.0, 3.0]]])
     torch.testing.assert_close(motion, wanted, atol=1e-6, rtol=0)
 

@@ -16,7 +16,7 @@ from perception.networks.training.loop import Progress
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.segmentation.evaluation import score_segmentation
 from perception.segmentation.runtime import OnnxSegmenter
-from perception.segmentation.training import losses, run, unet
+from perception.segmentation.training import run, unet
 from perception.segmentation.training.run import AugmentConfig, augmented
 from perception.segmentation.training.unet import UNET_FILES
 from tests.perception.segmentation.patterned import CLASSES, samples
@@ -68,7 +68,7 @@ def test_a_loss_is_small_for_the_right_answer_and_ignores_what_nobody_knows(name
     right = torch.full((1, 17, 2, 2), -20.0)
     for row, column, class_id in ((0, 0, 0), (0, 1, 3), (1, 0, 16), (1, 1, 5)):
         right[0, class_id, row, column] = 20.0
-    loss = losses.LOSSES[name]
+    loss = run.LOSSES[name]
     assert loss(right, ids, run.IGNORED).item() < 0.02
     wrong = right.clone()
     wrong[0, :, 1, 1] = right[0, :, 0, 0]  # another answer where nobody knows
