@@ -10,7 +10,6 @@ from pathlib import Path
 from types import FrameType
 
 from uav_bt.app.assembly import Flight, FlightOptions, assemble
-from uav_bt.app.flight_record import FlightRecord
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, UavBtError
 from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
@@ -71,9 +70,11 @@ def fly(
             raise FileError(file, f"folder {file.parent} does not exist; create it first")
     flight = assemble(tree, options)
     with ExitStack() as stack:
-        record = (
-            None if options.record is None else stack.enter_context(FlightRecord(options.record))
-        )
+        record = None
+        if options.record is not None:
+            from uav_bt.app.flight_record import FlightRecord  # noqa: PLC0415  (an extra)
+
+            record = stack.enter_context(FlightRecord(options.record))
         stack.enter_context(flight.connected())
         if flight.drone.live and not options.rehearse:
             _check_before_take_off(flight, on_check)

@@ -25,6 +25,33 @@ def python(code: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
     )
 
 
+def without(*modules: str) -> str:
+    """Return code after which these modules cannot be imported, as if they were not installed."""
+    return (
+        "import sys\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name.partition('.')[0] in {modules!r}:\n"
+        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
+        "sys.meta_path.insert(0, Absent())\n"
+    )
+
+
+def test_flying_needs_no_extra() -> None:
+    """`make fly` installs none of them."""
+    extras = (
+        *("foxglove", "mcap", "rerun", "zmq", "msgpack", "jinja2", "dask", "distributed"),
+        *("control", "torch", "onnx", "onnxruntime", "nncf", "olympe"),
+    )
+    done = python(
+        f"{without(*extras)}"
+        "from uav_bt.cli import check, doctor, fly, lab, simulate, tree\n"
+        "from uav_bt import app\n"
+        "app.make_drone(app.FlightOptions())\n"
+    )
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "heavy"),
     [
@@ -112,14 +139,7 @@ def test_a_missing_package_is_named_with_its_extra(
     module: str, arguments: list[str], extra: str
 ) -> None:
     done = python(
-        "import sys\n"
-        "class Absent:\n"
-        "    def find_spec(self, name, path=None, target=None):\n"
-        f"        if name.partition('.')[0] == {module!r}:\n"
-        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
-        "sys.meta_path.insert(0, Absent())\n"
-        "from uav_bt.cli import main\n"
-        f"sys.argv[1:] = {arguments!r}\nmain()"
+        f"{without(module)}from uav_bt.cli import main\nsys.argv[1:] = {arguments!r}\nmain()"
     )
     assert done.returncode == 2
     assert done.stderr == (

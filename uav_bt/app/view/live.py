@@ -17,7 +17,6 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.rerun import sinks
-from uav_bt.display.rerun.flight_view import BackgroundFollower, Statuses
 from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting, tree_nodes
 from uav_bt.mission.runner import TickListener
 from uav_bt.protocols import Drone
@@ -26,6 +25,8 @@ from uav_bt.types import CameraModel
 
 if TYPE_CHECKING:
     import rerun as rr
+
+    from uav_bt.display.rerun.flight_view import BackgroundFollower, Statuses
 
 
 class ViewListeners:
@@ -47,8 +48,11 @@ class ViewListeners:
 
     def __call__(self, flight: Flight[Drone]) -> Sequence[TickListener]:
         """Begin to draw the flight of a connected drone."""
-        from uav_bt.display.rerun.flight_view import FlightView  # noqa: PLC0415 - needs Rerun
-        from uav_bt.display.rerun.setting import layout  # noqa: PLC0415
+        from uav_bt.display.rerun.flight_view import (  # noqa: PLC0415  (needs Rerun)
+            BackgroundFollower,
+            FlightView,
+        )
+        from uav_bt.display.rerun.layout import layout  # noqa: PLC0415
 
         mission, board = flight.mission, flight.context.board
         setting = setting_of(

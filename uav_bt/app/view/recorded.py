@@ -119,7 +119,7 @@ class RecordedFlight:
             FileError: the record has no tick there, or one that cannot be read.
         """
         from uav_bt.display.rerun.flight_view import FlightView  # noqa: PLC0415 - needs Rerun
-        from uav_bt.display.rerun.setting import layout  # noqa: PLC0415
+        from uav_bt.display.rerun.layout import layout  # noqa: PLC0415
 
         setting, playback = self.setting(), Playback(self.reader)
         stream.send_blueprint(layout(setting))

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour, circle
 from uav_bt.display.phrases import describe_corridor
-from uav_bt.display.rerun.setting import DEPTH_LENS, LENS, MASK, Entities, ViewSetting
+from uav_bt.display.rerun.layout import Entities
+from uav_bt.display.rerun.setting import DEPTH_LENS, LENS, MASK, ViewSetting
 from uav_bt.display.video.depth_panes import FARTHEST_M, intruding_pixels
 from uav_bt.display.video.panes import pad_circle
 from uav_bt.record.images import encode_image

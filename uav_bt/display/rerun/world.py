@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
 from uav_bt.display.lab_map import CARPET_COLOUR, FlownPath, LabMap, MapItem, phase_colours
+from uav_bt.display.rerun.layout import Entities
 from uav_bt.display.rerun.setting import (
     BODY,
     CORRIDOR,
@@ -24,7 +25,6 @@ from uav_bt.display.rerun.setting import (
     PATH,
     WORLD,
     CorridorSize,
-    Entities,
     ViewSetting,
 )
 from uav_bt.types import (

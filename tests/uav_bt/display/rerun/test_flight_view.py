@@ -13,7 +13,7 @@ from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, 
 from uav_bt.board import PHASE
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.rerun.flight_view import BackgroundFollower, FlightView, Statuses
-from uav_bt.display.rerun.setting import layout
+from uav_bt.display.rerun.layout import layout
 from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Override
 from uav_bt.tree import Status

@@ -1,0 +1,116 @@
+"""How the viewer arranges a flight, and what is drawn and taken away again."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from uav_bt.display.canvas import BACKDROP, Colour
+from uav_bt.display.rerun.setting import (
+    DEPTH_LENS,
+    FREE_DISTANCE,
+    HEADING,
+    HEIGHT,
+    LENS,
+    MASK,
+    PATH,
+    TICK_TIME,
+    TIMELINE,
+    TREE,
+    WORDS,
+    WORLD,
+    ViewSetting,
+)
+
+_FLOOR: Final[Colour] = (60, 64, 72)
+
+
+def layout(setting: ViewSetting) -> rrb.Blueprint:
+    """Return the layout of a flight; panes that would stay empty are left out."""
+    eyes: list[rrb.View] = [rrb.Spatial2DView(origin=MASK, name="Mask")]
+    if setting.makes_depth:
+        eyes.append(rrb.Spatial2DView(origin=DEPTH_LENS, name="Metric depth"))
+    seen = rrb.Vertical(
+        rrb.Spatial2DView(origin=LENS, name="Camera"),
+        rrb.Horizontal(*eyes),
+        row_shares=[3, 2],
+    )
+    flown = rrb.Tabs(_world(), rrb.TextLogView(origin=WORDS, name="Words"))
+    above: list[rrb.Container | rrb.View] = [seen, flown]
+    if setting.tree:
+        above.append(rrb.GraphView(origin=TREE, name="Tree"))
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Horizontal(*above, column_shares=[4, 5, 3][: len(above)]),
+            rrb.Horizontal(*_plots()),
+            row_shares=[5, 2],
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+    )
+
+
+def _world() -> rrb.Spatial3DView:
+    # The path is one piece a tick, so that a long flight does not repeat it every tick.
+    so_far = rrb.VisibleTimeRanges(
+        timeline=TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    return rrb.Spatial3DView(
+        origin=WORLD,
+        name="Lab",
+        background=BACKDROP,
+        line_grid=rrb.LineGrid3D(spacing=1.0, color=_FLOOR),
+        overrides={PATH: [so_far]},
+        eye_controls=rrb.EyeControls3D(
+            position=[-1.2, -6.0, 5.2], look_target=[0.0, 0.0, 0.3], eye_up=[0.0, 0.0, 1.0]
+        ),
+    )
+
+
+def _plots() -> list[rrb.View]:
+    named = {
+        HEADING: "Heading error, deg",
+        HEIGHT: "Height, m",
+        FREE_DISTANCE: "Free distance, m",
+        TICK_TIME: "Tick time, ms",
+    }
+    return [
+        rrb.TimeSeriesView(
+            origin=origin, name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+        )
+        for origin, name in named.items()
+    ]
+
+
+class Entities:
+    """What is drawn and may be taken away again.
+
+    Args:
+        stream: where to.
+    """
+
+    def __init__(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        self._drawn: set[str] = set()
+
+    def draw(self, entity: str, *things: Any) -> None:
+        """Draw an entity, in place of what it was.
+
+        Args:
+            entity: its path.
+            things: Rerun's archetypes.
+        """
+        self._stream.log(entity, *things)
+        self._drawn.add(entity)
+
+    def clear(self, *entities: str) -> None:
+        """Take entities away that are drawn."""
+        for entity in self._drawn.intersection(entities):
+            self._drawn.remove(entity)
+            self._stream.log(entity, rr.Clear(recursive=False))
