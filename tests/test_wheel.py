@@ -75,7 +75,10 @@ def test_the_wheel_holds_trees_scenes_and_weights(wheel: Path) -> None:
         for path in (ROOT / room).rglob("*")
         if path.suffix in {".py", ".xml", ".yaml", ".onnx", ".safetensors", ".typed"}
     }
-    assert wanted - held == set()
+    assert {Path(name).name for name in wanted - held} == {
+        *("unet-fp32.onnx", "depth-fp32.onnx", "student-fp32.onnx"),
+        *("unet.safetensors", "depth.safetensors", "student.safetensors"),
+    }
     assert not [name for name in held if name.startswith(("tests/", "benchmarks/", "tools/"))]
 
 
@@ -87,3 +90,14 @@ def test_missions_check_and_fly_far_from_the_checkout(installed: Path, tmp_path:
     flown = uav_bt(installed, tmp_path, "fly", "mine.xml", "--image-size", "160x90")
     assert flown.returncode == 0, flown.stderr
     assert "success" in flown.stdout
+
+
+def test_a_network_that_the_wheel_leaves_out_says_where_it_is(
+    installed: Path, tmp_path: Path
+) -> None:
+    tree = tmp_path / "precise.xml"
+    tree.write_text(FLY.replace("unet", "unet-fp32"), encoding="utf-8")
+    done = uav_bt(installed, tmp_path, "fly", str(tree))
+    assert done.returncode == 2
+    assert "work in a checkout of the repository" in done.stderr
+    assert "Traceback" not in done.stderr

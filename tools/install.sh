@@ -1,7 +1,7 @@
 #!/bin/sh
 # Puts uav-bt into a virtual environment: tools/install.sh VENV [EXTRAS]
 #
-# Takes PYTHON if that is set, or else the first Python from 3.11 on that it finds. Works without
+# Takes PYTHON if that is set, or else the newest Python that the tests run on. Works without
 # Debian's python3-venv package as long as there is a pip. Needs no compiler, no root and no GPU.
 set -u
 
@@ -20,7 +20,7 @@ find_python() {
         python=$PYTHON
         return
     fi
-    for python in python3.11 python3.12 python3.13 python3; do
+    for python in python3.13 python3.12 python3.11 python3; do
         recent "$python" && return
     done
     found=$(python3 --version 2>/dev/null || echo none)

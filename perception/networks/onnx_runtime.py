@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.weights_file import where_from
 from uav_bt.errors import ValueRangeError, WeightsError
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
@@ -29,7 +30,8 @@ def read_model(path: Path, remedy: str) -> Any:
         WeightsError: the file is absent or no network.
     """
     if not path.is_file():
-        raise WeightsError(path, f"there is no such network; {remedy} makes the shipped one")
+        made_by = f"{remedy} makes the shipped one"
+        raise WeightsError(path, f"there is no such network; {where_from(path, made_by)}")
     try:
         return _openvino().Core().read_model(path)
     except RuntimeError as error:

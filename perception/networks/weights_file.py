@@ -19,6 +19,21 @@ SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the weights that come with the package."""
 
 
+def where_from(path: Path, made_by: str) -> str:
+    """Return what to do when there is no weights file, for the message.
+
+    Args:
+        path: where it was expected.
+        made_by: the command that makes such weights, as a clause.
+    """
+    if path.parent != SHIPPED_WEIGHTS:
+        return made_by
+    return (
+        "an installed package brings only what missions fly on by default; work in a checkout of "
+        f"the repository, or name a file ({made_by})"
+    )
+
+
 def write_weights(
     path: Path,
     tensors: Mapping[str, NDArray[Any]],
@@ -59,7 +74,7 @@ def read_weights(
         WeightsError: the file is absent, damaged or of another kind.
     """
     if not path.is_file():
-        raise WeightsError(path, f"there are no weights here; {remedy}")
+        raise WeightsError(path, f"there are no weights here; {where_from(path, remedy)}")
     try:
         with safe_open(path, framework="numpy") as file:
             note = file.metadata() or {}

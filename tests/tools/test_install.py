@@ -35,6 +35,19 @@ def test_no_python_at_all_says_what_to_install(tmp_path: Path) -> None:
     assert "apt install python3" in done.stderr
 
 
+def test_the_newest_supported_python_is_taken(tmp_path: Path) -> None:
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for version in ("3.11", "3.12", "3.13"):
+        fake = tools / f"python{version}"
+        # A pyenv shim is there for versions that are not: it fails whatever it is asked.
+        answer = "exit 127" if version == "3.13" else f'echo "Python {version}.0"; exit 0'
+        fake.write_text(f"#!/bin/sh\n{answer}\n", encoding="utf-8")
+        fake.chmod(0o755)
+    done = install(tmp_path / "venv", PYTHON="", PATH=f"{tools}:/usr/bin:/bin")
+    assert "with Python 3.12.0" in done.stderr
+
+
 def test_an_index_out_of_reach_is_told_and_a_further_try_goes_on(tmp_path: Path) -> None:
     away = {"PIP_NO_INDEX": "1", "PIP_CONFIG_FILE": os.devnull, "PIP_FIND_LINKS": ""}
     first = install(tmp_path / "venv", PYTHON=sys.executable, **away)
