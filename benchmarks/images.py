@@ -30,7 +30,8 @@ from uav_bt import app
 from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
 from uav_bt.classes import colourise
-from uav_bt.display.lab_map import FlownPath, LabMap, draw_path_map
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import LabMap, draw_path_map
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.protocols import Drone
 

@@ -130,6 +130,12 @@ class Flight(Generic[DroneT]):
             raise InputError("exact masks need a simulated drone: a real one has no referee")
         return ExactSegmenter(self.drone.referee)
 
+    @property
+    def scene_name(self) -> str | None:
+        """The name of the scene that a simulated drone flies in; None on a real drone."""
+        scene = self.drone.scene
+        return self.options.scene if scene is None else scene.name
+
     @contextmanager
     def connected(self) -> Iterator[None]:
         """Connect the drone and set the mission up; disconnect the drone at the end.

@@ -24,10 +24,12 @@ from uav_bt.app.assembly import Flight
 from uav_bt.app.flight import Listeners
 from uav_bt.board import METRIC_DEPTH
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, HELIPAD_BOX
+from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, CLASS_NAMES, HELIPAD_BOX
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.display.phrases import describe_flight
 from uav_bt.display.status import LiveStatus
+from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.mission.flight_report import FlightReport
@@ -70,15 +72,26 @@ def lab_map_of(drone: Drone) -> LabMap | None:
     return map_of_scene(drone.scene) if isinstance(drone.scene, Scene) else None
 
 
+def title_of(flight: Flight[Drone]) -> str:
+    """Return a flight's mission, scene and seed in a line."""
+    options = flight.options
+    return describe_flight(
+        flight.mission.path.name,
+        scene=flight.scene_name,
+        drone=options.drone,
+        seed=options.seed,
+    )
+
+
 class VideoListeners:
     """Films a flight; one of the `listeners` of `app.fly`.
 
     Args:
         video: where frames are drawn.
-        title: a line on the map.
+        title: a line above the map; the mission, the scene and the seed when empty.
     """
 
-    def __init__(self, video: FlightVideo, title: str) -> None:
+    def __init__(self, video: FlightVideo, title: str = "") -> None:
         self._video = video
         self._title = title
 
@@ -91,7 +104,8 @@ class VideoListeners:
                 drone.camera,
                 flight.mission,
                 lab_map=lab_map_of(drone),
-                title=self._title,
+                title=self._title or title_of(flight),
+                limit_s=flight.options.judge.time_limit_s,
             )
         )
         return [self._video]
@@ -114,6 +128,7 @@ def panes_of(
     *,
     lab_map: LabMap | None,
     title: str,
+    limit_s: float | None,
 ) -> Panes:
     """Return what draws a flight's video.
 
@@ -122,9 +137,11 @@ def panes_of(
         camera: intrinsics at the frames' size.
         tree: the mission; None where some of its nodes are not installed.
         lab_map: what stands in the lab; None where it is not known.
-        title: a line on the map.
+        title: a line above the map.
+        limit_s: when the flight is ended at the latest, from the take-off command.
     """
-    panes = Panes(board, camera, class_colours=CLASS_COLOURS, lab_map=lab_map, title=title)
+    palette = ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS)
+    panes = Panes(board, camera, palette=palette, lab_map=lab_map, title=title, limit_s=limit_s)
     if tree is not None and makes_depth(tree):
         panes.show_depth(corridor_marker(tree, camera))
     return panes
@@ -179,7 +196,7 @@ def flight_video(path: Path, *, speed: float = 1.0, title: str = "") -> Iterator
     Args:
         path: the mp4 file; it appears, whole, at the end, also when the flight fails.
         speed: the video runs so many times faster than the mission.
-        title: a line on the map, for instance the mission, the scene and the seed.
+        title: a line above the map; the mission, the scene and the seed when empty.
 
     Raises:
         FileError: the file cannot be written; raised before anything flies.

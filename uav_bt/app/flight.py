@@ -107,7 +107,7 @@ def _run(
         options, drone = flight.options, flight.drone
         result = log.report(
             verdict,
-            scene=options.scene or (drone.scene.name if drone.scene is not None else None),
+            scene=flight.scene_name,
             seed=options.seed,
             tree=flight.mission.path.name,
             policies=_policies(flight.mission),

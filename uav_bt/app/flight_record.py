@@ -51,7 +51,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "started": datetime.now(tz=UTC).isoformat(timespec="seconds"),
         "tree": mission.path.name,
         "tree_name": mission.name,
-        "scene": None if scene is None else scene.name,
+        "scene": flight.scene_name,
         "simulated": flight.drone.referee is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",

@@ -176,14 +176,13 @@ def fly(
     with ExitStack() as stack:
         watchers: list[app.Listeners] = [stack.enter_context(film.live_status())]
         filmed = None
-        title = f"{Path(tree).stem}, {scene or drone}, seed {seed}"
         if video is not None:
-            filmed = stack.enter_context(film.flight_video(video, title=title))
+            filmed = stack.enter_context(film.flight_video(video))
             watchers.append(filmed)
         viewed = None
         if view is not None:
             # Lives as long as the command: a browser still shows it when the summary is printed.
-            viewed = ctx.with_resource(live_view(web=view == "web", title=title, on_url=click.echo))
+            viewed = ctx.with_resource(live_view(web=view == "web", on_url=click.echo))
             watchers.append(viewed)
         watch = stack.enter_context(
             watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))

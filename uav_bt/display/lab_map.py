@@ -1,11 +1,11 @@
-"""The lab from above: its objects, world metres to pixels, the flown path and images of it."""
+"""The lab from above: its objects, world metres to pixels, and images of it."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -24,14 +24,16 @@ from uav_bt.display.canvas import (
     put,
     text_width_px,
 )
+from uav_bt.display.flown_path import PathPoint
 from uav_bt.errors import ValueRangeError
-from uav_bt.mission.runner import TickRecord
-from uav_bt.types import Pose, Pose2D
-from uav_bt.types.dead_reckoning import Odometry, OdometryPose
+from uav_bt.types import Pose2D
 
 CARPET_COLOUR: Final[Colour] = (52, 66, 54)
 _CARPET_GRID: Final[Colour] = (63, 79, 65)
 _FLOOR_GRID: Final[Colour] = (30, 33, 40)
+HEADER_PX: Final = 32  # of a map: its title and its scale
+_FOOTER_PX: Final = 32  # of a path's map: the legend
+_LEGEND_LEFT_PX: Final = 18
 _UNNAMED: Final[Colour] = (150, 156, 166)  # before the mission names a phase
 # Bright on the carpet, apart from one another; given out in the order in which phases appear.
 _PHASE_COLOURS: Final[tuple[Colour, ...]] = (
@@ -87,17 +89,33 @@ class MapFrame:
 
     @classmethod
     def around(
-        cls, extent_m: tuple[float, float], size_px: tuple[int, int], margin_m: float = 0.3
+        cls,
+        extent_m: tuple[float, float],
+        size_px: tuple[int, int],
+        margin_m: float = 0.2,
+        *,
+        header_px: int = 0,
+        footer_px: int = 0,
     ) -> MapFrame:
         """Return the frame that shows an extent around the origin, as large as fits.
+
+        Args:
+            extent_m: along world x and y.
+            size_px: width and height of the image.
+            margin_m: shown on each side of the extent.
+            header_px: what is kept free of the extent above it, for a title.
+            footer_px: what is kept free below it.
 
         Raises:
             ValueRangeError: nothing would be left of it.
         """
         wide_m, high_m = (side + 2 * margin_m for side in extent_m)
-        if min(wide_m, high_m) <= 0.0 or min(size_px) <= 0:
+        wide_px, high_px = size_px[0], size_px[1] - header_px - footer_px
+        if min(wide_m, high_m, wide_px, high_px) <= 0.0:
             raise ValueRangeError(f"cannot show {extent_m} m in {size_px} pixels")
-        return cls(size_px=size_px, scale_px_per_m=min(size_px[0] / wide_m, size_px[1] / high_m))
+        scale = min(wide_px / wide_m, high_px / high_m)
+        centre_m = (0.0, (header_px - footer_px) / 2 / scale)
+        return cls(size_px=size_px, scale_px_per_m=scale, centre_m=centre_m)
 
     def to_px(self, x_m: float, y_m: float) -> Point:
         """Return where a world point lies, in pixels from the upper left corner."""
@@ -130,7 +148,7 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
     """
     width_px, height_px = frame.size_px
     image: Image = np.full((height_px, width_px, 3), BACKDROP, dtype=np.uint8)
-    reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2)
+    reach_m = math.ceil(max(frame.size_px) / frame.scale_px_per_m / 2 + abs(frame.centre_m[1]))
     _grid(image, frame, (2.0 * reach_m, 2.0 * reach_m), _FLOOR_GRID)
     if lab_map is not None:
         carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab_map.carpet_size_m, 0.0))
@@ -173,10 +191,10 @@ def _label(image: Image, frame: MapFrame, item: MapItem, text: str) -> None:
 
 
 def _draw_scale(image: Image, frame: MapFrame) -> None:
-    left, base = frame.size_px[0] - 12 - round(frame.scale_px_per_m), frame.size_px[1] - 12
-    right = left + frame.scale_px_per_m
+    right, base = frame.size_px[0] - 12, 22  # beside the title, above what is shown
+    left = right - frame.scale_px_per_m
     line(image, [(left, base - 4), (left, base), (right, base), (right, base - 4)], DIM)
-    put(image, "1 m", (left + 5, base - 5), colour=DIM, scale=0.38)
+    put(image, "1 m", (round(left) - 28, base), colour=DIM, scale=0.38)
 
 
 def _mixed(one: Colour, other: Colour, share: float) -> Colour:
@@ -204,7 +222,9 @@ def draw_path_map(
         (H, W, 3) uint8 RGB.
     """
     carpet_m = lab_map.carpet_size_m if lab_map is not None else (6.0, 6.0)
-    frame = MapFrame.around(carpet_m, size_px, margin_m=0.45)
+    frame = MapFrame.around(
+        carpet_m, size_px, margin_m=0.3, header_px=HEADER_PX, footer_px=_FOOTER_PX
+    )
     image = draw_lab(lab_map, frame)
     colours = phase_colours([point.phase for point in path])
     width_px = max(2, round(0.025 * frame.scale_px_per_m))
@@ -214,8 +234,8 @@ def draw_path_map(
     if path:
         _dot(image, frame, path[0], _UNNAMED)
         _dot(image, frame, path[-1], ACCENT)
-    put(image, title, (14, 28), scale=0.6)
-    draw_legend(image, colours)
+    put(image, title, (14, 24), scale=0.55)
+    draw_legend(image, colours, base_px=size_px[1] - 12)
     return image
 
 
@@ -224,62 +244,24 @@ def _dot(image: Image, frame: MapFrame, point: PathPoint, colour: Colour) -> Non
     polygon(image, circle(*at_px, 0.045 * frame.scale_px_per_m), colour, BACKDROP)
 
 
-def draw_legend(image: Image, colours: Mapping[str, Colour]) -> None:
-    """Write the phases in their colours along the lower edge."""
-    left, base = 14, image.shape[0] - 12
-    for phase, colour in colours.items():
-        if phase:
-            line(image, [(left, base - 4), (left + 14, base - 4)], colour, 3)
-            put(image, phase, (left + 20, base), colour=INK, scale=0.42)
-            left += 20 + text_width_px(phase, 0.42) + 16
+def draw_legend(image: Image, colours: Mapping[str, Colour], *, base_px: int) -> None:
+    """Write the phases in their colours, in one row.
 
-
-@dataclass(frozen=True, kw_only=True)
-class PathPoint:
-    """A point of a flown path."""
-
-    x_m: float  # world
-    y_m: float
-    phase: str = ""  # what the mission was doing
-
-
-class FlownPath:
-    """Follows a flight and knows its pose, its path and the distance travelled.
-
-    Without a referee the world is dead-reckoned from the telemetry: its origin is the place of the
-    first tick, x points where the drone headed then.
+    Args:
+        image: is drawn on.
+        colours: by phase; where they do not all fit, the last ones are written.
+        base_px: the row's base line.
     """
-
-    def __init__(self) -> None:
-        self.points: list[PathPoint] = []
-        self.phases: list[str] = []  # in the order in which they first appeared
-        self.distance_m = 0.0
-        self.pose: Pose | None = None  # None before the first tick
-        self._odometry = Odometry()
-        self._first: OdometryPose | None = None
-
-    def add(self, record: TickRecord) -> Pose:
-        """Note a tick and return the present pose."""
-        truth = record.truth
-        pose = truth.pose if truth is not None else self._reckoned(record)
-        if self.pose is not None:
-            self.distance_m += math.hypot(pose.x_m - self.pose.x_m, pose.y_m - self.pose.y_m)
-        self.pose = pose
-        self.points.append(PathPoint(x_m=pose.x_m, y_m=pose.y_m, phase=record.phase))
-        if record.phase not in self.phases:
-            self.phases.append(record.phase)
-        return pose
-
-    def _reckoned(self, record: TickRecord) -> Pose:
-        state = record.observation.state
-        now = self._odometry.update(replace(state, captured_s=record.time_s))
-        if self._first is None:
-            self._first = now
-        forward_m, right_m = self._first.to_body(now.x_m, now.y_m)
-        # The drone's yaw is clockwise, the world's counter-clockwise.
-        return Pose(
-            x_m=forward_m,
-            y_m=-right_m,
-            z_m=state.height_above_carpet_m,
-            yaw_rad=self._first.yaw_rad - now.yaw_rad,
-        )
+    entries = [
+        (phase, colour, 20 + text_width_px(phase, 0.42) + 16)
+        for phase, colour in colours.items()
+        if phase
+    ]
+    room_px = image.shape[1] - 2 * _LEGEND_LEFT_PX
+    while sum(wide_px for *_, wide_px in entries) > room_px and len(entries) > 1:
+        entries.pop(0)
+    left = _LEGEND_LEFT_PX
+    for phase, colour, wide_px in entries:
+        line(image, [(left, base_px - 4), (left + 14, base_px - 4)], colour, 3)
+        put(image, phase, (left + 20, base_px), colour=INK, scale=0.42)
+        left += wide_px

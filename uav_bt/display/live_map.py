@@ -17,8 +17,10 @@ from uav_bt.display.canvas import (
     hull,
     line,
     polygon,
+    put,
 )
-from uav_bt.display.lab_map import FlownPath, LabMap, MapFrame, draw_lab, draw_legend, phase_colours
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, phase_colours
 from uav_bt.types import CameraModel, HelipadFix, Pose
 from uav_bt.types.projection import pixel_rays
 
@@ -63,15 +65,22 @@ class LiveMap:
         lab_map: what stands in the lab; None draws a grid around the start.
         camera: for the field of view.
         size_px: width and height of the pane.
+        title: a line above the lab.
     """
 
     def __init__(
-        self, lab_map: LabMap | None, camera: CameraModel, size_px: tuple[int, int]
+        self,
+        lab_map: LabMap | None,
+        camera: CameraModel,
+        size_px: tuple[int, int],
+        title: str = "",
     ) -> None:
         extent_m = lab_map.carpet_size_m if lab_map is not None else _NO_LAB_M
-        self._frame = MapFrame.around(extent_m, size_px)
+        self.size_px = size_px
+        self._frame = MapFrame.around(extent_m, size_px, header_px=HEADER_PX)
         self._camera = camera
         self._lab = draw_lab(lab_map, self._frame)
+        put(self._lab, title, (12, 22), colour=INK, scale=0.48)
         self._drawn = 1  # points of the path that are already on the image
 
     def draw(
@@ -87,7 +96,6 @@ class LiveMap:
         """
         self._draw_new_path(flown)
         image = self._lab.copy()
-        draw_legend(image, phase_colours(flown.phases))
         if flown.pose is not None:
             seen = ground_view(self._camera, pitch_rad, max(height_m, 0.0))
             # With the lens itself: a wedge when it points ahead, a rectangle when it points down.

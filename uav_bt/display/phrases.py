@@ -1,8 +1,9 @@
-"""Commands and readings in a few plain words, for the video and the status line."""
+"""Flights, commands and readings in a few plain words, for films, views and the status line."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from uav_bt.types import (
     Corridor,
@@ -26,6 +27,19 @@ _WHOLE: dict[type[Movement], str] = {
     CutMotors: "cut the motors",
     Release: "released to the pilot",
 }
+
+
+def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> str:
+    """Return which mission is flown where.
+
+    Args:
+        tree: the tree file's name.
+        scene: where a simulated drone flies; None for a real one.
+        drone: what flies; named where there is no scene.
+        seed: of everything random; a real flight is not repeated by it.
+    """
+    mission = Path(tree).stem
+    return f"{mission} with {drone}" if scene is None else f"{mission} in {scene}, seed {seed}"
 
 
 def describe_movement(movement: Movement) -> str:

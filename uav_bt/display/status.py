@@ -14,7 +14,8 @@ from rich.text import Text
 
 from uav_bt.board import ELAPSED, HELIPAD
 from uav_bt.board.blackboard import Blackboard
-from uav_bt.display.lab_map import FlownPath
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.phrases import describe_flight
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickRecord
@@ -122,8 +123,8 @@ def summary(report: FlightReport) -> Table:
     if report.reason and report.reason != words:
         outcome.append(f"  {report.reason}", style="default not bold")
     table.add_row("outcome", outcome)
-    seed = f", seed {report.seed}" if report.scene is not None else ""
-    table.add_row("mission", Text(f"{report.tree} in {report.scene or report.drone}{seed}"))
+    flight = describe_flight(report.tree, scene=report.scene, drone=report.drone, seed=report.seed)
+    table.add_row("mission", Text(flight))
     for name, value, unit, digits in (
         ("duration", report.duration_s, "s", 1),
         ("explored", report.explore_distance_m, "m in the first 90 s", 2),

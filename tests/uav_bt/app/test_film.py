@@ -16,6 +16,7 @@ from uav_bt.app import film
 from uav_bt.board import CLASS_MAP
 from uav_bt.classes import CLASS_COLOURS, class_id
 from uav_bt.errors import FileError
+from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Status, load_tree
@@ -83,6 +84,34 @@ def test_a_flight_inside_is_filmed(tmp_path: Path, drone: ScriptedDrone) -> None
         assert not path.exists()
     with av.open(str(path)) as container:
         assert sum(1 for _ in container.decode(video=0)) == 3
+
+
+def first_image(path: Path, options: app.FlightOptions, title: str = "") -> np.ndarray:
+    drone = SceneDrone()
+    with film.flight_video(path, title=title) as video:
+        ticks(drone, video(app.Flight(app.check("land_only"), drone, options)), 1)
+    with av.open(str(path)) as container:
+        return next(container.decode(video=0)).to_ndarray(format="rgb24")
+
+
+def test_a_film_names_mission_scene_and_seed_unless_it_is_given_a_title(tmp_path: Path) -> None:
+    # A scene file is called by the name that stands in it.
+    options = app.FlightOptions(scene="labs/a file.yaml", seed=7)
+    named = first_image(tmp_path / "named.mp4", options)
+    said = first_image(tmp_path / "said.mp4", options, "land_only in small, seed 7")
+    other = first_image(tmp_path / "other.mp4", options, "a tour")
+    assert (named == said).all()
+    assert (named != other).any()
+
+
+def test_the_timeline_of_a_film_ends_at_the_limit_of_the_flight(tmp_path: Path) -> None:
+    long, short = (
+        first_image(tmp_path / "f.mp4", app.FlightOptions(judge=JudgeConfig(time_limit_s=limit_s)))
+        for limit_s in (300.0, 20.0)
+    )
+    differs = np.argwhere((long != short).any(axis=2))
+    assert differs.size > 0
+    assert differs.min(axis=0).tolist() >= [660, 640]
 
 
 def test_a_video_that_cannot_be_written_is_refused_before_the_flight(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, MI
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Override
@@ -32,6 +33,7 @@ from uav_bt.types import (
 
 CAMERA = pinhole(64, 36)
 COLOURS = np.arange(17 * 3, dtype=np.uint8).reshape(17, 3)
+PALETTE = ClassPalette(names=tuple(f"class_{number}" for number in range(17)), colours=COLOURS)
 LAB = LabMap(
     carpet_size_m=(5.0, 4.0),
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9), colour=(200, 10, 20)),),

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from tests.uav_bt.display.display_world import CAMERA, LAB, World
-from uav_bt.display.lab_map import FlownPath, MapFrame, phase_colours
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import HEADER_PX, MapFrame, phase_colours
 from uav_bt.display.live_map import LiveMap, ground_view
 from uav_bt.types import HelipadFix, Pose
 
 SIZE_PX = (638, 439)
+FRAME = MapFrame.around(LAB.carpet_size_m, SIZE_PX, header_px=HEADER_PX)
 
 
 def test_a_camera_that_looks_straight_down_sees_a_rectangle_below_the_lens() -> None:
@@ -32,7 +34,7 @@ def test_the_path_stays_on_the_map_while_the_drone_moves_on() -> None:
     for x in np.linspace(-1.0, 1.0, 9):
         flown.add(world.tick(pose=Pose(x_m=float(x), y_m=0.0, z_m=1.5, yaw_rad=0.0)))
         image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
-    column, row = (round(v) for v in MapFrame.around(LAB.carpet_size_m, SIZE_PX).to_px(-0.6, 0.0))
+    column, row = (round(v) for v in FRAME.to_px(-0.6, 0.0))
     assert tuple(image[row, column]) == phase_colours(["explore"])["explore"]
 
 
@@ -42,10 +44,9 @@ def test_the_camera_view_lies_where_the_drone_looks() -> None:
     empty = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
     flown.add(world.tick(pose=Pose(x_m=0.0, y_m=-0.5, z_m=1.5, yaw_rad=math.pi / 2)))
     image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
-    frame = MapFrame.around(LAB.carpet_size_m, SIZE_PX)
     changed = {}
     for name, point in (("ahead", (0.0, 0.6)), ("behind", (0.0, -1.4)), ("right", (1.2, -0.5))):
-        column, row = (round(v) for v in frame.to_px(*point))
+        column, row = (round(v) for v in FRAME.to_px(*point))
         changed[name] = tuple(image[row, column]) != tuple(empty[row, column])
     assert changed == {"ahead": True, "behind": False, "right": False}
 
@@ -55,8 +56,18 @@ def test_a_fix_is_marked_where_the_drone_believes_the_helipad() -> None:
     flown.add(world.tick(pose=Pose(x_m=0.0, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)))
     fix = HelipadFix(captured_s=0.0, forward_m=-1.0, right_m=0.5, detected=True)
     image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=fix)
-    column, row = (round(v) for v in MapFrame.around(LAB.carpet_size_m, SIZE_PX).to_px(0.5, -1.0))
+    column, row = (round(v) for v in FRAME.to_px(0.5, -1.0))
     assert tuple(image[row, column]) == (255, 196, 0)
+
+
+def test_the_title_stands_above_the_lab() -> None:
+    plain, titled = (
+        LiveMap(LAB, CAMERA, SIZE_PX, title).draw(FlownPath(), pitch_rad=0, height_m=1, fix=None)
+        for title in ("", "land_only in train-a, seed 0")
+    )
+    rows = np.flatnonzero((plain != titled).any(axis=(1, 2)))
+    assert rows.size > 0
+    assert rows.max() < HEADER_PX
 
 
 def test_a_flight_in_an_unknown_lab_is_drawn_too() -> None:

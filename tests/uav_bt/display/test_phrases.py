@@ -5,7 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from uav_bt.display.phrases import describe_corridor, describe_fix, describe_free, describe_movement
+from uav_bt.display.phrases import (
+    describe_corridor,
+    describe_fix,
+    describe_flight,
+    describe_free,
+    describe_movement,
+)
 from uav_bt.types import (
     Corridor,
     CutMotors,
@@ -18,6 +24,13 @@ from uav_bt.types import (
     TakeOff,
     Velocity,
 )
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"), [("val-a", "land_only in val-a, seed 3"), (None, "land_only with anafi")]
+)
+def test_a_flight_is_called_by_its_mission_and_its_place(scene: str | None, words: str) -> None:
+    assert describe_flight("land_only.xml", scene=scene, drone="anafi", seed=3) == words
 
 
 @pytest.mark.parametrize(

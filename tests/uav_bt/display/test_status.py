@@ -98,7 +98,7 @@ def test_the_summary_tells_how_it_went() -> None:
     text = shown(flight_report())
     rows = {line[:17].strip(): line[17:].strip() for line in text.splitlines()}
     assert rows["outcome"] == "success  landed"
-    assert rows["mission"] == "explore_and_land.xml in train-a, seed 3"
+    assert rows["mission"] == "explore_and_land in train-a, seed 3"
     assert rows["landing error"] == "0.024 m from the helipad's centre"
     assert rows["landing"] == "-", "what was not reached"
     assert rows["segmentation"].startswith("0.8 ms median")

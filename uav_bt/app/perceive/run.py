@@ -18,7 +18,8 @@ from perception.depth.scale import Scale
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.perceive.streams import TimedImage
-from uav_bt.classes import CLASS_COLOURS
+from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
+from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.perception_video import PerceptionPanes
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import InputError
@@ -123,7 +124,9 @@ class _OverlayVideo:
     """The mp4 file with the overlays; it appears when it is closed."""
 
     def __init__(self, path: Path, camera: CameraModel, rate_per_s: float) -> None:
-        self._panes = PerceptionPanes(camera, class_colours=CLASS_COLOURS)
+        self._panes = PerceptionPanes(
+            camera, ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS)
+        )
         self._rate = Fraction(min(rate_per_s, _MAX_RATE)).limit_denominator(1001)
         self._file = VideoFile(path, size_px=self._panes.size_px, frames_per_s=self._rate)
         self._begin_s: float | None = None

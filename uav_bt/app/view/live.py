@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uav_bt.app.assembly import Flight
-from uav_bt.app.film import corridor_marker, corridor_of, lab_map_of, makes_depth
+from uav_bt.app.film import corridor_marker, corridor_of, lab_map_of, makes_depth, title_of
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.lab_map import LabMap
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting, tree_nodes
+from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.mission.runner import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
@@ -34,12 +35,12 @@ class ViewListeners:
 
     Args:
         stream: where to draw.
-        title: the recording's name.
+        title: the recording's name; the mission, the scene and the seed when empty.
         viewer: the process that shows it, fed by a thread of its own; None for a file.
     """
 
     def __init__(
-        self, stream: rr.RecordingStream, title: str, viewer: sinks.Viewer | None = None
+        self, stream: rr.RecordingStream, title: str = "", viewer: sinks.Viewer | None = None
     ) -> None:
         self._stream = stream
         self._title = title
@@ -60,7 +61,7 @@ class ViewListeners:
             flight.drone.camera,
             nodes=tree_nodes(mission),
             lab_map=lab_map_of(flight.drone),
-            title=self._title,
+            title=self._title or title_of(flight),
         )
         nodes = tuple(mission.nodes())
 
@@ -108,8 +109,7 @@ def setting_of(
     corridor = None if tree is None else corridor_of(tree)
     return ViewSetting(
         camera=camera,
-        class_names=CLASS_NAMES,
-        class_colours=CLASS_COLOURS,
+        palette=ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS),
         title=title,
         lab_map=lab_map,
         tree=tuple(nodes),
@@ -129,7 +129,7 @@ def saved_view(path: Path, *, title: str = "") -> Iterator[ViewListeners]:
 
     Args:
         path: the rrd file; it appears, whole, at the end.
-        title: the recording's name.
+        title: the recording's name; the mission, the scene and the seed when empty.
 
     Raises:
         FileError: the file cannot be written.
@@ -149,7 +149,7 @@ def live_view(
 
     Args:
         web: for a browser on this machine instead of a window.
-        title: the recording's name.
+        title: the recording's name; the mission, the scene and the seed when empty.
         on_url: called with the address of a browser's view, before anything flies.
 
     Raises:

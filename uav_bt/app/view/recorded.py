@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Final
 
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.film import map_of_scene, panes_of
-from uav_bt.app.flight_record import attached_files
+from uav_bt.app.flight_record import attached_files, recorded_options
 from uav_bt.app.view.live import setting_of
+from uav_bt.display.phrases import describe_flight
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import TreeNode, ViewSetting
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig
@@ -72,10 +73,13 @@ class RecordedFlight:
     def title(self) -> str:
         """The mission, the scene, the seed."""
         facts: Mapping[str, str] = self.reader.metadata
-        words = [Path(facts.get("tree", self.reader.path.name)).stem]
-        words += [facts[name] for name in ("scene",) if facts.get(name) not in (None, "", "null")]
-        words += [f"seed {facts['seed']}"] if "seed" in facts else []
-        return ", ".join(words)
+        options = recorded_options(self.reader)
+        return describe_flight(
+            facts.get("tree", self.reader.path.name),
+            scene=options.scene,
+            drone=options.drone,
+            seed=options.seed,
+        )
 
     @property
     def damages(self) -> tuple[str, ...]:
@@ -201,7 +205,12 @@ class RecordedFlight:
         """
         reader, playback = self.reader, Playback(self.reader)
         panes = panes_of(
-            playback.board, reader.camera, self.tree, lab_map=self.lab_map, title=self.title
+            playback.board,
+            reader.camera,
+            self.tree,
+            lab_map=self.lab_map,
+            title=self.title,
+            limit_s=recorded_options(reader).judge.time_limit_s,
         )
         with FlightVideo(path, panes, FlightVideoConfig(speed=speed)) as video:
             self._play(playback, video, "video", advance)

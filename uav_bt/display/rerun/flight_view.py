@@ -14,7 +14,7 @@ import rerun as rr
 from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, OBSTACLES
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
-from uav_bt.display.lab_map import FlownPath
+from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.phrases import describe_movement
 from uav_bt.display.rerun.images import ImageView
 from uav_bt.display.rerun.plots import FlightPlots, TreeGraph

@@ -63,7 +63,7 @@ class ImageView:
         self._entities = Entities(stream)
         self._depth_size_px: tuple[int, int] | None = None
         stream.log(LENS, _pinhole(camera, _SHOWN_M), static=True)
-        names = zip(setting.class_names, setting.class_colours, strict=True)
+        names = zip(setting.palette.names, setting.palette.colours, strict=True)
         stream.log(
             MASK,
             rr.AnnotationContext(
@@ -115,7 +115,7 @@ class ImageView:
         self._entities.draw(f"{LENS}/mask_edges", edges)
 
     def _colour(self, class_: int) -> Colour:
-        colours = self._setting.class_colours
+        colours = self._setting.palette.colours
         if class_ >= len(colours):
             return ALARM
         red, green, blue = (int(value) for value in colours[class_])

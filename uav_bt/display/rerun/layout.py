@@ -37,7 +37,7 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
         rrb.Horizontal(*eyes),
         row_shares=[3, 2],
     )
-    flown = rrb.Tabs(_world(), rrb.TextLogView(origin=WORDS, name="Words"))
+    flown = rrb.Tabs(_world(setting.title), rrb.TextLogView(origin=WORDS, name="Words"))
     above: list[rrb.Container | rrb.View] = [seen, flown]
     if setting.tree:
         above.append(rrb.GraphView(origin=TREE, name="Tree"))
@@ -54,7 +54,7 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
     )
 
 
-def _world() -> rrb.Spatial3DView:
+def _world(title: str) -> rrb.Spatial3DView:
     # The path is one piece a tick, so that a long flight does not repeat it every tick.
     so_far = rrb.VisibleTimeRanges(
         timeline=TIMELINE,
@@ -63,7 +63,7 @@ def _world() -> rrb.Spatial3DView:
     )
     return rrb.Spatial3DView(
         origin=WORLD,
-        name="Lab",
+        name=title or "Lab",
         background=BACKDROP,
         line_grid=rrb.LineGrid3D(spacing=1.0, color=_FLOOR),
         overrides={PATH: [so_far]},

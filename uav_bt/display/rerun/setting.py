@@ -8,12 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from uav_bt.display.lab_map import LabMap
+from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.depth_panes import Intruding
-from uav_bt.errors import ShapeError, ValueRangeError
+from uav_bt.errors import ValueRangeError
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel
 
@@ -51,26 +49,16 @@ def tree_nodes(tree: MissionTree) -> tuple[TreeNode, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewSetting:
-    """Camera, lab, tree and classes of one flight.
-
-    Raises:
-        ShapeError: there is not one colour for each class name.
-    """
+    """Camera, lab, tree and classes of one flight."""
 
     camera: CameraModel  # at the frames' size
-    class_names: tuple[str, ...]  # by class id
-    class_colours: NDArray[np.uint8]  # (N, 3) RGB by class id
+    palette: ClassPalette
     title: str = ""  # the mission, the scene, the seed
     lab_map: LabMap | None = None  # None where it is unknown
     tree: tuple[TreeNode, ...] = ()
     makes_depth: bool = False  # whether the mission makes metric depth: it gets a pane
     corridor: CorridorSize | None = None  # None: the mission builds none
     intruding: Intruding | None = None  # None marks no pixel
-
-    def __post_init__(self) -> None:
-        if self.class_colours.shape != (len(self.class_names), 3):
-            expected = f"{len(self.class_names)}x3"
-            raise ShapeError("class colours", expected=expected, actual=self.class_colours.shape)
 
 
 TIMELINE: Final = "flight"  # seconds since the first tick

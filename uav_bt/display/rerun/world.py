@@ -12,7 +12,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
-from uav_bt.display.lab_map import CARPET_COLOUR, FlownPath, LabMap, MapItem, phase_colours
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import CARPET_COLOUR, LabMap, MapItem, phase_colours
 from uav_bt.display.rerun.layout import Entities
 from uav_bt.display.rerun.setting import (
     BODY,

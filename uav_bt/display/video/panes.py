@@ -9,7 +9,6 @@ from typing import Final
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.board.blackboard import Reading
 from uav_bt.display.canvas import (
@@ -28,7 +27,6 @@ from uav_bt.display.canvas import (
 )
 from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.display.video.depth_panes import empty_pane
-from uav_bt.errors import ShapeError
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
 from uav_bt.types.projection import camera_axes
@@ -162,45 +160,6 @@ def _reticle(image: Image, at_px: Point, radius_px: float, colour: Colour) -> No
             colour,
             2,
         )
-
-
-def class_table(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the colours of all 256 ids; those without one get the alarm colour.
-
-    Args:
-        colours: (N, 3) uint8 RGB by class id.
-
-    Returns:
-        (256, 3) uint8 RGB.
-
-    Raises:
-        ShapeError: the colours have another shape.
-    """
-    if colours.ndim != 2 or colours.shape[1] != 3 or len(colours) > 256:
-        raise ShapeError("class colours", expected="Nx3", actual=colours.shape)
-    table = np.full((256, 3), ALARM, dtype=np.uint8)
-    table[: len(colours)] = colours
-    return table
-
-
-def draw_class_map(
-    class_map: ClassMap | None, table: NDArray[np.uint8], size_px: tuple[int, int]
-) -> Image:
-    """Return the class map in its colours, as large as the camera's image.
-
-    Args:
-        class_map: None draws an empty pane.
-        table: (256, 3) uint8 RGB by class id.
-        size_px: width and height of the pane.
-    """
-    if class_map is None:
-        return empty_pane("no class map", size_px)
-    image: Image = np.asarray(
-        cv2.resize(table[class_map.ids], size_px, interpolation=cv2.INTER_NEAREST), dtype=np.uint8
-    )
-    height_px, width_px = class_map.ids.shape
-    tag(image, f"class map  {width_px} x {height_px}", (10, 10), colour=DIM)
-    return image
 
 
 def draw_readings(readings: Readings, size_px: tuple[int, int]) -> Image:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from uav_bt.display.canvas import ACCENT, BACKDROP, DIM, Image, tag
 from uav_bt.display.phrases import describe_fix
+from uav_bt.display.video.class_pane import ClassPalette, draw_class_map
 from uav_bt.display.video.depth_panes import draw_corridor, draw_depth
-from uav_bt.display.video.panes import class_table, draw_class_map, mark_fix, resize_image
+from uav_bt.display.video.panes import mark_fix, resize_image
 from uav_bt.types import CameraModel, ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
 _WIDTH_PX: Final = 1280
@@ -38,14 +39,11 @@ class PerceptionPanes:
     Args:
         camera: intrinsics at the frames' size. They give the images' true aspect, which a
             resized image has lost.
-        class_colours: (N, 3) uint8 RGB by class id.
-
-    Raises:
-        ShapeError: the colours have another shape.
+        palette: names and colours of the classes.
     """
 
-    def __init__(self, camera: CameraModel, *, class_colours: NDArray[np.uint8]) -> None:
-        self._camera, self._colours = camera, class_table(class_colours)
+    def __init__(self, camera: CameraModel, palette: ClassPalette) -> None:
+        self._camera, self._palette = camera, palette
         aspect = (camera.width_px / camera.fx_px) / (camera.height_px / camera.fy_px)
         aspect = min(max(aspect, 1.0 / _FLATTEST), _FLATTEST)
         self._size_px = (_WIDTH_PX, round(_WIDTH_PX / aspect / 2) * 2)
@@ -62,7 +60,7 @@ class PerceptionPanes:
         (width_px, height_px), (wide, high) = self._size_px, self._pane_px
         image: Image = np.full((height_px, width_px, 3), BACKDROP, dtype=np.uint8)
         image[:high, :wide] = self._draw_frame(seen)
-        image[-high:, :wide] = draw_class_map(seen.class_map, self._colours, self._pane_px)
+        image[-high:, :wide] = draw_class_map(seen.class_map, self._palette, self._pane_px)
         image[:high, -wide:] = draw_depth(seen.depth, self._pane_px, why_none=seen.refusal)
         image[-high:, -wide:] = draw_corridor(
             seen.frame.image, seen.corridor, seen.intruding, self._pane_px

@@ -14,7 +14,6 @@ from types import TracebackType
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH
 from uav_bt.board.blackboard import Blackboard
@@ -22,7 +21,6 @@ from uav_bt.display.canvas import (
     ACCENT,
     ALARM,
     BACKDROP,
-    DIM,
     INK,
     PANEL,
     Colour,
@@ -30,8 +28,10 @@ from uav_bt.display.canvas import (
     put,
     text_width_px,
 )
-from uav_bt.display.lab_map import FlownPath, LabMap
+from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import LabMap
 from uav_bt.display.live_map import LiveMap
+from uav_bt.display.video.class_pane import ClassPalette, draw_class_map
 from uav_bt.display.video.depth_panes import (
     Intruding,
     corridor_rows,
@@ -41,12 +41,11 @@ from uav_bt.display.video.depth_panes import (
 )
 from uav_bt.display.video.panes import (
     Readings,
-    class_table,
     draw_camera,
-    draw_class_map,
     draw_readings,
     draw_rows,
 )
+from uav_bt.display.video.timeline import Timeline
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.mission.runner import TickRecord
@@ -55,7 +54,8 @@ from uav_bt.types import CameraModel
 _WIDTH: Final = 1280
 _HEIGHT: Final = 720
 _HALF: Final = _WIDTH // 2
-_MAP_HEIGHT: Final = 440
+_READINGS_HEIGHT: Final = 258
+_TIMELINE_HEIGHT: Final = 56
 _GAP: Final = 2  # between the panes
 
 
@@ -65,7 +65,6 @@ class FlightVideoConfig:
 
     images_per_s: int = 10  # of mission time: one a tick in simulation
     speed: float = 1.0  # the video runs so many times faster than the mission
-    title: str = ""  # on the map: the mission, the scene, the seed
     hold_s: float = 2.0  # of the video's time: how long the outcome stays at the end
 
     def __post_init__(self) -> None:
@@ -88,12 +87,10 @@ class Panes:
     Args:
         board: of the mission; class map, fix and time are read from it.
         camera: intrinsics at the frames' size.
-        class_colours: (N, 3) uint8 RGB by class id.
+        palette: names and colours of the classes.
         lab_map: what stands in the lab; None where it is unknown.
-        title: a line on the map.
-
-    Raises:
-        ShapeError: the colours have another shape.
+        title: a line above the map: the mission, the scene, the seed.
+        limit_s: when the flight is ended at the latest, from the take-off command; None: never.
     """
 
     def __init__(
@@ -101,17 +98,19 @@ class Panes:
         board: Blackboard,
         camera: CameraModel,
         *,
-        class_colours: NDArray[np.uint8],
+        palette: ClassPalette,
         lab_map: LabMap | None,
         title: str = "",
+        limit_s: float | None = None,
     ) -> None:
         self._board = board
         self._camera = camera
-        self._colours = class_table(class_colours)
-        self._title = title
+        self._palette = palette
         self._shows_depth = False
         self._intruding: Intruding | None = None
-        self._map = LiveMap(lab_map, camera, (_HALF - _GAP // 2, _MAP_HEIGHT - _GAP // 2))
+        self._timeline = Timeline(limit_s)
+        high = _HEIGHT - _READINGS_HEIGHT - _TIMELINE_HEIGHT - _GAP
+        self._map = LiveMap(lab_map, camera, (_HALF - _GAP // 2, high), title)
         self._image: Image = np.full((_HEIGHT, _WIDTH, 3), BACKDROP, dtype=np.uint8)
 
     def show_depth(self, intruding: Intruding | None = None) -> None:
@@ -136,21 +135,23 @@ class Panes:
         image = self._image
         image[: pane_px[1], : pane_px[0]] = draw_camera(readings, self._camera, pane_px)
         image[-pane_px[1] :, : pane_px[0]] = self._draw_perception(readings, pane_px)
-        image[: _MAP_HEIGHT - _GAP // 2, -pane_px[0] :] = self._draw_map(readings, flown)
-        text_px = (pane_px[0], _HEIGHT - _MAP_HEIGHT - _GAP // 2)
-        image[-text_px[1] :, -text_px[0] :] = draw_readings(readings, text_px)
+        self._timeline.add(readings.elapsed_s, record.phase)
+        image[: self._map.size_px[1], -pane_px[0] :] = self._draw_map(readings, flown)
+        below = image[self._map.size_px[1] + _GAP :, -pane_px[0] :]
+        below[:_READINGS_HEIGHT] = draw_readings(readings, (pane_px[0], _READINGS_HEIGHT))
+        below[_READINGS_HEIGHT:] = self._timeline.draw((pane_px[0], _TIMELINE_HEIGHT))
         return image
 
     def _draw_perception(self, readings: Readings, size_px: tuple[int, int]) -> Image:
         depth, class_map = self._board.read(METRIC_DEPTH), readings.class_map.value
         self._shows_depth = self._shows_depth or depth.known
         if not self._shows_depth:
-            return draw_class_map(class_map, self._colours, size_px)
+            return draw_class_map(class_map, self._palette, size_px)
         corridor, frame = self._board.read(CORRIDOR).value, readings.record.observation.frame
         quarter_px = ((size_px[0] - _GAP) // 2, (size_px[1] - _GAP) // 2)
         wide, high = quarter_px
         image: Image = np.full((size_px[1], size_px[0], 3), BACKDROP, dtype=np.uint8)
-        image[:high, :wide] = draw_class_map(class_map, self._colours, quarter_px)
+        image[:high, :wide] = draw_class_map(class_map, self._palette, quarter_px)
         image[:high, -wide:] = draw_depth(depth.value, quarter_px)
         image[-high:, :wide] = draw_corridor(
             None if frame is None else frame.image,
@@ -166,14 +167,12 @@ class Panes:
 
     def _draw_map(self, readings: Readings, flown: FlownPath) -> Image:
         state = readings.record.observation.state
-        image = self._map.draw(
+        return self._map.draw(
             flown,
             pitch_rad=state.gimbal_pitch_rad,
             height_m=state.height_above_carpet_m,
             fix=readings.fix.value,
         )
-        put(image, self._title, (12, 20), colour=DIM, scale=0.42)
-        return image
 
 
 class FlightVideo:

@@ -37,7 +37,7 @@ def test_a_record_becomes_a_file_that_rerun_reads(flown: tuple[Path, Seen], tmp_
     steps: list[tuple[str, int, int]] = []
     flight = RecordedFlight(flown[0], Span(from_s=2.0, to_s=4.0))
     flight.save(tmp_path / "flight.rrd", advance=lambda *told: steps.append(told))
-    assert flight.title == "mission, val-a, seed 4"
+    assert flight.title == "mission in val-a, seed 4"
     assert flight.damages == ()
     told = contents(tmp_path / "flight.rrd")
     for entity in ENTITIES:

@@ -12,6 +12,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting
+from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.mission.runner import TickRecord
 from uav_bt.testing import blank_frame, pinhole
 from uav_bt.tree import Status
@@ -85,8 +86,7 @@ def values(batch: Any) -> list[Any]:
 def setting(**changes: Any) -> ViewSetting:
     told: dict[str, Any] = {
         "camera": CAMERA,
-        "class_names": NAMES,
-        "class_colours": COLOURS,
+        "palette": ClassPalette(names=NAMES, colours=COLOURS),
         "title": "tour",
         "lab_map": LAB,
         "tree": NODES,

@@ -71,7 +71,7 @@ def test_the_layout_has_a_pane_for_everything() -> None:
     assert isinstance(root, Vertical)
     names = [view.name for view in views(root)]
     assert names == [
-        *("Camera", "Mask", "Metric depth", "Lab", "Words", "Tree"),
+        *("Camera", "Mask", "Metric depth", "tour", "Words", "Tree"),
         *("Heading error, deg", "Height, m", "Free distance, m", "Tick time, ms"),
     ]
 

@@ -19,7 +19,6 @@ from tests.uav_bt.display.rerun.rerun_world import (
 )
 from uav_bt.display.rerun.images import ImageView, outlines
 from uav_bt.display.video.panes import pad_circle
-from uav_bt.errors import ShapeError
 from uav_bt.types import ClassMap, Corridor, DepthMap, Frame, HelipadFix
 
 CLEAR = "Clear"
@@ -84,11 +83,6 @@ def test_classes_have_our_names_and_colours() -> None:
     assert [info["color"] >> 8 for info in told] == [
         int(red) << 16 | int(green) << 8 | int(blue) for red, green, blue in COLOURS
     ]
-
-
-def test_colours_that_do_not_match_the_names_are_refused() -> None:
-    with pytest.raises(ShapeError, match="3x3"):
-        setting(class_colours=COLOURS[:2])
 
 
 def test_an_image_is_drawn_once() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
-from uav_bt.display.lab_map import FlownPath
+from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.rerun.setting import CorridorSize
 from uav_bt.display.rerun.world import WorldView, camera_axes, corridor_planes
 from uav_bt.errors import ValueRangeError

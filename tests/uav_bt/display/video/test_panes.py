@@ -7,21 +7,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.uav_bt.display.display_world import CAMERA, COLOURS, World
+from tests.uav_bt.display.display_world import CAMERA, PALETTE, World
 from uav_bt.board import CLASS_MAP, HELIPAD
 from uav_bt.display.canvas import ACCENT, ALARM
+from uav_bt.display.video.class_pane import draw_class_map
 from uav_bt.display.video.panes import (
     Readings,
-    class_table,
     draw_camera,
-    draw_class_map,
     draw_readings,
     project_fix,
 )
 from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Override
 from uav_bt.testing import blank_frame
-from uav_bt.types import ClassMap, Frame, HelipadFix
+from uav_bt.types import Frame, HelipadFix
 
 PANE_PX = (638, 359)
 
@@ -39,9 +38,6 @@ def readings(world: World, record: TickRecord) -> Readings:
 def frame_of(world: World, **changes: float) -> Frame:
     state = replace(world.tick().observation.state, **changes)
     return blank_frame(CAMERA, state)
-
-
-TABLE = class_table(COLOURS)
 
 
 def has(image: NDArray[np.uint8], colour: int | tuple[int, int, int]) -> bool:
@@ -96,17 +92,9 @@ def test_the_feedback_of_the_running_leaf_is_written_on_the_image() -> None:
 def test_before_the_first_frame_the_panes_say_so() -> None:
     world = World()
     now = readings(world, world.tick(frame=False))
-    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(None, TABLE, PANE_PX)):
+    for image in (draw_camera(now, CAMERA, PANE_PX), draw_class_map(None, PALETTE, PANE_PX)):
         assert image.shape == (359, 638, 3)
         assert len(np.unique(image.reshape(-1, 3), axis=0)) > 1, "a text"
-
-
-def test_classes_are_drawn_in_their_colours_and_unknown_ones_stand_out() -> None:
-    ids = np.full((28, 56), 5, dtype=np.uint8)
-    ids[:, 28:] = 99
-    image = draw_class_map(ClassMap(ids=ids, captured_s=0.0), TABLE, PANE_PX)
-    assert tuple(image[200, 100]) == tuple(COLOURS[5])
-    assert tuple(image[200, 600]) == ALARM
 
 
 def test_an_override_is_written_in_the_colour_of_alarm() -> None:

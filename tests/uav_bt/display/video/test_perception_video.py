@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
-from tests.uav_bt.display.display_world import CAMERA, COLOURS
+from tests.uav_bt.display.display_world import CAMERA, COLOURS, PALETTE
 from uav_bt.display.canvas import ACCENT, PANEL
 from uav_bt.display.video.perception_video import PerceptionPanes, Seen
-from uav_bt.errors import ShapeError
 from uav_bt.types import ClassMap, DepthMap, Frame, HelipadFix
 
 IDS = np.full((28, 56), 5, np.uint8)
@@ -37,7 +35,7 @@ def seen(**changes: object) -> Seen:
 
 
 def test_four_panes_make_a_picture_of_1280x720() -> None:
-    panes = PerceptionPanes(CAMERA, class_colours=COLOURS)
+    panes = PerceptionPanes(CAMERA, PALETTE)
     image = panes.draw(seen())
     assert panes.size_px == (1280, 720)
     assert image.shape == (720, 1280, 3)
@@ -49,12 +47,12 @@ def test_four_panes_make_a_picture_of_1280x720() -> None:
 
 def test_depth_takes_its_pane() -> None:
     depth = DepthMap(depth=np.full((28, 56), 1.0, np.float32), metric=True, captured_s=1.5)
-    image = PerceptionPanes(CAMERA, class_colours=COLOURS).draw(seen(depth=depth, refusal=""))
+    image = PerceptionPanes(CAMERA, PALETTE).draw(seen(depth=depth, refusal=""))
     assert tuple(image[100, 900]) != PANEL
 
 
 def test_a_helipad_is_ringed() -> None:
-    panes = PerceptionPanes(CAMERA, class_colours=COLOURS)
+    panes = PerceptionPanes(CAMERA, PALETTE)
     fix = HelipadFix(captured_s=1.5, forward_m=2.0, right_m=0.0, detected=True)
 
     def accents(one: Seen) -> int:
@@ -67,14 +65,9 @@ def test_a_helipad_is_ringed() -> None:
 
 def test_a_picture_that_was_resized_to_another_aspect_is_shown_as_it_was_filmed() -> None:
     squeezed = CAMERA.resized(40, 32)
-    assert PerceptionPanes(squeezed, class_colours=COLOURS).size_px == (1280, 720)
+    assert PerceptionPanes(squeezed, PALETTE).size_px == (1280, 720)
 
 
 def test_another_aspect_has_panes_of_its_own() -> None:
     square = replace(CAMERA, width_px=64, height_px=64)
-    assert PerceptionPanes(square, class_colours=COLOURS).size_px == (1280, 1280)
-
-
-def test_colours_of_another_shape_are_refused() -> None:
-    with pytest.raises(ShapeError, match="class colours must be Nx3, got 17x4"):
-        PerceptionPanes(CAMERA, class_colours=np.zeros((17, 4), np.uint8))
+    assert PerceptionPanes(square, PALETTE).size_px == (1280, 1280)

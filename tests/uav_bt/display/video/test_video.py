@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.uav_bt.display.display_world import CAMERA, COLOURS, LAB, World
+from tests.uav_bt.display.display_world import CAMERA, COLOURS, LAB, PALETTE, World
 from uav_bt.display.canvas import PANEL
-from uav_bt.display.lab_map import FlownPath
+from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
-from uav_bt.errors import FileError, ShapeError, ValueRangeError
+from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.types import ClassMap, DepthMap, Frame, Pose
 
 
 def panes_of(world: World) -> Panes:
-    return Panes(world.board, CAMERA, class_colours=COLOURS, lab_map=LAB, title="a flight")
+    return Panes(world.board, CAMERA, palette=PALETTE, lab_map=LAB, title="a flight")
 
 
 def fly(video: FlightVideo, world: World, ticks: int, after_s: float = 0.1) -> None:
@@ -196,11 +196,6 @@ def test_what_ended_the_flight_matters_more_than_the_video(tmp_path: Path) -> No
     ):
         fly_and_fail(filled_disk(video), world, 2)
     assert "No space left" in caught.value.__notes__[0]
-
-
-def test_colours_of_another_shape_are_refused() -> None:
-    with pytest.raises(ShapeError, match="class colours must be Nx3, got 17x4"):
-        Panes(World().board, CAMERA, class_colours=np.zeros((17, 4), dtype=np.uint8), lab_map=None)
 
 
 @pytest.mark.parametrize("changes", [{"speed": 0.0}, {"images_per_s": 0}])

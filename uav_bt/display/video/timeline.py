@@ -1,0 +1,98 @@
+"""The timeline of a film: the mission's phases in their colours, up to now, under a time scale.
+
+How long a flight will take is not known while it is filmed. The scale begins with half a minute,
+doubles whenever the flight outlasts it, and ends at the time limit of the flight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from uav_bt.display.canvas import ACCENT, DIM, INK, PANEL, Colour, Image, line, put, text_width_px
+from uav_bt.display.lab_map import draw_legend, phase_colours
+
+_FIRST_SPAN_S: Final = 30.0
+_STEPS_S: Final = (5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0)  # between marks of the scale
+_MARKS: Final = 8  # at most
+_SCALE: Final = 0.36
+_MARGIN_PX: Final = 18
+_BAR_PX: Final = 10
+_TRACK: Final[Colour] = (52, 56, 66)
+
+
+class Timeline:
+    """Follows the phases of a flight and draws them.
+
+    Args:
+        limit_s: when the flight is ended at the latest, from the take-off command; None: never.
+    """
+
+    def __init__(self, limit_s: float | None = None) -> None:
+        self._limit_s = limit_s
+        self._starts: list[tuple[float, str]] = []  # when each phase began
+        self._now_s = 0.0
+
+    def add(self, elapsed_s: float, phase: str) -> None:
+        """Note the phase of a moment.
+
+        Args:
+            elapsed_s: since the take-off command.
+            phase: what the mission is doing; empty where it has not said so.
+        """
+        self._now_s = elapsed_s
+        if not self._starts or self._starts[-1][1] != phase:
+            self._starts.append((elapsed_s, phase))
+
+    @property
+    def span_s(self) -> float:
+        """What the whole width of the scale stands for, seconds."""
+        doubled = max(0, math.ceil(math.log2(max(self._now_s, 1e-9) / _FIRST_SPAN_S)))
+        span_s = _FIRST_SPAN_S * 2.0**doubled
+        # A flight is judged a tick late: it may outlast its limit by that.
+        return span_s if self._limit_s is None else max(min(span_s, self._limit_s), self._now_s)
+
+    def draw(self, size_px: tuple[int, int]) -> Image:
+        """Return the timeline of this moment, (H, W, 3) uint8 RGB.
+
+        Args:
+            size_px: width and height; the bar is as wide as fits, 60 pixels are high enough.
+        """
+        width_px, height_px = size_px
+        image: Image = np.full((height_px, width_px, 3), PANEL, dtype=np.uint8)
+        colours = phase_colours([phase for _, phase in self._starts])
+        draw_legend(image, colours, base_px=15)
+        top, bottom = 24, 24 + _BAR_PX
+        image[top:bottom, _MARGIN_PX:-_MARGIN_PX] = _TRACK
+        ends = [start_s for start_s, _ in self._starts[1:]] + [self._now_s]
+        for (start_s, phase), end_s in zip(self._starts, ends, strict=True):
+            left, right = (
+                round(self._column(start_s, width_px)),
+                round(self._column(end_s, width_px)),
+            )
+            image[top:bottom, left:right] = colours[phase]
+        self._draw_scale(image, bottom)
+        cursor = self._column(self._now_s, width_px)
+        line(image, [(cursor, top - 4), (cursor, bottom + 3)], ACCENT, 2)
+        return image
+
+    def _column(self, time_s: float, width_px: int) -> float:
+        return _MARGIN_PX + (width_px - 2 * _MARGIN_PX) * time_s / self.span_s
+
+    def _draw_scale(self, image: Image, below: int) -> None:
+        width_px, base = image.shape[1], below + 16
+        span_s = self.span_s
+        limited = span_s == self._limit_s
+        words = f"limit {span_s:.0f} s" if limited else f"{span_s:.0f} s"
+        last = width_px - _MARGIN_PX - text_width_px(words, _SCALE)
+        put(image, words, (last, base), colour=INK if limited else DIM, scale=_SCALE)
+        step_s = next((step for step in _STEPS_S if span_s / step <= _MARKS), span_s)
+        for index in range(math.ceil(span_s / step_s)):
+            column = self._column(index * step_s, width_px)
+            line(image, [(column, below), (column, below + 3)], DIM)
+            text = f"{index * step_s:.0f}"
+            half = text_width_px(text, _SCALE) / 2
+            if column + half + 8 < last:
+                put(image, text, (round(column - half), base), colour=DIM, scale=_SCALE)
