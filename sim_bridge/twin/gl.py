@@ -58,6 +58,7 @@ def choose_gl() -> str:
         return asked or ("cgl" if sys.platform == "darwin" else "glfw")
     if asked and asked not in _KINDS:
         raise UnknownNameError("MUJOCO_GL", asked, _KINDS)
+    _load_triton_first()
     kind = asked or _what_works()
     if kind == "osmesa" and not (_preload_wheel() or _loads("libOSMesa.so", "libOSMesa.so.8")):
         raise MissingDependencyError(f"MUJOCO_GL=osmesa, but no OSMesa was found: {_ADVICE}")
@@ -110,10 +111,21 @@ def _what_works() -> str:
     raise MissingDependencyError(_ADVICE)
 
 
-def _loads(*names: str) -> bool:
+def _load_triton_first() -> None:
+    """Load Triton's library, which GPU builds of PyTorch bring, before Mesa's.
+
+    Each carries an LLVM of its own, and a process in which Triton's comes second crashes as soon as
+    PyTorch imports it: one that draws and then trains.
+    """
+    spec = importlib.util.find_spec("triton")
+    if spec is not None and spec.origin is not None:
+        _loads(str(Path(spec.origin).parent / "_C" / "libtriton.so"), mode=ctypes.RTLD_LOCAL)
+
+
+def _loads(*names: str, mode: int = ctypes.RTLD_GLOBAL) -> bool:
     for name in names:
         try:
-            ctypes.CDLL(name, ctypes.RTLD_GLOBAL)
+            ctypes.CDLL(name, mode)
         except OSError:
             continue
         return True

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import _ctypes
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -81,6 +84,23 @@ def test_a_failure_inside_opengl_is_translated(monkeypatch: pytest.MonkeyPatch) 
     for use in (gl.load_mujoco, gl.context_class):
         with pytest.raises(MissingDependencyError, match=r"eglQueryString.*Install one of"):
             use()
+
+
+def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    library = tmp_path / "triton" / "_C" / "libtriton.so"
+    library.parent.mkdir(parents=True)
+    shutil.copy(_ctypes.__file__, library)  # any shared library does
+    (tmp_path / "triton" / "__init__.py").touch()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
+    mapped = []
+    monkeypatch.setattr(
+        gl, "_egl_works", lambda: mapped.append(Path("/proc/self/maps").read_text()) or True
+    )
+    choose()
+    assert str(library) in mapped[0]
 
 
 def test_importing_the_package_is_light() -> None:
