@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -43,6 +44,43 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as cause:
         raise FileError(path, f"cannot be written: {cause.strerror or cause}") from cause
+
+
+def check_output(path: Path, *, new_folders: bool = False) -> None:
+    """Refuse a file that could not be written, before the work that it is to keep.
+
+    Args:
+        path: the file; one that exists may be replaced.
+        new_folders: whether its folder may be missing, because it will be made.
+
+    Raises:
+        FileError: it is no regular file, or its folder is missing, none, or not to be written to.
+    """
+    if not path.name:
+        raise FileError(path, f"expected the name of a file, got '{path}'")
+    with writing(path):
+        if path.is_dir():
+            raise FileError(path, "is a folder; name a file in it")
+        if path.exists() and not path.is_file():
+            raise FileError(path, "is a device or a pipe, and not to be replaced by a file")
+        if not new_folders and not path.parent.exists():
+            raise FileError(path, f"folder '{path.parent}' does not exist; create it first")
+    check_output_folder(path.parent)
+
+
+def check_output_folder(folder: Path) -> None:
+    """Refuse a folder that could not be written to, or not be made.
+
+    Raises:
+        FileError: it is none, or not to be written to.
+    """
+    with writing(folder):
+        there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+        if not there.is_dir():
+            raise FileError(folder, f"cannot be written to: '{there}' is a file and no folder")
+        # Permissions do not say it all: /proc refuses, whoever asks.
+        with tempfile.TemporaryFile(dir=there):
+            pass
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from uav_bt.campaign import CampaignResult
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.report.statistics import by_tree, summarise
 from uav_bt.campaign.runner import Backend, LocalBackend
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import (
     FOLDER,
     RUNS,
@@ -25,7 +26,7 @@ from uav_bt.cli.progress import campaign_progress
 from uav_bt.errors import MissionError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("trees", metavar="TREE...", nargs=-1)
 @click.option(
     "--scenes",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from uav_bt.cli.command import Command, note_input
 from uav_bt.cli.options import INPUT, format_option
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
@@ -22,9 +23,12 @@ def _with_palette(ctx: click.Context, param: click.Parameter, value: Path | None
     Raises:
         TreeError: the palette cannot be read or makes no sense.
     """
-    del ctx, param
+    del param
     installed = NodeRegistry.installed()
-    return installed if value is None else with_palette(installed, read_palette(value))
+    if value is None:
+        return installed
+    note_input(ctx, value)
+    return with_palette(installed, read_palette(value))
 
 
 palette_option = click.option(
@@ -38,7 +42,7 @@ palette_option = click.option(
 )
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("trees", metavar="TREE...", nargs=-1, required=True)
 @palette_option
 @format_option("text", "json", help_="json: one object a line and file, with its findings.")
@@ -98,7 +102,7 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
     )
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--from",

@@ -8,6 +8,7 @@ from typing import Final
 import click
 
 from uav_bt.campaign.runner import LocalBackend
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import (
     FOLDER,
     RUNS,
@@ -24,7 +25,7 @@ from uav_bt.plugins import need
 _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("tree", metavar="TREE")
 @click.option(
     "--flights",

@@ -9,11 +9,12 @@ import click
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.app.doctor import examine
+from uav_bt.cli.command import Command
 from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check, check_drone
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option(
     "--drone",
     metavar="NAME[:ADDRESS]",

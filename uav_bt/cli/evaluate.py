@@ -17,6 +17,7 @@ from perception.segmentation import runtime
 from perception.segmentation.evaluation import SegmentationScore
 from perception.segmentation.teacher import load_teacher
 from uav_bt.classes import CLASS_NAMES, GROUP_NAMES
+from uav_bt.cli.command import Command
 from uav_bt.cli.depth_tables import depth_report
 from uav_bt.cli.options import (
     FOLDER,
@@ -37,7 +38,7 @@ from uav_bt.types import Frame
 _scores_option = output_option("--out", "Write the scores there too, as JSON.")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option(
     "--model",
     default="unet",
@@ -76,7 +77,7 @@ def segmentation(
     _write(result, out)
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option(
     "--model",
     default="depth",
@@ -130,7 +131,7 @@ def depth(
     _write(result, out)
 
 
-@click.command()
+@click.command(cls=Command)
 @records_argument
 @click.option(
     "--model",

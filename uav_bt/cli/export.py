@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from perception.networks.weights_file import SHIPPED_WEIGHTS
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.learning.exporting import CALIBRATION_VIEWS, Network, Precision, export_network
@@ -43,21 +44,21 @@ def _network_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-@click.command()
+@click.command(cls=Command)
 @_network_options
 def segmentation(**options: Any) -> None:
     """Export a segmentation U-Net."""
     _export("segmentation", "unet", **options)
 
 
-@click.command()
+@click.command(cls=Command)
 @_network_options
 def depth(**options: Any) -> None:
     """Export a depth network."""
     _export("depth", "depth", **options)
 
 
-@click.command()
+@click.command(cls=Command)
 @_network_options
 def student(**options: Any) -> None:
     """Export a control student. All its shapes are fixed."""

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from contextlib import ExitStack, suppress
-from itertools import combinations
 from pathlib import Path
 from typing import Final, Literal
 
@@ -16,6 +14,8 @@ from uav_bt import app
 from uav_bt.app import film
 from uav_bt.app.site import load_site
 from uav_bt.app.view.live import ViewListeners, live_view
+from uav_bt.cli.command import Command
+from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.keys import pilot_keys
 from uav_bt.cli.options import (
     INPUT,
@@ -30,6 +30,7 @@ from uav_bt.display.status import summary
 from uav_bt.errors import MissionError
 from uav_bt.groot import GrootConfig, watched_live
 from uav_bt.mission.judge import Outcome
+from uav_bt.protocols import Drone
 
 _GROOT_PORT: Final = 1667  # the default of Groot2
 _MAX_GROOT_PORT: Final = 65_534  # notifications have the next one
@@ -54,7 +55,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     return int(value)
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("tree")
 @click.option("--scene", metavar="SCENE", help="The twin's lab: a shipped scene or a YAML file.")
 @seed_option()
@@ -86,7 +87,11 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     help="A camera file of `uav-bt lab calibrate`: frames are undistorted with it.",
 )
 @output_option("--report", "Write the flight's report there, as JSON.")
-@output_option("--record", "Keep the flight's record: an MCAP file, for viewers and for replay.")
+@output_option(
+    "--record",
+    "Keep the flight's record: an MCAP file, for viewers and for replay.",
+    suffix=".mcap",
+)
 @click.option(
     "--quality",
     type=click.Choice(["lossless", "high"]),
@@ -94,7 +99,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     show_default=True,
     help="Quality of the record's images: exact, or small.",
 )
-@output_option("--video", "Make a video of the flight: an mp4 file.")
+@output_option("--video", "Make a video of the flight: an mp4 file.", suffix=".mp4")
 @click.option(
     "--view",
     metavar="[WHERE]",
@@ -103,7 +108,9 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     flag_value="window",
     help="Show the flight in Rerun: in a window, or with `web` in a browser on this machine.",
 )
-@output_option("--btlog", "Log what each node does: a .btlog file, which Groot2 replays.")
+@output_option(
+    "--btlog", "Log what each node does: a .btlog file, which Groot2 replays.", suffix=".btlog"
+)
 @click.option(
     "--groot",
     metavar="[PORT]",
@@ -149,15 +156,6 @@ def fly(
     Exits with 0 when the mission succeeded, with 1 when it did not, and with 2 when nothing was
     flown because something given was refused.
     """
-    written = {
-        "report": report,
-        "record": record,
-        "video": video,
-        "btlog": btlog,
-    }
-    files = {what: path for what, path in written.items() if path is not None}
-    _refuse_clashes(files)
-
     options = app.FlightOptions(
         scene=scene,
         seed=seed,
@@ -188,30 +186,36 @@ def fly(
             watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
         )
         watchers.append(lambda flight: watch(flight.mission, flight.context))
-        flown = app.fly(
-            tree,
-            options,
-            report=report,
-            listeners=watchers,
-            on_check=click.echo,
-            controls=pilot_keys,
-        )
+        flights: list[object] = []
+
+        def begin(flight: app.Flight[Drone]) -> tuple[()]:
+            flights.append(flight)
+            return ()
+
+        watchers.append(begin)
+        try:
+            flown = app.fly(
+                tree,
+                options,
+                report=report,
+                listeners=watchers,
+                on_check=click.echo,
+                controls=pilot_keys,
+            )
+        except KeyboardInterrupt as stop:
+            when = "again while it landed" if flights else "before take-off: nothing flew"
+            raise MissionError(f"{stopped_by(stop)} {when}") from stop
         if filmed is not None:
             filmed.conclude(flown)
     Console().print(summary(flown))
-    for what, path in files.items():
-        click.echo(f"{what}: {path}")
+    written = {"report": report, "record": record, "video": video, "btlog": btlog}
+    for what, path in written.items():
+        if path is not None:
+            click.echo(f"{what}: {path}")
     if viewed is not None and view == "web":
         _wait_for(viewed)
     if flown.outcome != Outcome.SUCCESS.value:
         ctx.exit(MissionError.exit_code)
-
-
-def _refuse_clashes(files: Mapping[str, Path]) -> None:
-    """Refuse two files that are one."""
-    for one, other in combinations(files, 2):
-        if files[one] == files[other]:
-            raise click.UsageError(f"--{one} and --{other} name the same file")
 
 
 def _wait_for(viewed: ViewListeners) -> None:

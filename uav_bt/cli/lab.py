@@ -16,6 +16,7 @@ from perception.camera.camera_file import write_camera
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app.film import map_of_scene
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import output_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.display.lab_map import draw_path_map
@@ -26,9 +27,9 @@ _FLIGHT_HEIGHT_M: Final = 1.5  # of the shipped missions: only boxes that reach 
 _IMAGES: Final = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"}
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option("--show", "shown", metavar="SCENE", help="A scene, by name or file, to draw.")
-@output_option("--out", "The PNG file for the map; SCENE.png if not given.")
+@output_option("--out", "The PNG file for the map; SCENE.png if not given.", suffix=".png")
 def scenes(*, shown: str | None, out: Path | None) -> None:
     """List the scenes that ship with uav-bt, or draw the map of one."""
     if shown is None:
@@ -64,7 +65,7 @@ def _line(scene: Scene) -> str:
     )
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument(
     "images", metavar="IMAGES...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )

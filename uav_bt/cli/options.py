@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -10,8 +9,10 @@ from typing import Any, Final
 
 import click
 
+from uav_bt.cli.command import OutputFile, OutputFolder
+
 INPUT: Final = click.Path(dir_okay=False, path_type=Path)
-FOLDER: Final = click.Path(file_okay=False, path_type=Path)
+FOLDER: Final = OutputFolder()
 RUNS: Final = Path("runs")  # the folder of results; git ignores it
 
 records_argument = click.argument(
@@ -100,26 +101,10 @@ def output_option(
         default: the file without the option; None for no file.
         suffix: how the file's name must end.
     """
-
-    def checked(ctx: click.Context, param: click.Parameter, value: Path | None) -> Path | None:
-        if value is None or value == default:
-            return value
-        folder = value.parent
-        if not value.name.endswith(suffix):
-            message = f"the name must end in {suffix}, got '{value}'"
-        elif not folder.is_dir():
-            message = f"folder '{folder}' does not exist; create it first"
-        elif not os.access(folder, os.W_OK):
-            message = f"folder '{folder}' cannot be written to"
-        else:
-            return value
-        raise click.BadParameter(message, ctx, param)  # before any work is done
-
     return click.option(
         name,
         metavar="FILE",
-        type=click.Path(dir_okay=False, writable=True, path_type=Path),
-        callback=checked,
+        type=OutputFile(suffix),
         default=default,
         show_default=default is not None,
         help=help_,

@@ -9,14 +9,15 @@ import click
 
 from uav_bt.app.perceive import PerceiveOptions, PerceiveSummary
 from uav_bt.app.perceive import perceive as perceive_source
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option, threads_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.errors import MissionError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("source")
-@output_option("--out", "Write the overlays there: an mp4 file.")
+@output_option("--out", "Write the overlays there: an mp4 file.", suffix=".mp4")
 @output_option("--json", "Write one JSON object a frame there, a line each.")
 @click.option(
     "--camera",
@@ -99,8 +100,6 @@ def perceive(
     record of `uav-bt fly --record`, which brings its camera and telemetry along. Ctrl-C keeps what
     was written and exits with 1.
     """
-    if out is not None and out == json:
-        raise click.UsageError("--out and --json name the same file")
     options = PerceiveOptions(
         camera=camera,
         height_m=height_m,

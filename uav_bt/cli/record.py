@@ -14,6 +14,7 @@ from uav_bt.app.replay import Difference, ReplayOptions, ReplayReport
 from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
 from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, format_option, output_option, policy_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.display.rerun import sinks
@@ -28,7 +29,7 @@ _MAX_PRINTED: Final = 20  # differing ticks, and nodes that differ
 _file_argument = click.argument("file", type=INPUT)
 
 
-@click.command()
+@click.command(cls=Command)
 @_file_argument
 @format_option("text", "json", help_="text is for people; json is one object.")
 def info(*, file: Path, format_: str) -> None:
@@ -65,11 +66,13 @@ def _text(found: RecordInfo) -> str:
     return "\n".join(lines)
 
 
-@click.command()
+@click.command(cls=Command)
 @_file_argument
-@output_option("--save", "Keep the view: an rrd file, which `rerun FILE` opens anywhere.")
+@output_option(
+    "--save", "Keep the view: an rrd file, which `rerun FILE` opens anywhere.", suffix=".rrd"
+)
 @click.option("--web", is_flag=True, help="Show it in a browser on this machine, until Ctrl-C.")
-@output_option("--video", "Make a video of it: an mp4 file.")
+@output_option("--video", "Make a video of it: an mp4 file.", suffix=".mp4")
 @click.option(
     "--speed",
     type=click.FloatRange(0.1, 100.0),
@@ -139,7 +142,7 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
             click.echo("", err=True)
 
 
-@click.command()
+@click.command(cls=Command)
 @_file_argument
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
 @policy_option

@@ -7,10 +7,11 @@ from pathlib import Path
 import click
 
 from uav_bt.campaign.report.campaign_report import write_report
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import output_option
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument(
     "sources", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )

@@ -16,6 +16,7 @@ from typing import Any, Final
 import click
 
 import uav_bt as package
+from uav_bt.cli.interrupts import stopped_by
 from uav_bt.errors import InputError, UavBtError, did_you_mean
 from uav_bt.plugins import missing_extra
 
@@ -104,6 +105,9 @@ class _Root(LazyGroup):
             return super().invoke(ctx)
         except (click.ClickException, click.Abort, click.exceptions.Exit, BrokenPipeError):
             raise  # click's own; a closed pipe ends it quietly
+        except KeyboardInterrupt as stop:
+            click.echo(f"\nError: {stopped_by(stop)}", err=True)
+            raise click.exceptions.Exit(UavBtError.exit_code) from stop
         except Exception as error:
             known = missing_extra(error) if isinstance(error, ModuleNotFoundError) else error
             if isinstance(known, UavBtError):

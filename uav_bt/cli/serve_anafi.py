@@ -14,6 +14,7 @@ from sim_bridge.loopback.handshake import Identity, Ports
 from sim_bridge.loopback.server import ServerOptions
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import image_size_option, profile_option, seed_option
 
 
@@ -27,7 +28,7 @@ def _port(name: str, what: str) -> click.Option:
     )
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option(
     "--scene",
     metavar="SCENE",

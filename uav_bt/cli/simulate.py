@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from uav_bt.cli.check import palette_option
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, format_option
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
@@ -17,7 +18,7 @@ from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
 from uav_bt.tree.shipped import resolve_tree
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("tree")
 @click.option(
     "--script",

@@ -9,13 +9,14 @@ import click
 
 from perception.segmentation.teacher import TeacherConfig, save_teacher
 from perception.segmentation.training.pick_tool import PickSession, make_pick_server
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.learning import teacher as training
 from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("folder", type=click.Path(path_type=Path))
 @output_option("--picks", "The CSV file.", default=Path("picks.csv"))
 @click.option(
@@ -38,7 +39,7 @@ def pick(*, folder: Path, picks: Path, port: int) -> None:
     click.echo(f"{len(session.picks)} picks: {picks}")
 
 
-@click.command()
+@click.command(cls=Command)
 @output_option("--out", "The weights.", default=RUNS / "teacher.safetensors", suffix=".safetensors")
 @click.option(
     "--picks",

@@ -11,6 +11,7 @@ import click
 
 from perception.segmentation.runtime import shipped_unet
 from perception.segmentation.teacher import load_teacher
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import (
     INPUT,
     RUNS,
@@ -26,7 +27,7 @@ from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, la
 from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, ViewPlan, depth_views
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("flights", nargs=-1, metavar="[FLIGHTS]...", type=click.Path(path_type=Path))
 @output_option("--out", "The weights.", default=RUNS / "unet.safetensors", suffix=".safetensors")
 @click.option(
@@ -98,7 +99,7 @@ def segmentation(
     click.echo(f"segmentation U-Net: {out} and {out.with_suffix('.onnx')}")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument(
     "flights", nargs=-1, required=True, metavar="FLIGHTS...", type=click.Path(path_type=Path)
 )

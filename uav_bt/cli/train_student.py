@@ -8,6 +8,7 @@ import click
 
 from perception.control.ego_state import ControlNetConfig
 from perception.control.training.samples import SampleConfig
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import (
     FOLDER,
     INPUT,
@@ -22,7 +23,7 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.learning.dataset import read_advised_flights, split_records
 
 
-@click.command()
+@click.command(cls=Command)
 @records_argument
 @output_option("--out", "The weights.", default=RUNS / "student.safetensors", suffix=".safetensors")
 @run_option("student", "views, checkpoint, scores and curves")

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from uav_bt.cli.check import palette_option
+from uav_bt.cli.command import Command
 from uav_bt.cli.options import format_option, output_option
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
@@ -18,7 +19,7 @@ from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("names", metavar="[NODE]...", nargs=-1)
 @format_option(
     "text",
@@ -73,7 +74,7 @@ def _attribute(port: PortInfo) -> str:
     return f"{given}  {kind}{direction}" + (f": {port.doc}" if port.doc else "")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("tree")
 @format_option("ascii", "svg", help_="The form of the drawing.")
 @output_option("--out", "Write the drawing there; it is printed if not given.")
@@ -87,7 +88,7 @@ def render(*, tree: str, format_: str, out: Path | None, registry: NodeRegistry)
     _print_or_write(draw(load_tree(resolve_tree(tree), registry), format_), out)
 
 
-@click.command()
+@click.command(cls=Command)
 @output_option("--out", "Write the schema there; it is printed if not given.")
 @palette_option
 def schema(*, out: Path | None, registry: NodeRegistry) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 from click.testing import CliRunner, Result
 
 from uav_bt.cli.root import uav_bt
@@ -34,3 +36,17 @@ def assert_refused(result: Result, *words: str) -> None:
     assert "Traceback" not in result.stderr
     for word in words:
         assert word in result.stderr, result.stderr
+
+
+def all_commands() -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    """Yield every command that is no group, with the words by which it is called."""
+    context = click.Context(uav_bt, info_name="uav-bt")
+    for words in uav_bt.paths():
+        command: click.Command = uav_bt
+        for word in words:
+            assert isinstance(command, click.Group)
+            found = command.get_command(context, word)
+            assert found is not None
+            command = found
+        if not isinstance(command, click.Group):
+            yield words, command

@@ -132,7 +132,7 @@ EXPLORE = "<Sequence><Segment/><Explore/></Sequence>"
         (["land_only", "--report", "nowhere/r.json"], ["--report", "nowhere", "create it first"]),
         (["land_only", "--video", "nowhere/v.mp4"], ["--video", "nowhere", "create it first"]),
         (["land_only", "--report", "."], ["--report"]),
-        (["land_only", "--report", "x", "--video", "x"], ["same file"]),
+        (["land_only", "--report", "x.mp4", "--video", "x.mp4"], ["same file"]),
         (["land_only", "--policy", "Explore"], ["--policy", "NODE=NAME", "'Explore'"]),
         (["land_only", "--policy", "=x"], ["NODE=NAME"]),
         (["land_only", "--policy", "A=x", "--policy", "A=y"], ["'A' is given two policies"]),
@@ -295,5 +295,5 @@ def test_a_port_that_is_none_is_refused_with_a_hint(port: str) -> None:
 
 def test_a_log_of_another_name_is_refused_before_anything_flies(tmp_path: Path) -> None:
     assert_refused(
-        run("fly", "land_only", "--btlog", tmp_path / "flight.log"), "only files named *.btlog"
+        run("fly", "land_only", "--btlog", tmp_path / "flight.log"), "must end in .btlog"
     )

@@ -91,7 +91,7 @@ def test_what_is_no_source_is_refused(tmp_path: Path) -> None:
     [
         (("--out", "nowhere/seen.mp4"), "folder 'nowhere' does not exist"),
         (("--json", "nowhere/seen.jsonl"), "folder 'nowhere' does not exist"),
-        (("--out", "seen.avi"), "a video's name must end in .mp4"),
+        (("--out", "seen.avi"), "the name must end in .mp4"),
         (("--out", "seen.mp4", "--json", "seen.mp4"), "name the same file"),
         (("--camera", "no.yaml"), "there is no such camera file"),
         (("--telemetry", "no.npz"), "uav-bt fly ... --record FILE.mcap"),

@@ -105,8 +105,8 @@ def test_a_bad_tree_for_a_replay_is_refused(record: Path, tmp_path: Path) -> Non
 
 def test_two_outputs_in_one_file_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "flight.mcap"
-    result = run("fly", "land_only", "--record", file, "--video", file)
-    assert_refused(result, "--record and --video name the same file")
+    result = run("fly", "land_only", "--record", file, "--report", file)
+    assert_refused(result, "--report and --record name the same file")
 
 
 def test_a_full_disk_costs_the_record_and_not_the_missions_exit_code(

@@ -176,14 +176,14 @@ def test_an_unexpected_exception_is_one_line_and_debug_shows_the_rest(
     assert "uav-bt --debug" not in debugged.stderr
 
 
-def test_a_break_before_flying_exits_with_1_quietly(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupt_is_one_line_and_exits_with_1(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(_: str) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(shipped, "resolve_tree", interrupted)
     result = run("check", "land_only")
     assert result.exit_code == 1
-    assert result.stderr.strip() == "Aborted!"
+    assert result.stderr.strip() == "Error: stopped by Ctrl-C"
 
 
 # --- packages -------------------------------------------------------------------------------------

@@ -1,0 +1,204 @@
+"""Outputs of every command: never over an input, and never found impossible after the work."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, all_commands, assert_refused, run, tree_file
+from uav_bt.cli.command import Command, OutputFile, OutputFolder
+
+INCLUDING = '<root BTCPP_format="4"><include path="sub/parts.xml"/></root>'
+SCENE = "helipad: {position_m: [0, 0]}\n"
+SITE = "camera: camera.yaml\n"
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a small mission and all that commands can be given beside it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    tree_file(tmp_path, HOP)
+    tree_file(tmp_path / "sub", HOP, "parts.xml")
+    (tmp_path / "including.xml").write_text(INCLUDING)
+    (tmp_path / "named.xml").write_text('<x model="net.onnx" policy="student:pilot.onnx"/>')
+    (tmp_path / "link.xml").symlink_to("mission.xml")
+    os.link(tmp_path / "mission.xml", tmp_path / "hard.xml")
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    (tmp_path / "site.yaml").write_text(SITE)
+    (tmp_path / "photos").mkdir()
+    for name in (
+        *("camera.yaml", "script.yaml", "palette.xml", "net.onnx", "pilot.onnx", "old.mcap"),
+        *("classes.yaml", "flight.mp4", "w.safetensors", "flights.jsonl", "photos/board.png"),
+        *("picks.csv", "telemetry.mcap"),
+    ):
+        (tmp_path / name).write_text(f"this is {name}")
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(file): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "fly mission.xml --report mission.xml",
+        "fly mission.xml --report ./sub/../mission.xml",
+        "fly mission.xml --report link.xml",
+        "fly mission.xml --report hard.xml",
+        "fly link.xml --report mission.xml",
+        "fly including.xml --report sub/parts.xml",
+        "fly named.xml --report net.onnx",
+        "fly named.xml --report pilot.onnx",
+        "fly mission.xml --scene scene.yaml --report scene.yaml",
+        "fly mission.xml --site site.yaml --report site.yaml",
+        "fly mission.xml --site site.yaml --report camera.yaml",
+        "fly mission.xml --camera camera.yaml --report camera.yaml",
+        "fly mission.xml --policy Explore=student:pilot.onnx --report pilot.onnx",
+        "tree render mission.xml --out mission.xml",
+        "tree render including.xml --out sub/parts.xml",
+        "tree render mission.xml --palette palette.xml --out palette.xml",
+        "tree schema --palette palette.xml --out palette.xml",
+        "report flights.jsonl --out flights.jsonl",
+        "net perceive flight.mp4 --out flight.mp4",
+        "net perceive flight.mp4 --json flight.mp4",
+        "net perceive flight.mp4 --camera camera.yaml --json camera.yaml",
+        "net perceive flight.mp4 --telemetry telemetry.mcap --json telemetry.mcap",
+        "net perceive flight.mp4 --classes classes.yaml --json classes.yaml",
+        "net perceive flight.mp4 --segmentation net.onnx --json net.onnx",
+        "net perceive photos --json photos/board.png",
+        "net train depth old.mcap --start w.safetensors --out w.safetensors",
+        "net train segmentation --teacher w.safetensors --out w.safetensors",
+        "net train student old.mcap --start w.safetensors --out w.safetensors",
+        "net evaluate segmentation --model net.onnx --out net.onnx",
+        "net evaluate segmentation --model net.onnx --classes classes.yaml --out classes.yaml",
+        "net evaluate depth --model net.onnx --out net.onnx",
+        "net evaluate student old.mcap --out old.mcap",
+        "net export depth --weights net.onnx --out net.onnx",
+        "lab calibrate photos --out photos/board.png",
+        "lab calibrate photos/board.png --out photos/board.png",
+    ],
+)
+def test_an_input_is_never_overwritten(line: str, world: Path) -> None:
+    if "palette" in line:
+        (world / "palette.xml").write_text(
+            '<root BTCPP_format="4"><TreeNodesModel/></root>', encoding="utf-8"
+        )
+    before = contents(world)
+    assert_refused(run(*line.split()), "is an input of this command")
+    assert contents(world) == before
+
+
+def test_a_shipped_mission_is_an_input_when_it_is_named() -> None:
+    shipped = Path(__file__).parents[3] / "trees" / "land_only.xml"
+    before = shipped.read_bytes()
+    assert_refused(run("fly", "land_only", "--report", shipped), "is an input of this command")
+    assert shipped.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "fly mission.xml --report x.mp4 --video ./x.mp4",
+        "view old.mcap --save ./x.rrd --video x.mp4",
+        "net perceive flight.mp4 --out x.mp4 --json x.mp4",
+    ],
+)
+def test_two_outputs_are_two_files(line: str, world: Path) -> None:
+    if "view" in line:
+        (world / "x.rrd").write_text("old")
+        os.link(world / "x.rrd", world / "x.mp4")
+    assert_refused(run(*line.split()), "name the same file")
+
+
+OUTPUTS = [
+    "fly mission.xml --report {}.json",
+    "fly mission.xml --record {}.mcap",
+    "fly mission.xml --video {}.mp4",
+    "fly mission.xml --btlog {}.btlog",
+    "tree render mission.xml --out {}.svg",
+    "tree schema --out {}.xsd",
+    "view old.mcap --save {}.rrd",
+    "view old.mcap --video {}.mp4",
+    "report flights.jsonl --out {}.html",
+    "campaign mission.xml --out {}",
+    "net collect mission.xml --out {}",
+    "net perceive flight.mp4 --out {}.mp4",
+    "net perceive flight.mp4 --json {}.json",
+    "net pick photos --picks {}.csv",
+    "net train teacher --out {}.safetensors",
+    "net train segmentation --out {}.safetensors",
+    "net train depth old.mcap --out {}.safetensors",
+    "net train depth old.mcap --run {}",
+    "net train student old.mcap --out {}.safetensors",
+    "net train student old.mcap --views-kept {}",
+    "net evaluate segmentation --out {}.json",
+    "net evaluate depth --out {}.json",
+    "net evaluate student old.mcap --out {}.json",
+    "net export segmentation --out {}.onnx",
+    "net export depth --out {}.onnx",
+    "net export student --out {}.onnx",
+    "lab scenes --show train-a --out {}.png",
+    "lab calibrate photos --out {}.yaml",
+]
+
+
+@pytest.mark.parametrize("line", OUTPUTS)
+@pytest.mark.parametrize("place", ["/proc/x", "mission.xml/x"])
+def test_where_nothing_can_be_written_is_found_before_the_work(
+    line: str, place: str, world: Path
+) -> None:
+    before = contents(world)
+    words = {"/proc/x": "cannot be written", "mission.xml/x": "is a file"}
+    result = run(*line.format(place).split())
+    assert result.exit_code == 2, result.output
+    assert words[place] in result.stderr
+    assert contents(world) == before
+
+
+@pytest.mark.parametrize("line", [line for line in OUTPUTS if "." in line.split("{}")[-1]])
+def test_a_folder_is_no_file(line: str, world: Path) -> None:
+    suffix = line.rsplit("{}", maxsplit=1)[-1]
+    (world / f"taken{suffix}").mkdir()
+    assert_refused(run(*line.format("taken").split()), f"'taken{suffix}' is a directory")
+
+
+def test_a_device_is_not_replaced_by_a_file(world: Path) -> None:
+    assert_refused(run("fly", "mission.xml", "--report", "/dev/null"), "device")
+    assert Path("/dev/null").is_char_device()
+
+
+def test_an_empty_name_is_none(world: Path) -> None:
+    assert_refused(run("fly", "mission.xml", "--report", ""), "expected the name of a file")
+
+
+def test_an_output_that_is_no_input_is_replaced(world: Path) -> None:
+    (world / "tree.svg").write_text("old")
+    result = run("tree", "render", "mission.xml", "--format", "svg", "--out", "tree.svg")
+    assert result.exit_code == 0, result.output
+    assert "<svg" in (world / "tree.svg").read_text()
+
+
+def test_every_command_looks_at_its_outputs_and_each_is_in_the_table_above() -> None:
+    seen = set()
+    for words, command in all_commands():
+        assert isinstance(command, Command), words
+        for param in command.params:
+            if isinstance(param.type, (OutputFile, OutputFolder)):
+                seen.add((" ".join(words), param.opts[0]))
+            elif isinstance(param, click.Option) and isinstance(param.type, click.Path):
+                assert "written" not in str(param.help).lower()
+    tried = set()
+    for line in OUTPUTS:
+        head = line.split(" --")[0].split()
+        for words, _ in all_commands():
+            if head[: len(words)] == list(words):
+                options = [word for word in line.split() if word.startswith("--")]
+                tried |= {(" ".join(words), option) for option in options}
+    untried = {("campaign", "--resume"), ("net evaluate student", "--views-kept")}
+    runs = {(words, option) for words, option in seen if option == "--run"}
+    assert seen - tried == untried | (runs - tried)
