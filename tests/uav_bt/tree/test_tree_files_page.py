@@ -1,4 +1,4 @@
-"""`docs/tree-files.md`: its examples load and tick, its table is the registry's."""
+"""`docs/tree-files.md`: its examples tick, its table is the registry's."""
 
 from __future__ import annotations
 
@@ -113,13 +113,6 @@ def test_the_python_example_runs(world: World) -> None:
     answers = [tree.tick() for _ in range(3)]
     assert answers == [Status.RUNNING, Status.RUNNING, Status.SUCCESS]
     assert tree.variables["count"] == 2
-
-
-@pytest.mark.parametrize("code", PYTHON[1:], ids=["a behaviour of theirs", "a leaf of ours"])
-def test_the_examples_with_py_trees_run(world: World, code: str) -> None:
-    """They assert by themselves."""
-    world.board.declare(HEIGHT)
-    _run(code, context=world.context)
 
 
 def _run(code: str, **names: object) -> dict[str, object]:

@@ -1,0 +1,247 @@
+"""One who follows a page to the letter, in a folder of its own."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import click
+import pytest
+import yaml
+from click.core import ParameterSource
+from click.testing import CliRunner, Result
+
+from sim_bridge.twin.scene_file import load_scene
+from tests.docs.documents import (
+    ROOT,
+    Block,
+    Command,
+    blocks,
+    check_install,
+    check_python,
+    check_script,
+    check_target,
+    commands,
+    resolve,
+)
+from uav_bt.app.site import load_site
+from uav_bt.cli.command import OutputFile, OutputFolder
+from uav_bt.cli.root import uav_bt
+from uav_bt.tree import NodeRegistry, parse_tree
+from uav_bt.tree.dry_run.script_file import read_script
+from uav_bt.tree.loading.loader import check_file
+from uav_bt.tree.shipped import resolve_tree
+
+# Files that an option takes, and what reads them.
+LOADERS: Final[dict[str, Callable[[Path], object]]] = {"site": load_site, "script": read_script}
+# Arguments whose file is made, though click does not say so.
+WRITES: Final = {("new", "file")}
+
+
+class Reader:
+    """Saves what a page says to save, runs its Python in one namespace and its commands in turn.
+
+    Args:
+        page: the page's path in the repository.
+        folder: where it is followed; the working folder.
+        monkeypatch: puts what the page installs on the path.
+        left_out: why a command is only parsed, or None; also what to add when it is run.
+        long_python: Python that is not run.
+    """
+
+    def __init__(
+        self,
+        page: str,
+        folder: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        *,
+        left_out: Callable[[str], str | None],
+        added: Mapping[str, tuple[str, ...]],
+        long_python: tuple[str, ...],
+    ) -> None:
+        self.page = page
+        self.folder = folder
+        self._monkeypatch = monkeypatch
+        self._left_out = left_out
+        self._added = added
+        self._long_python = long_python
+        self._names: dict[str, Any] = {"__name__": "page"}
+        self._unwritten: set[Path] = set()  # stand for what a command that was not run writes
+
+    def follow(self) -> None:
+        """Follow the page from top to bottom, then run the tests that it wrote."""
+        for block in blocks((ROOT / self.page).read_text(encoding="utf-8")):
+            try:
+                self._block(block)
+            except (AssertionError, click.ClickException) as error:
+                message = getattr(error, "message", error)
+                pytest.fail(f"{self.page}:{block.line}: {message}", pytrace=False)
+        if list(self.folder.rglob("test_*.py")):
+            assert "passed" in self._pytest("--tb=short")
+
+    def _block(self, block: Block) -> None:
+        if block.file is not None:
+            path = self.folder / block.file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(block.text, encoding="utf-8")
+        match block.kind:
+            case "sh":
+                for command in commands(block, self.folder):
+                    self._command(command)
+            case "console":
+                self._console(block)
+            case "python" if block.file is None:
+                self._python(block)
+            case "xml" if block.file is None:
+                parse_tree(block.text, NodeRegistry.installed())
+            case "yaml":
+                assert isinstance(yaml.safe_load(block.text), dict)
+            case "python" | "xml" | "toml" if block.file is not None:
+                pass  # used by what follows
+            case "text":
+                pass  # what a program prints
+            case _:
+                raise AssertionError(f"a block of an unknown kind: '{block.kind}'")
+
+    def _python(self, block: Block) -> None:
+        if any(call in block.text for call in self._long_python):
+            check_python(block, self._names)
+            return
+        before = set(self._names)
+        exec(compile(block.text, f"{self.page}:{block.line}", "exec"), self._names)  # noqa: S102
+        for name in self._names.keys() - before:
+            if name.startswith("test_"):
+                self._names[name]()
+
+    def _pytest(self, *words: str, codes: tuple[int, ...] = (0,)) -> str:
+        path = os.pathsep.join([str(self.folder), str(self.folder / ".meta")])
+        result = subprocess.run(  # noqa: S603  # our own page
+            [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "no:xdist", *words],
+            cwd=self.folder,
+            env={**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert result.returncode in codes, result.stdout + result.stderr
+        return result.stdout
+
+    # --- commands ---------------------------------------------------------------------------------
+
+    def _console(self, block: Block) -> None:
+        """Run the command of a block that shows what is printed, and compare, with wildcards."""
+        first, *expected = block.text.splitlines()
+        only = Block("sh", first.removeprefix("$ "), block.line, None)
+        (command,) = commands(only, self.folder)
+        if command.words[0] == "pytest":
+            printed = self._pytest(*command.words[1:], codes=(0, 1))
+        else:
+            printed = self._run(command.words, codes=(0, 1, 2)).output
+        try:
+            pytest.LineMatcher(printed.splitlines()).fnmatch_lines(expected)
+        except pytest.fail.Exception as error:
+            raise AssertionError(f"{command} prints something else: {error}") from error
+
+    def _command(self, command: Command) -> None:
+        words, program = command.words, Path(command.words[0]).name
+        match program:
+            case "" if words[1].endswith("bin/activate"):
+                pass  # `. .venv/bin/activate`
+            case "make":
+                check_target(words[1])
+            case "pip" if words[-2:] == ("-e", "."):
+                self._install()
+            case "pip":
+                check_install(words)
+            case "uav-bt":
+                self._uav_bt(command)
+            case "pytest" if not self._left_out(str(command)):
+                self._pytest(*words[1:])
+            case "mkdir" | "cp":
+                subprocess.run(words, check=True, cwd=self.folder)  # noqa: S603  # our own page
+            case _:
+                if program.startswith("python"):
+                    check_script(command)
+                assert self._left_out(str(command)), f"unknown command: {command}"
+
+    def _install(self) -> None:
+        """Install the package that the page wrote, as `pip install -e .` does, without pip."""
+        code = "import setuptools.build_meta as b; b.prepare_metadata_for_build_editable('.meta')"
+        (self.folder / ".meta").mkdir()
+        subprocess.run(  # noqa: S603  # our own page
+            [sys.executable, "-c", code], check=True, cwd=self.folder, capture_output=True
+        )
+        for folder in (self.folder, self.folder / ".meta"):
+            self._monkeypatch.syspath_prepend(folder)
+        importlib.invalidate_caches()
+
+    def _uav_bt(self, command: Command) -> None:
+        written = self._parse(command)
+        if self._left_out(str(command)):
+            for path in written:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.touch()
+            self._unwritten |= set(written)
+            return
+        added = next(
+            (more for key, more in self._added.items() if str(command).startswith(key)), ()
+        )
+        result = self._run((*command.words, *added))
+        if command.output:
+            (self.folder / command.output).write_text(result.stdout, encoding="utf-8")
+
+    def _run(self, words: tuple[str, ...], codes: tuple[int, ...] = (0,)) -> Result:
+        result = CliRunner().invoke(uav_bt, list(words[1:]))
+        assert result.exit_code in codes, f"{' '.join(words)}: {result.output}"
+        return result
+
+    def _parse(self, command: Command) -> list[Path]:
+        """Let click parse a command, and check that what it reads is there.
+
+        Returns:
+            The files that it writes.
+        """
+        called, parent, left = resolve(command.words)
+        context = called.make_context(called.name, left, parent=parent)
+        written = [self.folder / command.output] if command.output else []
+        for param in called.params:
+            name = str(param.name)
+            value = context.params.get(name)
+            for each in value if isinstance(value, tuple | list) else (value,):
+                if each is None:
+                    continue
+                if name in {"tree", "trees"}:
+                    registry = context.params.get("registry")
+                    assert not check_file(resolve_tree(each), registry), f"{each} is refused"
+                elif name in {"scene", "scenes"} and not re.search(r"[*,]", str(each)):
+                    load_scene(each)
+                elif isinstance(param.type, click.Path) and isinstance(each, str | Path):
+                    if _writes(called, param):
+                        written += [self.folder / file for file in _files(each, param.type)]
+                    elif context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                        self._read(name, Path(each))
+        return written
+
+    def _read(self, name: str, path: Path) -> None:
+        there = [home / path for home in (self.folder, ROOT) if (home / path).exists()]
+        assert there, f"{path} is not there: nothing saved, wrote or brought it"
+        if name in LOADERS and there[0] not in self._unwritten:
+            LOADERS[name](there[0])
+
+
+def _writes(command: click.Command, param: click.Parameter) -> bool:
+    made = isinstance(param.type, OutputFile | OutputFolder)
+    return made or (command.name, param.name) in WRITES
+
+
+def _files(path: Path, kind: click.Path) -> list[Path]:
+    """Return what is written for a path: a file in a folder, or the file, with a network's twin."""
+    if isinstance(kind, OutputFolder):
+        return [path / ".kept"]
+    return [path, path.with_suffix(".onnx")] if path.suffix == ".safetensors" else [path]
