@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import sys
+import traceback
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -32,25 +33,18 @@ _EXTRAS: Final = {
 }
 
 
-def _entry_points(group: str) -> dict[str, importlib.metadata.EntryPoint]:
-    found: dict[str, importlib.metadata.EntryPoint] = {}
+def _entry_points(group: str) -> dict[str, list[importlib.metadata.EntryPoint]]:
+    found: dict[str, list[importlib.metadata.EntryPoint]] = {}
     for point in importlib.metadata.entry_points(group=group):
-        known = found.setdefault(point.name, point)
+        points = found.setdefault(point.name, [])
         # One package found twice (an editable install beside its own checkout) is no conflict.
-        if known.value != point.value:
-            raise InputError(
-                f"{_KINDS.get(group, group)} '{point.name}' is registered twice: "
-                f"by {known.value} and by {point.value}; uninstall one of the two packages"
-            )
+        if point.value not in [known.value for known in points]:
+            points.append(point)
     return found
 
 
 def names(group: str) -> tuple[str, ...]:
-    """Return all names that are registered in a group, in alphabetical order.
-
-    Raises:
-        InputError: two packages registered one name.
-    """
+    """Return all names that are registered in a group, in alphabetical order."""
     return tuple(sorted(_entry_points(group)))
 
 
@@ -59,20 +53,38 @@ def load(group: str, name: str) -> Any:
 
     Raises:
         UnknownNameError: the name is not registered; the message has a suggestion.
-        InputError: what is registered cannot be imported.
+        InputError: two packages registered it, or what is registered cannot be imported.
     """
     points = _entry_points(group)
     kind = _KINDS.get(group, group)
     if name not in points:
         raise UnknownNameError(kind, name, points)
-    point = points[name]
+    point, *others = points[name]
+    if others:
+        raise InputError(
+            f"{kind} '{name}' is registered twice: by {point.value} and by {others[0].value}; "
+            "uninstall one of the two packages"
+        )
     try:
         return point.load()
-    except (ImportError, AttributeError) as error:
+    except (Exception, SystemExit) as error:  # whatever a foreign module does when imported
+        package = "" if point.dist is None else f" '{point.dist.name}'"
         raise InputError(
-            f"{kind} '{name}' ({point.value}) cannot be imported: {error}; "
-            "reinstall the package that registers it"
+            f"{kind} '{name}' ({point.value}) cannot be imported: {_described(error)}; "
+            f"mend, reinstall or uninstall the package{package} that registers it"
         ) from error
+
+
+def _described(error: BaseException) -> str:
+    """Return an error of an import, with the file and line of the module that raised it."""
+    text = str(error) if isinstance(error, (ImportError, AttributeError)) else repr(error)
+    machinery = (importlib.metadata.__file__, importlib.__file__)
+    places = [
+        f"{frame.filename}:{frame.lineno}: "
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename not in (*machinery, __file__) and not frame.filename.startswith("<")
+    ]
+    return f"{places[-1] if places else ''}{text}"
 
 
 def need(extra: str, *modules: str, what: str = "this") -> None:

@@ -6,7 +6,8 @@ import importlib.metadata
 import importlib.util
 import platform
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Final
 
 from packaging.requirements import Requirement
@@ -14,6 +15,7 @@ from packaging.requirements import Requirement
 from uav_bt import __version__, plugins
 from uav_bt.errors import UavBtError
 from uav_bt.mission.preflight import Check
+from uav_bt.tree import NodeRegistry
 
 _PACKAGE: Final = "uav-bt"
 _NEEDED: Final = (3, 11)
@@ -33,17 +35,26 @@ def examine(draws: Callable[[], str]) -> Iterator[Check]:
     yield from _packages()
     yield _olympe_python()
     yield _opengl(draws)
-    for group, what in ((plugins.DRONES, "drones"), (plugins.POLICIES, "policies")):
-        yield _registered(group, what)
+    yield _registered(plugins.DRONES, "drones")
+    yield _registered(plugins.POLICIES, "policies")
+    yield _behaviours()
 
 
 def _python() -> Check:
     return Check(
         what="Python",
         good=sys.version_info >= _NEEDED,
-        found=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
+        found=f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+        f" (supported: {_supported()})",
         remedy="install Python 3.11 or newer",
     )
+
+
+def _supported() -> str:
+    """Return the versions of Python that the package says it is tried with."""
+    head = "Programming Language :: Python :: "
+    classifiers = importlib.metadata.metadata(_PACKAGE).get_all("Classifier", ())
+    return ", ".join(text.removeprefix(head) for text in classifiers if text.startswith(head))
 
 
 def _packages() -> Iterator[Check]:
@@ -63,16 +74,16 @@ def _belongs(requirement: Requirement, extra: str) -> bool:
 def _extra(extra: str, names: Iterable[str]) -> Check:
     versions = {name: _version(name) for name in dict.fromkeys(names)}
     missing = [name for name, version in versions.items() if version is None]
-    there = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
-    found = there or "nothing of it"
+    found = ", ".join(f"{name} {version}" for name, version in versions.items() if version)
     if missing:
-        found += f"; missing: {', '.join(missing)}"
+        found = ", ".join(missing) + (f" (there: {found})" if found else "")
     return Check(
         what=f"extra {extra}" if extra else "needed packages",
-        # Extras are a choice: without one, nothing is wrong.
-        good=bool(extra) or not missing,
+        good=not missing,
         found=found,
-        remedy="install uav-bt again",
+        # The quotes are for the shell, which takes brackets for a pattern.
+        remedy=f"pip install 'uav-bt[{extra}]'" if extra else "install uav-bt again",
+        optional=bool(extra),
     )
 
 
@@ -89,10 +100,11 @@ def _olympe_python() -> Check:
         fits = sys.version_info < _SDK_BEYOND
         return Check(
             what="Parrot's SDK",
-            good=True,
-            found="not installed; `pip install 'uav-bt[olympe]'` flies ANAFIs"
-            if fits
-            else "not installed, and not to be had for this Python: it wants 3.10 to 3.12",
+            good=False,
+            found=f"{_SDK}, which flies ANAFIs"
+            + ("" if fits else "; there is none for this Python: it wants 3.10 to 3.12"),
+            remedy="pip install 'uav-bt[olympe]'" if fits else "",
+            optional=True,
         )
     return Check(
         what="Parrot's SDK",
@@ -111,16 +123,31 @@ def _opengl(draws: Callable[[], str]) -> Check:
 
 
 def _registered(group: str, what: str) -> Check:
-    faults = []
-    names = plugins.names(group)
-    for name in names:
+    good, faults = [], []
+    for name in plugins.names(group):
         try:
             plugins.load(group, name)
         except UavBtError as error:
             faults.append(str(error))
+        else:
+            good.append(name)
+    return _contributed(what, good, faults)
+
+
+def _behaviours() -> Check:
+    try:
+        registry = NodeRegistry.installed()
+    except UavBtError as error:
+        return _contributed("behaviours", [], [str(error)])
+    packages = Counter(registry[name].__module__.partition(".")[0] for name in registry)
+    good = [f"{package} ({count} nodes)" for package, count in packages.items()]
+    return _contributed("behaviours", good, registry.faults)
+
+
+def _contributed(what: str, good: Sequence[str], faults: Sequence[str]) -> Check:
     return Check(
         what=what,
-        good=bool(names) and not faults,
-        found="; ".join(faults) or ", ".join(names) or "none registered",
-        remedy="install uav-bt again",
+        good=bool(good) and not faults,
+        found="\n  ".join([", ".join(good) or "none registered", *faults]),
+        remedy="" if faults else "install uav-bt again",
     )

@@ -23,6 +23,7 @@ from uav_bt.cli.options import (
     workers_option,
 )
 from uav_bt.cli.progress import campaign_progress
+from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.errors import MissionError
 
 
@@ -36,11 +37,11 @@ from uav_bt.errors import MissionError
 )
 @click.option(
     "--flights",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     help="Flights of each tree in each scene, one seed each; default: 10.",
 )
 @click.option(
-    "--seed-from", type=click.IntRange(min=0), default=0, show_default=True, help="The first seed."
+    "--seed-from", type=WholeNumber(min=0), default=0, show_default=True, help="The first seed."
 )
 @workers_option
 @profile_option
@@ -69,7 +70,7 @@ from uav_bt.errors import MissionError
 @click.option("--address", metavar="HOST:PORT", help="Address of the Dask scheduler.")
 @click.option(
     "--timeout-s",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Number(min=0.0, min_open=True),
     default=900.0,
     show_default=True,
     help="Wall time after which a flight counts as hung.",
@@ -78,7 +79,7 @@ from uav_bt.errors import MissionError
 @click.option(
     "--fail-under",
     metavar="PERCENT",
-    type=click.FloatRange(min=0.0, max=100.0),
+    type=Number(min=0.0, max=100.0),
     help="Exit with 1 when fewer flights succeed.",
 )
 @click.pass_context

@@ -18,6 +18,7 @@ from uav_bt.cli.options import (
     workers_option,
 )
 from uav_bt.cli.progress import campaign_progress
+from uav_bt.cli.ranges import WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.learning import collecting
 from uav_bt.plugins import need
@@ -29,7 +30,7 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
 @click.argument("tree", metavar="TREE")
 @click.option(
     "--flights",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     default=96,
     show_default=True,
     help="Minimum in all, shared evenly over scenes and profiles.",

@@ -28,6 +28,7 @@ from uav_bt.cli.options import (
     views_option,
 )
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.ranges import WholeNumber
 from uav_bt.files import writing
 from uav_bt.learning import evaluation
 from uav_bt.learning.dataset import read_advised_flights, records_of
@@ -142,7 +143,7 @@ def depth(
 )
 @click.option(
     "--views",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     default=2000,
     show_default=True,
     help="Number of views that are scored.",

@@ -10,6 +10,7 @@ from typing import Any, Final
 import click
 
 from uav_bt.cli.command import OutputFile, OutputFolder
+from uav_bt.cli.ranges import WholeNumber
 
 INPUT: Final = click.Path(dir_okay=False, path_type=Path)
 FOLDER: Final = OutputFolder()
@@ -80,13 +81,13 @@ profile_option = click.option(
 )
 threads_option = click.option(
     "--threads",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     default=1,
     show_default=True,
     help="Threads of the networks' inference.",
 )
 workers_option = click.option(
-    "--workers", type=click.IntRange(min=1), help="Flights at a time; default: all cores."
+    "--workers", type=WholeNumber(min=1), help="Flights at a time; default: all cores."
 )
 
 
@@ -132,7 +133,7 @@ def seed_option(default: int = 0) -> _Decorator:
     """Return the option for the seed."""
     return click.option(
         "--seed",
-        type=click.IntRange(min=0),
+        type=WholeNumber(min=0),
         default=default,
         show_default=True,
         help="Seed of everything random.",
@@ -152,7 +153,7 @@ def views_option(default: int) -> _Decorator:
         )
         views = click.option(
             "--views",
-            type=click.IntRange(min=1),
+            type=WholeNumber(min=1),
             default=default,
             show_default=True,
             help="Images of each scene.",
@@ -183,7 +184,7 @@ def steps_option(default: int) -> _Decorator:
     """Return the option for the steps of a training."""
     return click.option(
         "--steps",
-        type=click.IntRange(min=1),
+        type=WholeNumber(min=1),
         default=default,
         show_default=True,
         help="Steps of training.",

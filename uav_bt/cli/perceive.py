@@ -12,6 +12,7 @@ from uav_bt.app.perceive import perceive as perceive_source
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, output_option, threads_option
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.errors import MissionError
 
 
@@ -27,14 +28,14 @@ from uav_bt.errors import MissionError
 )
 @click.option(
     "--height-m",
-    type=click.FloatRange(min=0.0, min_open=True, max=100.0),
+    type=Number(min=0.0, min_open=True, max=100.0),
     default=1.5,
     show_default=True,
     help="Height of the camera above the carpet, for all frames.",
 )
 @click.option(
     "--gimbal-deg",
-    type=click.FloatRange(min=-90.0, max=90.0),
+    type=Number(min=-90.0, max=90.0),
     default=-30.0,
     show_default=True,
     help="Pitch of the camera, for all frames: 0 level, negative down.",
@@ -65,14 +66,14 @@ from uav_bt.errors import MissionError
 )
 @click.option(
     "--every",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     default=1,
     show_default=True,
     help="Process only one in this many frames.",
 )
 @click.option(
     "--seconds",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Number(min=0.0, min_open=True),
     help="Stop after this much of the source.",
 )
 @threads_option

@@ -17,6 +17,7 @@ from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, format_option, output_option, policy_option
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.ranges import Number
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
@@ -75,7 +76,7 @@ def _text(found: RecordInfo) -> str:
 @output_option("--video", "Make a video of it: an mp4 file.", suffix=".mp4")
 @click.option(
     "--speed",
-    type=click.FloatRange(0.1, 100.0),
+    type=Number(0.1, 100.0),
     default=1.0,
     show_default=True,
     help="How many times faster than the flight the video runs.",
@@ -84,14 +85,14 @@ def _text(found: RecordInfo) -> str:
     "--from",
     "from_s",
     metavar="SECONDS",
-    type=click.FloatRange(min=0.0),
+    type=Number(min=0.0),
     help="Begin here, from the record's start.",
 )
 @click.option(
     "--to",
     "to_s",
     metavar="SECONDS",
-    type=click.FloatRange(min=0.0),
+    type=Number(min=0.0),
     help="End here, from the record's start.",
 )
 def view(

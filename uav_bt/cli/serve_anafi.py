@@ -16,12 +16,13 @@ from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import image_size_option, profile_option, seed_option
+from uav_bt.cli.ranges import Number, WholeNumber
 
 
 def _port(name: str, what: str) -> click.Option:
     return click.Option(
         [f"--{name}-port"],
-        type=click.IntRange(0, 65_535),
+        type=WholeNumber(0, 65_535),
         default=getattr(Ports, name),
         show_default=True,
         help=f"{what}; 0 takes a free one.",
@@ -48,7 +49,7 @@ def _port(name: str, what: str) -> click.Option:
 @click.option(
     "--rate",
     "rate_hz",
-    type=click.FloatRange(0.1, 240.0),
+    type=Number(0.1, 240.0),
     default=30.0,
     show_default=True,
     help="Frames of video a second, at most.",
@@ -57,7 +58,7 @@ def _port(name: str, what: str) -> click.Option:
 @click.option(
     "--battery",
     "battery_percent",
-    type=click.IntRange(0, 100),
+    type=WholeNumber(0, 100),
     default=100,
     show_default=True,
     help="The battery's charge at first, per cent.",

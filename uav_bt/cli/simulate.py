@@ -12,6 +12,7 @@ import click
 from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, format_option
+from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
@@ -29,14 +30,14 @@ from uav_bt.tree.shipped import resolve_tree
 )
 @click.option(
     "--ticks",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     default=1000,
     show_default=True,
     help="Stop after this many ticks.",
 )
 @click.option(
     "--tick-s",
-    type=click.FloatRange(min=0.0, min_open=True, max=3600.0),
+    type=Number(min=0.0, min_open=True, max=3600.0),
     default=0.1,
     show_default=True,
     help="Seconds between two ticks, for timers.",

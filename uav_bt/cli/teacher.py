@@ -12,6 +12,7 @@ from perception.segmentation.training.pick_tool import PickSession, make_pick_se
 from uav_bt.cli.command import Command
 from uav_bt.cli.options import INPUT, RUNS, output_option, seed_option, views_option
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.ranges import WholeNumber
 from uav_bt.learning import teacher as training
 from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
 
@@ -21,7 +22,7 @@ from uav_bt.learning.views import TRAINING_SCENES, ViewPlan
 @output_option("--picks", "The CSV file.", default=Path("picks.csv"))
 @click.option(
     "--port",
-    type=click.IntRange(0, 65535),
+    type=WholeNumber(0, 65535),
     default=0,
     show_default=True,
     help="Port of the page; 0 takes a free one.",
@@ -57,7 +58,7 @@ def pick(*, folder: Path, picks: Path, port: int) -> None:
 @seed_option()
 @click.option(
     "--total",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     default=6500,
     show_default=True,
     help="Picks that are drawn in the twin in all.",

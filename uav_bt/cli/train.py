@@ -22,6 +22,7 @@ from uav_bt.cli.options import (
     views_option,
 )
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.ranges import WholeNumber
 from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, label_views
 from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, ViewPlan, depth_views
@@ -50,7 +51,7 @@ from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, ViewPlan, dept
 )
 @click.option(
     "--workers",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     default=1,
     show_default=True,
     help="Processes that make masks of the twin's images.",

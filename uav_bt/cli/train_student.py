@@ -20,6 +20,7 @@ from uav_bt.cli.options import (
     steps_option,
 )
 from uav_bt.cli.progress import progress_bars
+from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.learning.dataset import read_advised_flights, split_records
 
 
@@ -43,21 +44,21 @@ from uav_bt.learning.dataset import read_advised_flights, split_records
 )
 @click.option(
     "--views",
-    type=click.IntRange(1, 5),
+    type=WholeNumber(1, 5),
     default=3,
     show_default=True,
     help="Frames in a window: the present one and earlier ones.",
 )
 @click.option(
     "--spacing-s",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Number(min=0.0, min_open=True),
     default=0.5,
     show_default=True,
     help="Time between the views of a window.",
 )
 @click.option(
     "--near-weight",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Number(min=0.0, min_open=True),
     default=2.0,
     show_default=True,
     help="How much more often views near obstacles are drawn than others.",
@@ -72,7 +73,7 @@ from uav_bt.learning.dataset import read_advised_flights, split_records
 @seed_option()
 @steps_option(6000)
 @click.option(
-    "--batch", type=click.IntRange(min=2), default=24, show_default=True, help="Windows in a step."
+    "--batch", type=WholeNumber(min=2), default=24, show_default=True, help="Windows in a step."
 )
 def student(
     *,

@@ -38,9 +38,10 @@ class Check:
     good: bool
     found: str
     remedy: str = ""
+    optional: bool = False  # whether one can do without it
 
     def __str__(self) -> str:
-        mark = "ok" if self.good else "NOT READY"
+        mark = "ok" if self.good else "missing" if self.optional else "NOT READY"
         remedy = f": {self.remedy}" if self.remedy and not self.good else ""
         return f"{self.what}: {mark}, {self.found}{remedy}"
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator
+from typing import Final
 
 from py_trees.behaviour import Behaviour
 
@@ -14,6 +16,8 @@ from uav_bt.tree.foreign import leaf_of
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes import BUILTIN_NODES
+
+_log: Final = logging.getLogger(__name__)
 
 
 class NodeRegistry:
@@ -28,6 +32,7 @@ class NodeRegistry:
         self, nodes: Iterable[type[Node | Behaviour]] = (), *, policies: Iterable[str] | None = None
     ) -> None:
         self.policies = None if policies is None else frozenset(policies)
+        self.faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
         self._nodes: dict[str, type[Node]] = {}
         for node in (*BUILTIN_NODES, *nodes):
             self.register(node)
@@ -37,26 +42,35 @@ class NodeRegistry:
         """Return a registry with the nodes and policies of all installed packages.
 
         An entry point of the group `uav_bt.behaviours` names an iterable of node classes, or of
-        py_trees behaviours.
+        py_trees behaviours. What cannot be used is left out: `faults` says what and why, a warning
+        is logged, and a tree file that asks for such a node is refused with it.
 
         Raises:
-            InputError: a package's entry point is broken, or two packages use one name.
+            InputError: two packages use one name for different nodes.
         """
         registry = cls(policies=plugins.names(plugins.POLICIES))
         for name in plugins.names(plugins.BEHAVIOURS):
-            loaded = plugins.load(plugins.BEHAVIOURS, name)
-            if not isinstance(loaded, Iterable):
-                raise InputError(
-                    f"entry point '{name}' of group '{plugins.BEHAVIOURS}' must name an iterable "
-                    f"of node classes, got {type(loaded).__name__}"
-                )
-            for node in loaded:
-                registry.register(node)
+            try:
+                nodes = _nodes_of(name)
+            except InputError as error:
+                registry.faults += (str(error),)
+                continue
+            for node in nodes:
+                try:
+                    registry.register(node)
+                except InputError as error:
+                    if getattr(node, "node_id", None) in registry:
+                        raise  # whose node a tree would get is not to be guessed
+                    registry.faults += (f"behaviours package '{name}': {error}",)
+        for fault in registry.faults:
+            _log.warning("Warning: %s", fault)
         return registry
 
     def with_any_policy(self) -> NodeRegistry:
         """Return a registry of the same nodes that accepts any policy's name, for benches."""
-        return NodeRegistry(self._nodes.values())
+        registry = NodeRegistry(self._nodes.values())
+        registry.faults = self.faults
+        return registry
 
     def register(self, node: type[Node | Behaviour]) -> type[Node]:
         """Add a node class, or a leaf class made of a plain py_trees behaviour.
@@ -107,6 +121,21 @@ class NodeRegistry:
                 for key in (*node.reads, *node.writes):
                     keys.setdefault(key.name, key)
         return keys
+
+
+def _nodes_of(name: str) -> tuple[type[Node | Behaviour], ...]:
+    """Return what an entry point contributes.
+
+    Raises:
+        InputError: it cannot be imported, or is no iterable.
+    """
+    loaded = plugins.load(plugins.BEHAVIOURS, name)
+    if not isinstance(loaded, Iterable) or isinstance(loaded, str):
+        raise InputError(
+            f"entry point '{name}' of group '{plugins.BEHAVIOURS}' must name an iterable "
+            f"of node classes, got {type(loaded).__name__}"
+        )
+    return tuple(loaded)
 
 
 def _origin(node: type[Node]) -> str:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-from uav_bt.errors import FileError, UnknownNameError
+from uav_bt.errors import FileError, UnknownNameError, did_you_mean
 from uav_bt.files import writing
 
 
@@ -31,8 +31,12 @@ def resolve_tree(tree: str | Path) -> Path:
     # A name with a folder in it means that very file, which does not exist.
     if path.parent in (Path(), Path("trees")) and shipped.is_file():
         return shipped
-    known = ", ".join(sorted(file.stem for file in folder.glob("*.xml")))
-    raise FileError(path, f"no such tree file, nor a shipped mission of that name ({known})")
+    known = sorted(file.stem for file in folder.glob("*.xml"))
+    raise FileError(
+        path,
+        f"no such tree file, nor a shipped mission of that name{did_you_mean(path.stem, known)} "
+        f"({', '.join(known)})",
+    )
 
 
 def tree_files(tree: str | Path) -> tuple[Path, ...]:

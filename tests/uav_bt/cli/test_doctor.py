@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import socket
 from pathlib import Path
 
@@ -34,8 +35,30 @@ def test_the_doctor_tells_what_is_installed_and_what_works() -> None:
     assert lines["Python"].startswith("ok, 3.")
     assert "mujoco" in lines["needed packages"]
     assert lines["drawing the lab"] == "ok, OpenGL works"
+    assert lines["behaviours"].startswith("ok, behaviours (")
     assert lines["drones"] == "ok, anafi, sphinx, twin"
     assert "extra dev" not in lines
+
+
+def test_a_missing_extra_is_named_with_its_pip_line_and_is_no_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    version = importlib.metadata.version
+
+    def absent(name: str) -> str:
+        if name in {"pyzmq", "rerun-sdk"}:
+            raise importlib.metadata.PackageNotFoundError(name)
+        return version(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", absent)
+    result = run("doctor")
+    assert result.exit_code == 0, result.output
+    msgpack = version("msgpack")
+    assert (
+        f"extra live: missing, pyzmq (there: msgpack {msgpack}): pip install 'uav-bt[live]'\n"
+        in result.stdout
+    )
+    assert "extra view: missing, rerun-sdk: pip install 'uav-bt[view]'\n" in result.stdout
 
 
 def test_the_doctor_sends_nothing_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,7 +74,7 @@ def test_what_cannot_draw_is_told_and_counts() -> None:
     def draws() -> str:
         raise MissingDependencyError("no OpenGL: install uav-bt[osmesa]")
 
-    faults = [str(check) for check in examine(draws) if not check.good]
+    faults = [str(check) for check in examine(draws) if not (check.good or check.optional)]
     assert faults == ["drawing the lab: NOT READY, no OpenGL: install uav-bt[osmesa]"]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import re
 from typing import Any
 
 import pytest
@@ -28,6 +29,8 @@ class Plugged(Leaf):
 
 LEAVES = (Plugged,)
 NOT_LEAVES = 3
+WRONG = (int,)
+YOURS = f"{__name__}:LEAVES"
 
 
 def _install(monkeypatch: pytest.MonkeyPatch, *points: tuple[str, str, str]) -> None:
@@ -83,6 +86,7 @@ def test_installed_packages_contribute(monkeypatch: pytest.MonkeyPatch) -> None:
     ("value", "message"),
     [
         (f"{__name__}:NOT_LEAVES", "must name an iterable of node classes, got int"),
+        (f"{__name__}:WRONG", "expected a node class to register, got <class 'int'>"),
         (f"{__name__}:ABSENT", "cannot be imported"),
         ("no_such_package:LEAVES", "cannot be imported: No module named 'no_such_package'"),
     ],
@@ -90,11 +94,13 @@ def test_installed_packages_contribute(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_broken_packages_are_named(
     monkeypatch: pytest.MonkeyPatch, value: str, message: str
 ) -> None:
-    """The message says which entry point, and what to do."""
-    _install(monkeypatch, (plugins.BEHAVIOURS, "mine", value))
-    with pytest.raises(InputError, match=message) as error:
-        NodeRegistry.installed()
-    assert "'mine'" in str(error.value)
+    """The rest can be used; the message says which entry point, and what to do."""
+    _install(monkeypatch, (plugins.BEHAVIOURS, "mine", value), (plugins.BEHAVIOURS, "yours", YOURS))
+    registry = NodeRegistry.installed()
+    assert "Plugged" in registry
+    (fault,) = registry.faults
+    assert "'mine'" in fault
+    assert re.search(message, fault)
 
 
 def test_loading_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,4 +119,4 @@ def test_two_packages_of_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
     assert plugins.names(plugins.DRONES) == ("twin",)
     _install(monkeypatch, same, (plugins.DRONES, "twin", "b:make"))
     with pytest.raises(InputError, match="by a:make and by b:make"):
-        plugins.names(plugins.DRONES)
+        plugins.load(plugins.DRONES, "twin")

@@ -85,6 +85,7 @@ class Checker:
                 hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
             else:
                 hint = did_you_mean(node_id, self._registry)
+                hint += "".join(f"; not loaded: {fault}" for fault in self._registry.faults)
             self._note(element, f"unknown node '{node_id}'{hint}", attribute)
             return None
         node = self._registry[node_id]

@@ -183,7 +183,9 @@ def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeR
         other = described.pop(node_id, None)
         ours = other is None or known in BUILTIN_NODES or _looks_like(other, known)
         chosen[node_id] = known if ours or other is None else other
-    return NodeRegistry([*chosen.values(), *described.values()], policies=registry.policies)
+    both = NodeRegistry([*chosen.values(), *described.values()], policies=registry.policies)
+    both.faults = registry.faults
+    return both
 
 
 def _looks_like(model: type[Node], node: type[Node]) -> bool:
