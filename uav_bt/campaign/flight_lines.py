@@ -11,22 +11,23 @@ from typing import Any, Final, NoReturn
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
+from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 
 FlightKey = tuple[str, str | None, int]
 """Tree, scene, seed: what tells the flights of a campaign apart."""
 
-METRICS: Final = (
-    "duration_s",
-    "explore_distance_m",
-    "total_distance_m",
-    "search_distance_m",
-    "time_to_find_helipad_s",
-    "time_to_land_s",
-    "landing_error_m",
-    "min_clearance_m",
-)
-"""Fields of a flight's report that are a number, or null when it was not reached."""
+METRICS: Final = {
+    "duration_s": "duration, s",
+    "explore_distance_m": f"distance in the first {EXPLORE_S:.0f} s, m",
+    "total_distance_m": "total distance, m",
+    "search_distance_m": "distance while searching, m",
+    "time_to_find_helipad_s": "time to find the helipad, s",
+    "time_to_land_s": "time from there to motors off, s",
+    "landing_error_m": "landing error, m",
+    "min_clearance_m": "least clearance of a flight, m",
+}
+"""Fields of a flight's report that are a number, or null when it was not reached, in words."""
 
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 # Computing times, which differ from run to run.

@@ -196,10 +196,11 @@ def _print_tree(tree: str, flights: Iterable[dict[str, Any]]) -> None:
         f"{tree}: {summary.flights} flights, {outcomes}; success {100 * summary.success:.1f} % "
         f"(95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %)"
     )
-    click.echo(f"  {'':24}{'n':>5}{'mean':>9}{'median':>9}{'p5':>9}{'p95':>9}{'most':>9}")
+    heads = ("mean", "median", "p5", "p95", "least", "most")
+    click.echo(f"  {'':23}{'n':>5}" + "".join(f"{head:>8}" for head in heads))
     for name, found in summary.metrics.items():
         if found is not None:
-            numbers = (found.mean, found.median, found.p5, found.p95, found.most)
+            numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
             click.echo(
-                f"  {name:<24}{found.count:>5}" + "".join(f"{value:>9.2f}" for value in numbers)
+                f"  {name:<23}{found.count:>5}" + "".join(f"{value:>8.2f}" for value in numbers)
             )

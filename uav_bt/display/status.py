@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Final, Self
 
@@ -16,9 +17,10 @@ from uav_bt.board import ELAPSED, HELIPAD
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.phrases import describe_flight
-from uav_bt.mission.flight_report import FlightReport, Percentiles
+from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.runner import TickRecord
+from uav_bt.types import PAD_SIZE_M
 
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
@@ -125,20 +127,32 @@ def summary(report: FlightReport) -> Table:
     table.add_row("outcome", outcome)
     flight = describe_flight(report.tree, scene=report.scene, drone=report.drone, seed=report.seed)
     table.add_row("mission", Text(flight))
-    for name, value, unit, digits in (
-        ("duration", report.duration_s, "s", 1),
-        ("explored", report.explore_distance_m, "m in the first 90 s", 2),
-        ("total distance", report.total_distance_m, "m", 2),
-        ("search", report.time_to_find_helipad_s, "s until the helipad was found", 1),
-        ("landing", report.time_to_land_s, "s from there", 1),
-        ("landing error", report.landing_error_m, "m from the helipad's centre", 3),
-        ("least clearance", report.min_clearance_m, "m to a box", 2),
-    ):
-        table.add_row(name, "-" if value is None else f"{value:.{digits}f} {unit}")
+    for name, value, unit, digits in _numbers(report):
+        if value is not None:
+            table.add_row(name, f"{value:.{digits}f} {unit}")
     table.add_row("tick", _milliseconds(report.tick_ms))
     for stage, times in report.perception_ms.items():
         table.add_row(Text(f"  {stage}"), _milliseconds(times))
     return table
+
+
+def _numbers(report: FlightReport) -> Iterator[tuple[str, float | None, str, int]]:
+    """Yield name, value, unit and decimal places of what the mission came to."""
+    yield "duration", report.duration_s, "s", 1
+    if (report.duration_s or 0.0) > EXPLORE_S:  # else it is the total distance
+        yield f"first {EXPLORE_S:.0f} s", report.explore_distance_m, "m", 2
+    yield "total distance", report.total_distance_m, "m", 2
+    yield "search", report.time_to_find_helipad_s, "s until the helipad was found", 1
+    yield "landing", report.time_to_land_s, "s from there", 1
+    error_m = report.landing_error_m
+    # A mission that neither searched for the helipad nor came down on it landed elsewhere.
+    if report.time_to_find_helipad_s is not None or _is_on_pad(error_m):
+        yield "landing error", error_m, "m from the helipad's centre", 3
+    yield "least clearance", report.min_clearance_m, "m to a box", 2
+
+
+def _is_on_pad(landing_error_m: float | None) -> bool:
+    return landing_error_m is not None and landing_error_m <= math.hypot(*PAD_SIZE_M[:2]) / 2
 
 
 def _milliseconds(times: Percentiles | None) -> str:

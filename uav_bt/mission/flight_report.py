@@ -16,7 +16,7 @@ from uav_bt.mission.judge import Verdict
 from uav_bt.mission.runner import TickRecord
 from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
 
-_EXPLORE_S = 90.0  # the span of `explore_distance_m`, from the take-off command
+EXPLORE_S = 90.0  # the span of `explore_distance_m`, from the take-off command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +176,7 @@ class FlightLog:
             reason=verdict.reason,
             duration_s=_span(start, self._end_s),
             explore_distance_m=_rounded(
-                self._travelled_at(None if start is None else start + _EXPLORE_S)
+                self._travelled_at(None if start is None else start + EXPLORE_S)
             ),
             total_distance_m=_rounded(self._travelled_m if start is not None else None),
             search_distance_m=_rounded(

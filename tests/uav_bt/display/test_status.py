@@ -1,13 +1,14 @@
 """The status line and the summary."""
 
 import io
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
 from tests.uav_bt.display.display_world import World, flight_report
 from uav_bt.display.status import LiveStatus, summary
-from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.safety import Override
 from uav_bt.types import Pose
 
@@ -88,20 +89,56 @@ def _fail_after(status: LiveStatus, world: World) -> None:
     raise RuntimeError
 
 
-def shown(report: FlightReport) -> str:
+def shown(report: FlightReport, width: int = 200) -> str:
     out = io.StringIO()
-    Console(file=out, width=100, color_system=None).print(summary(report))
+    Console(file=out, width=width, color_system=None).print(summary(report))
     return out.getvalue()
 
 
+def rows_of(report: FlightReport) -> dict[str, str]:
+    return {line[:17].strip(): line[17:].strip() for line in shown(report).splitlines()}
+
+
 def test_the_summary_tells_how_it_went() -> None:
-    text = shown(flight_report())
-    rows = {line[:17].strip(): line[17:].strip() for line in text.splitlines()}
+    rows = rows_of(flight_report())
     assert rows["outcome"] == "success  landed"
     assert rows["mission"] == "explore_and_land in train-a, seed 3"
     assert rows["landing error"] == "0.024 m from the helipad's centre"
-    assert rows["landing"] == "-", "what was not reached"
+    assert rows["first 90 s"] == "9.59 m"
+    assert "landing" not in rows, "what was not reached"
     assert rows["segmentation"].startswith("0.8 ms median")
+
+
+def test_of_a_short_flight_the_first_part_is_all_of_it() -> None:
+    rows = rows_of(replace(flight_report(), duration_s=22.0))
+    assert rows["total distance"] == "12.96 m"
+    assert "first 90 s" not in rows
+
+
+@pytest.mark.parametrize(
+    ("searched_s", "error_m", "named"),
+    [(5.6, 1.2, True), (None, 0.03, True), (None, 1.2, False), (None, None, False)],
+    ids=["beside the pad that it looked for", "down on the pad", "elsewhere", "still flying"],
+)
+def test_the_summary_speaks_of_the_pad_where_the_mission_is_about_it(
+    searched_s: float | None, error_m: float | None, *, named: bool
+) -> None:
+    report = replace(flight_report(), time_to_find_helipad_s=searched_s, landing_error_m=error_m)
+    assert ("landing error" in rows_of(report)) == named
+
+
+def test_the_summary_fits_a_terminal_of_80_columns() -> None:
+    times = Percentiles(p50=1234.5, p99=1234.5, max=12345.6)
+    report = replace(
+        flight_report("left_area", "left the carpet at (-2.51, -1.99) m"),
+        tree="explore_and_land_student_guarded.xml",
+        tick_ms=times,
+        perception_ms={"relative_depth": times},
+    )
+    wide, narrow = shown(report), shown(report, width=80)
+    assert [line.rstrip() for line in narrow.splitlines()] == [
+        line.rstrip() for line in wide.splitlines()
+    ]
 
 
 def test_the_summary_takes_reasons_literally() -> None:

@@ -15,7 +15,7 @@ from uav_bt.app.film import map_of_scene
 from uav_bt.campaign.report.figures import densities, outcomes
 from uav_bt.campaign.report.html import Image, Section, page
 from uav_bt.campaign.report.lab_figures import scene_figure
-from uav_bt.campaign.report.paper import PAPER_SUCCESS
+from uav_bt.campaign.report.paper import paper_success
 from uav_bt.campaign.report.sources import Provenance, Sources, read_sources
 from uav_bt.campaign.report.tables import Table, tables_of
 from uav_bt.campaign.store import FLIGHTS_FILE
@@ -24,9 +24,9 @@ from uav_bt.errors import InputError
 from uav_bt.files import write_whole
 
 _ABOUT_SCENES: Final = (
-    "Above, where every flight went, from the referee; a dot where it began, a cross where it "
-    "failed. Below, which share of the flights came by. Numbers on boxes are their heights in "
-    "metres."
+    "On the left, where every flight went, from the referee; a dot where it began, a cross where "
+    "it failed. Beside it, which share of the flights came by. Numbers on boxes are their heights "
+    "in metres."
 )
 
 
@@ -105,15 +105,14 @@ def write_campaign_report(
         FileError: a file cannot be written.
     """
     tables = tables_of(sources, out)
-    overview = (_outcomes_image(sources), _densities_image(sources))
+    overview, numbers = _outcomes_image(sources), _densities_images(sources)
     scenes = _scene_images(sources, maps)
     text = page(
         _title(sources),
-        f"{sum(len(one.flights) for one in sources.sets)} flights, {today.isoformat()}, "
-        f"uav-bt {__version__}",
-        _sections(sources, tables, overview, scenes),
+        f"{_extent(sources)}, {today.isoformat()}, uav-bt {__version__}",
+        _sections(sources, tables, (overview, *numbers), scenes),
     )
-    images = [*overview, *scenes]
+    images = [overview, *numbers, *scenes]
     _write(out, text.encode("utf-8"))
     return WrittenReport(
         page=out,
@@ -129,24 +128,34 @@ def _title(sources: Sources) -> str:
     return "Flights of " + ", ".join(one.label for one in sources.sets)
 
 
+def _extent(sources: Sources) -> str:
+    count = sum(len(one.flights) for one in sources.sets)
+    flights = "1 flight" if count == 1 else f"{count} flights"
+    return f"{flights} in {', '.join(sources.scenes)}" if sources.scenes else flights
+
+
 def _sections(
     sources: Sources,
     tables: Mapping[str, Table],
-    overview: tuple[Image, Image],
+    overview: tuple[Image, ...],
     scenes: tuple[Image, ...],
 ) -> list[Section]:
     sections = []
     if sources.notes:
         sections.append(Section(title="Please note", paragraphs=sources.notes, warning=True))
+    published = paper_success(one.tree for one in sources.sets)
     sections += [
         Section(
             title="Outcomes",
-            paragraphs=(f"The paper reports {PAPER_SUCCESS}.",),
+            paragraphs=() if published is None else (published,),
             images=overview[:1],
             tables=(tables["outcomes"], tables["scenes"]),
         ),
-        Section(title="Times and distances", images=overview[1:], tables=(tables["metrics"],)),
     ]
+    if tables["metrics"].rows:
+        sections.append(
+            Section(title="Times and distances", images=overview[1:], tables=(tables["metrics"],))
+        )
     if scenes:
         sections.append(
             Section(
@@ -160,7 +169,8 @@ def _sections(
         sections.append(Section(title="Every failure", tables=(failures,)))
     else:
         sections.append(Section(title="Every failure", paragraphs=("There was none.",)))
-    sections.append(Section(title="Computing", tables=(tables["timings"],)))
+    if tables["timings"].rows:
+        sections.append(Section(title="Computing", tables=(tables["timings"],)))
     sections.append(
         Section(
             title="Where this comes from",
@@ -184,7 +194,7 @@ def _origin(source: Provenance) -> Table:
             ("profile", plan.profile),
             ("images", f"{width}x{height}"),
             ("masks", "exact, from the referee" if plan.exact_masks else "the network's"),
-            ("policies", ", ".join(f"{node}={name}" for node, name in plan.policies.items())),
+            *(("policy", f"{node}={name}") for node, name in plan.policies.items()),
             ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),
         ]
     rows += [
@@ -204,13 +214,10 @@ def _outcomes_image(sources: Sources) -> Image:
     )
 
 
-def _densities_image(sources: Sources) -> Image:
-    return Image(
-        name="densities",
-        png=densities(sources.sets),
-        alt="densities of the time to find the helipad, the time to land, the distance in 90 s and "
-        "the distance while searching, with the paper's figures",
-    )
+def _densities_images(sources: Sources) -> tuple[Image, ...]:
+    png = densities(sources.sets)
+    alt = "how times and distances of the flights are distributed"
+    return () if png is None else (Image(name="densities", png=png, alt=alt),)
 
 
 def _scene_images(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Image, ...]:
@@ -219,7 +226,7 @@ def _scene_images(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Image, 
         png = scene_figure(sources.sets, scene, maps[scene]) if scene in maps else None
         if png is not None:
             alt = f"flown paths and coverage of the carpet in the scene {scene}"
-            images.append(Image(name=f"scene-{scene}", png=png, alt=alt))
+            images.append(Image(name=f"scene-{scene}", png=png, alt=alt, title=f"Scene {scene}"))
     return tuple(images)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, cast
 
@@ -10,10 +11,18 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from uav_bt.campaign.report.paper import PAPER
+from uav_bt.campaign.flight_lines import METRICS
+from uav_bt.campaign.report.paper import paper_figures
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.campaign.report.statistics import bandwidth, density, summarise
+from uav_bt.campaign.report.statistics import (
+    Distribution,
+    bandwidth,
+    density,
+    reached,
+    summarise,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,16 +38,9 @@ OUTCOME_COLOURS: Final = {
     "error": "#212529",
 }
 _INK: Final = "#212529"
-_DIM: Final = "#868e96"
 _ENOUGH: Final = 5  # different values that make a density worth drawing
-
-DENSITIES: Final = {
-    "time_to_find_helipad_s": "time to find the helipad, s",
-    "time_to_land_s": "time from there to motors off, s",
-    "explore_distance_m": "distance in the first 90 s, m",
-    "search_distance_m": "distance while searching, m",
-}
-"""The paper's four density plots, in its order: field, and what stands under the axis."""
+_DIGITS: Final = ((1.0, 3), (10.0, 2))  # decimal places of numbers below; of others one
+_LINE_PT: Final = 11.0  # between lines of text above a panel
 
 _STYLE: Final[dict[str, Any]] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same image everywhere
@@ -109,89 +111,112 @@ def _colours(sets: Sequence[FlightSet]) -> list[str]:
     return [SET_COLOURS[index % len(SET_COLOURS)] for index in range(len(sets))]
 
 
-def densities(sets: Sequence[FlightSet]) -> bytes:
-    """Draw the paper's four density plots, all sets in each; a PNG."""
+def densities(sets: Sequence[FlightSet]) -> bytes | None:
+    """Draw how each metric is distributed, all sets in each panel.
+
+    Args:
+        sets: what is compared.
+
+    Returns:
+        A PNG; None when no flight reached anything.
+    """
+    panels = [(name, words) for name, words in METRICS.items() if any(_values(sets, name))]
+    if not panels:
+        return None
     with style():
-        figure = new_figure(9.5, 6.4)
-        grid = figure.subplots(2, 2)
-        for axes, (field, words) in zip(grid.flat, DENSITIES.items(), strict=True):
-            _density(axes, sets, field)
-            axes.set_xlabel(words)
-        handles = {
-            text: handle
-            for axes in grid.flat
-            for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)
-        }
-        if handles:
-            figure.legend(list(handles.values()), list(handles), loc="outside upper left", ncols=2)
+        rows = math.ceil(len(panels) / 2)
+        figure = new_figure(9.5, 0.5 + 2.3 * rows)
+        grid = figure.subplots(rows, 2, squeeze=False)
+        for axes in grid.flat[len(panels) :]:
+            axes.set_visible(False)
+        for axes, (name, words) in zip(grid.flat, panels, strict=False):
+            _panel(axes, sets, name, words)
+        figure.legend(
+            handles=[
+                Line2D([], [], color=colour, label=one.label, linewidth=1.8)
+                for one, colour in zip(sets, _colours(sets), strict=True)
+            ],
+            loc="outside upper left",
+            ncols=2,
+        )
         return png(figure)
 
 
-def _density(axes: Axes, sets: Sequence[FlightSet], field: str) -> None:
-    reached = [[f[field] for f in one.flights if f.get(field) is not None] for one in sets]
-    most = max((max(values) for values in reached if values), default=1.0)
-    most = max([most, *(figure.span[1] for figure in PAPER.get(field, ()))])
-    at = np.linspace(0.0, 1.08 * most or 1.0, 500)
-    top = 0.0
-    for one, values, colour in zip(sets, reached, _colours(sets), strict=True):
-        if not values:
-            continue
-        # A few flights have no shape to speak of, and a narrow kernel is a spike that hides all.
-        drawable = len(set(values)) >= _ENOUGH and bandwidth(values) > most / 400.0
-        if drawable:
-            curve = density(values, at)
-            axes.fill_between(at, curve, color=colour, alpha=0.12, linewidth=0)
-            axes.plot(at, curve, color=colour, label=one.label, linewidth=1.8)
-            top = max(top, float(curve.max()))
-        else:
-            axes.axvline(float(np.median(values)), color=colour, label=one.label, linewidth=1.8)
-    _rugs(axes, reached, _colours(sets), below=0.94 - 0.09 * len(PAPER.get(field, ())))
+def _values(sets: Sequence[FlightSet], name: str) -> list[list[float]]:
+    """Return what the flights of each set reached of a metric."""
+    return [
+        [value for flight in one.flights if (value := reached(flight, name)) is not None]
+        for one in sets
+    ]
+
+
+def _panel(axes: Axes, sets: Sequence[FlightSet], name: str, words: str) -> None:
+    values, colours = _values(sets, name), _colours(sets)
+    published = paper_figures(name, (one.tree for one in sets))
+    ends = [max(some) for some in values if some] + [figure.span[1] for figure in published]
+    at = np.linspace(0.0, 1.08 * max(ends) or 1.0, 500)
     axes.set_xlim(0.0, at[-1])
-    axes.set_ylim(0.0, 1.25 * top or 1.0)
+    for figure in published:
+        axes.axvspan(*figure.span, color="#ffd43b", alpha=0.5, linewidth=0, zorder=0)
+    top = 0.0
+    for row, (some, colour) in enumerate(zip(values, colours, strict=True)):
+        # A few flights have no shape to speak of, and a narrow kernel is a spike that hides all.
+        if len(set(some)) >= _ENOUGH and bandwidth(some) > at[-1] / 432.0:
+            curve = density(some, at)
+            axes.fill_between(at, curve, color=colour, alpha=0.12, linewidth=0)
+            axes.plot(at, curve, color=colour, linewidth=1.8)
+            top = max(top, float(curve.max()))
+            _marks(axes, some, 0.012 + 0.03 * row, marker="|", colour=colour)
+        else:
+            _marks(axes, some, (row + 0.5) / len(sets), marker="o", colour=colour)
+    axes.set_ylim(0.0, 1.1 * top or 1.0)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    for row, figure in enumerate(PAPER.get(field, ())):
-        axes.axvspan(*figure.span, color="#ffd43b", alpha=0.5, linewidth=0, zorder=0)
-        late = figure.span[0] > 0.6 * at[-1]
-        axes.annotate(
-            f"paper, {figure.text}",
-            (figure.span[0] if late else figure.span[1], 0.97 - 0.09 * row),
-            xycoords=("data", "axes fraction"),
-            xytext=(-4 if late else 4, 0),
-            textcoords="offset points",
-            horizontalalignment="right" if late else "left",
-            verticalalignment="top",
-            color="#7c5e00",
-            fontsize=8,
-        )
-    if not any(reached):
-        axes.text(
-            0.5, 0.5, "no flight came so far", transform=axes.transAxes, ha="center", color=_DIM
-        )
+    lines = [
+        (_in_words(some), colour) for some, colour in zip(values, colours, strict=True) if some
+    ]
+    lines += [(f"paper, {figure.text}", "#7c5e00") for figure in published]
+    _head(axes, words, lines)
 
 
-def _rugs(
-    axes: Axes, reached: Sequence[Sequence[float]], colours: Sequence[str], *, below: float
-) -> None:
-    """Mark every flight under the curve, and say how many there are, from a height downwards."""
-    for row, (values, colour) in enumerate(zip(reached, colours, strict=True)):
-        axes.plot(
-            values,
-            np.full(len(values), 0.012 + 0.03 * row),
-            "|",
-            color=colour,
-            alpha=0.5,
-            markersize=5,
-            transform=axes.get_xaxis_transform(),
-        )
-        text = f"n = {len(values)}"
-        if values:
-            text += f", median {np.median(values):.1f}"
+def _marks(axes: Axes, values: Sequence[float], height: float, *, marker: str, colour: str) -> None:
+    """Mark every flight at a height of the panel, 0 to 1."""
+    axes.plot(
+        values,
+        np.full(len(values), height),
+        marker,
+        color=colour,
+        alpha=0.5,
+        markersize=6,
+        transform=axes.get_xaxis_transform(),
+    )
+
+
+def _in_words(values: Sequence[float]) -> str:
+    found = Distribution.of(values)
+    if found is None or found.count == 1:
+        return "1 flight: " + ", ".join(map(_number, values))
+    return (
+        f"{found.count} flights: least {_number(found.least)}, median {_number(found.median)}, "
+        f"most {_number(found.most)}"
+    )
+
+
+def _number(value: float) -> str:
+    digits = next((digits for end, digits in _DIGITS if value < end), 1)
+    return f"{value:.{digits}f}"
+
+
+def _head(axes: Axes, title: str, lines: Sequence[tuple[str, str]]) -> None:
+    """Write a title and coloured lines above a panel, where no curve runs through them."""
+    for index, (text, colour) in enumerate(reversed(lines)):
         axes.annotate(
             text,
-            (1.0, below - 0.08 * row),
+            (0.0, 1.0),
             xycoords="axes fraction",
-            horizontalalignment="right",
+            xytext=(0, 4 + _LINE_PT * index),
+            textcoords="offset points",
             color=colour,
             fontsize=8,
         )
+    axes.set_title(title, pad=8 + _LINE_PT * len(lines))

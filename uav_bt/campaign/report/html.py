@@ -9,7 +9,7 @@ from typing import Final
 
 from jinja2 import Environment, StrictUndefined
 
-from uav_bt.campaign.report.tables import Cell, Link, Table
+from uav_bt.campaign.report.tables import Cell, Link, Table, Term
 
 _PAGE: Final = """\
 <!DOCTYPE html>
@@ -51,9 +51,12 @@ code { font: .82rem/1.4 ui-monospace, monospace; background: #f1f3f5; border-rad
 <p>{{ text }}</p>
 {% endfor %}
 {% for image in section.images %}
+{% if image.title %}
+<h3>{{ image.title }}</h3>
+{% endif %}
 <figure><img src="data:image/png;base64,{{ image.png|base64 }}" alt="{{ image.alt }}"></figure>
 {% endfor %}
-{% for table in section.tables %}
+{% for table in section.tables|map("filled") if table.rows %}
 {% if table.title != section.title %}
 <h3>{{ table.title }}</h3>
 {% endif %}
@@ -98,6 +101,7 @@ class Image:
     name: str  # of its file
     png: bytes
     alt: str  # what it shows, for those who do not see it
+    title: str = ""  # above it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +130,12 @@ def page(title: str, lead: str, sections: Sequence[Section]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"base64": _base64, "numeric": _numeric, "text": _text}
+    environment.filters |= {
+        "base64": _base64,
+        "numeric": _numeric,
+        "text": _text,
+        "filled": Table.filled,
+    }
     environment.tests["link"] = lambda cell: isinstance(cell, Link)
     return environment.from_string(_PAGE).render(title=title, lead=lead, sections=sections)
 
@@ -146,4 +155,6 @@ def _numeric(table: Table) -> list[bool]:
 def _text(cell: Cell) -> str:
     if cell is None:
         return ""
+    if isinstance(cell, Term):
+        return cell.text
     return f"{cell:g}" if isinstance(cell, float) and abs(cell) < 1e5 else str(cell)

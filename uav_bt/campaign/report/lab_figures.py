@@ -44,7 +44,7 @@ def _covered_shares(flights: Flights, lab: LabMap) -> list[float]:
 
 
 def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | None:
-    """Draw what happened in a scene: paths above, coverage below, a column for each set.
+    """Draw what happened in a scene: paths on the left, coverage beside, a row for each set.
 
     Args:
         sets: what is compared; those without kept paths in this scene are left out.
@@ -54,21 +54,22 @@ def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | 
     Returns:
         A PNG; None when no path was kept.
     """
-    columns = [(one, flown) for one in sets if (flown := _flights_in(one, scene))]
-    if not columns:
+    rows = [(one, flown) for one in sets if (flown := _flights_in(one, scene))]
+    if not rows:
         return None
     with style():
-        figure = new_figure(5.2 * len(columns) + 0.6, 8.6)
-        grid = figure.subplots(2, len(columns), squeeze=False)
-        for column, (one, flown) in enumerate(columns):
-            _paths(grid[0, column], flown, lab)
+        figure = new_figure(11.0, 4.6 * len(rows) + 0.4)
+        grid = figure.subplots(len(rows), 2, squeeze=False)
+        for row, (one, flown) in enumerate(rows):
+            _paths(grid[row, 0], flown, lab)
             count = "1 flight" if len(flown) == 1 else f"{len(flown)} flights"
-            grid[0, column].set_title(f"{one.label}\n{count}", fontweight="bold")
-            image = _coverage(grid[1, column], flown, lab)
-        bar = figure.colorbar(image, ax=grid, anchor=(0.0, 0.12), shrink=0.35, pad=0.01)
+            title = f"{one.label}\nin {scene}, {count}"
+            grid[row, 0].set_title(title, fontweight="bold")
+            image = _coverage(grid[row, 1], flown, lab)
+        bar = figure.colorbar(image, ax=grid, shrink=0.7 / len(rows), pad=0.01)
         bar.set_label("flights that came by, %")
         bar.outline.set_visible(False)
-        shown = {flight["outcome"] for _, flown in columns for flight in flown}
+        shown = {flight["outcome"] for _, flown in rows for flight in flown}
         figure.legend(
             handles=[
                 Line2D([], [], color=colour, label=outcome.replace("_", " "))
@@ -114,11 +115,10 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
         cmap="Blues",
         zorder=0,
     )
-    shares = _covered_shares(flown, lab)
-    axes.set_title(
-        f"a flight covers {100.0 * float(np.mean(shares)):.0f} % of the free carpet"
-        f" ({100.0 * min(shares):.0f} to {100.0 * max(shares):.0f} %)"
-    )
+    shares = [100.0 * share for share in _covered_shares(flown, lab)]
+    title = f"a flight covers {float(np.mean(shares)):.0f} % of the free carpet"
+    spread = f" ({min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
+    axes.set_title(title + spread)
     axes.set_xlabel(f"cells of {CELL_M:g} m, covered when passed within {REACH_M:g} m", fontsize=8)
     return image
 

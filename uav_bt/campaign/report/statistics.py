@@ -13,6 +13,7 @@ from scipy.stats import binomtest, gaussian_kde
 
 from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 
 
@@ -74,10 +75,24 @@ def summarise(flights: Iterable[Mapping[str, Any]]) -> FlightsSummary:
         success=good / len(flown),
         success_95=wilson(good, len(flown)),
         metrics={
-            name: Distribution.of([f[name] for f in flown if f.get(name) is not None])
+            name: Distribution.of([value for f in flown if (value := reached(f, name)) is not None])
             for name in METRICS
         },
     )
+
+
+def reached(flight: Mapping[str, Any], metric: str) -> float | None:
+    """Return a metric of a flight; None where the flight did not come so far.
+
+    What a flight flew in its first 90 s counts when it lasted as long.
+
+    Args:
+        flight: its line.
+        metric: one of `METRICS`.
+    """
+    if metric == "explore_distance_m" and (flight.get("duration_s") or 0.0) < EXPLORE_S:
+        return None
+    return flight.get(metric)
 
 
 def by_tree(flights: Iterable[Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:

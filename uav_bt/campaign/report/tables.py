@@ -7,19 +7,28 @@ import io
 import os
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from uav_bt.campaign.flight_lines import METRICS
-from uav_bt.campaign.report.paper import PAPER
+from uav_bt.campaign.report.paper import paper_figures, paper_success
 from uav_bt.campaign.report.sources import FlightSet, Sources
 from uav_bt.campaign.report.statistics import summarise
+from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 
 _SUCCESS: Final = Outcome.SUCCESS.value
+_METRIC_NOTES: Final = {
+    "": "Each of the flights that came so far.",
+    "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command, and count "
+    "where a flight lasted as long.",
+    "search_distance_m": "Searching lasts from the end of exploration until the helipad is found.",
+    "min_clearance_m": "Least clearance: the nearest that the hull came to a box.",
+}
+"""Sentences about the metrics that have values; the first stands always."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +39,15 @@ class Link:
     target: str  # relative to the page
 
 
-Cell = str | int | float | Link | None
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """A cell that programs know by another name."""
+
+    text: str  # on the page
+    key: str  # in the CSV file
+
+
+Cell = str | int | float | Link | Term | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +67,31 @@ class Table:
         writer = csv.writer(out)
         writer.writerow(self.columns)
         for row in self.rows:
-            writer.writerow([cell.target if isinstance(cell, Link) else cell for cell in row])
+            writer.writerow([_plain(cell) for cell in row])
         return out.getvalue()
+
+    def filled(self) -> Table:
+        """Return the table without the columns in which no row has a value."""
+        kept = [
+            index
+            for index in range(len(self.columns))
+            if any(row[index] not in (None, "") for row in self.rows)
+        ]
+        return replace(
+            self,
+            columns=tuple(self.columns[index] for index in kept),
+            rows=tuple(tuple(row[index] for index in kept) for row in self.rows),
+        )
+
+
+def _plain(cell: Cell) -> str | int | float | None:
+    match cell:
+        case Link():
+            return cell.target
+        case Term():
+            return cell.key
+        case _:
+            return cell
 
 
 def tables_of(sources: Sources, page: Path) -> dict[str, Table]:
@@ -116,25 +156,32 @@ def _scenes(sources: Sources) -> Table:
 def _metrics(sets: Sequence[FlightSet]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     summaries = [(one, summarise(one.flights)) for one in sets]
-    for name in METRICS:
-        published = "; ".join(figure.text for figure in PAPER.get(name, ()))
+    known = bool(paper_success(one.tree for one in sets))
+    for name, words in METRICS.items():
         for one, summary in summaries:
             found = summary.metrics[name]
             if found is not None:
                 numbers = (found.mean, found.median, found.p5, found.p95, found.least, found.most)
                 rounded = (round(number, 3) for number in numbers)
-                rows.append((name, one.label, found.count, *rounded, published or None))
+                row: tuple[Cell, ...] = (
+                    Term(text=words, key=name),
+                    one.label,
+                    found.count,
+                    *rounded,
+                )
+                said = "; ".join(figure.text for figure in paper_figures(name, [one.tree]))
+                rows.append((*row, said or None) if known else row)
+    shown = {name for name in METRICS if any(s.metrics[name] for _, s in summaries)}
     return Table(
         name="metrics",
         title="Times and distances",
         columns=(
             *("metric", "tree", "flights", "mean", "median"),
-            *("5 %", "95 %", "least", "most", "paper"),
+            *("5 %", "95 %", "least", "most"),
+            *(("paper",) if known else ()),
         ),
         rows=tuple(rows),
-        note="Of the flights that came so far. `explore_distance_m` is that of the first 90 s; "
-        "searching lasts from the end of exploration until the helipad is found, landing from "
-        "there until the motors are off.",
+        note=" ".join(note for name, note in _METRIC_NOTES.items() if name in {"", *shown}),
     )
 
 

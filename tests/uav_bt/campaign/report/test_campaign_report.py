@@ -13,9 +13,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.report.campaign_report import WrittenReport, write_campaign_report
+from uav_bt.campaign.report.figures import densities
 from uav_bt.campaign.report.sources import read_sources
 from uav_bt.campaign.store import CampaignStore
 from uav_bt.display.lab_map import LabMap, MapItem
@@ -204,8 +207,93 @@ def test_metrics_count_the_flights_that_came_so_far(tmp_path: Path) -> None:
     flights = [flight(seed, time_to_land_s=None if seed else 20.0) for seed in range(3)]
     written = write(tmp_path / "r.html", campaign(tmp_path / "c", *flights))
     (row,) = (row for row in rows(written, "metrics") if row["metric"] == "time_to_land_s")
-    assert (row["flights"], row["mean"]) == ("1", "20.0")
-    assert row["paper"] == "depth: peak at about 20 s"
+    assert (row["flights"], row["mean"], row["least"], row["most"]) == ("1", "20.0", "20.0", "20.0")
+
+
+DEPTH = "explore_and_land_depth.xml"
+
+
+def test_the_paper_is_quoted_of_its_own_missions(tmp_path: Path) -> None:
+    source = jsonl(tmp_path / "f.jsonl", flight(0, tree=DEPTH), flight(1, tree="one.xml"))
+    written = write(tmp_path / "r.html", source)
+    said = {(row["tree"], row["metric"]): row["paper"] for row in rows(written, "metrics")}
+    assert said["explore_and_land_depth", "search_distance_m"] == "depth: up to 25 m"
+    assert said["one", "search_distance_m"] == ""
+    assert "30 real flights of explore_and_land_depth." in written.page.read_text()
+
+
+def test_other_missions_have_nothing_of_the_paper(tmp_path: Path) -> None:
+    flights = [flight(seed, tree="my_survey.xml") for seed in range(6)]
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *flights))
+    assert "paper" not in written.page.read_text()
+    assert "paper" not in rows(written, "metrics")[0]
+    theirs = [{**one, "tree": DEPTH} for one in flights]
+    other = write(tmp_path / "d.html", jsonl(tmp_path / "d.jsonl", *theirs))
+    mine, depth = (cv2.imread(str(one.images[1])) for one in (written, other))
+    assert yellow(mine) == 0
+    assert yellow(depth) > 100
+
+
+def yellow(picture: Any) -> int:
+    """Return how many pixels have the colour of the paper's bands."""
+    blue, green, red = (picture[..., channel].astype(int) for channel in range(3))
+    return int(((red > 240) & (green > 200) & (blue < 180)).sum())
+
+
+def test_scene_and_mission_are_named_above_the_maps(tmp_path: Path) -> None:
+    page = Page(write(tmp_path / "r.html", campaign(tmp_path / "c", flight(0))).page.read_text())
+    assert "Scene lab" in page.texts
+    assert any(text.startswith("1 flight in lab, ") for text in page.texts)
+    assert "Flights of one" in page.texts
+
+
+def test_what_no_flight_reached_is_left_out(tmp_path: Path) -> None:
+    never = dict.fromkeys(("search_distance_m", "time_to_find_helipad_s", "time_to_land_s"))
+    bare = [flight(seed, duration_s=22.0, profile=None, **never) for seed in range(2)]
+    written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", *bare))
+    assert {row["metric"] for row in rows(written, "metrics")} == {"duration_s"}
+    text = written.page.read_text()
+    for word in ("search", "90 s", "helipad", "`"):
+        assert word not in text
+    whole = write(tmp_path / "w.html", jsonl(tmp_path / "w.jsonl", flight(0), flight(1)))
+    few, many = (cv2.imread(str(one.images[1])) for one in (written, whole))
+    assert few.shape[0] < many.shape[0], "panels without a value are left out"
+
+
+def test_the_first_90_s_are_those_of_flights_that_lasted_so_long(tmp_path: Path) -> None:
+    source = jsonl(tmp_path / "f.jsonl", flight(0), flight(7, duration_s=22.0))
+    written = write(tmp_path / "r.html", source)
+    (row,) = (row for row in rows(written, "metrics") if row["metric"] == "explore_distance_m")
+    assert (row["flights"], row["most"]) == ("1", "7.0")
+    assert "count where a flight lasted as long" in written.page.read_text()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8])
+def test_nothing_is_drawn_through_what_is_written_of_a_few_flights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    source = jsonl(tmp_path / "f.jsonl", *(flight(seed, tree=DEPTH) for seed in range(count)))
+    figures: list[Figure] = []
+    monkeypatch.setattr(
+        "uav_bt.campaign.report.figures.png", lambda figure: figures.append(figure) or b""
+    )
+    densities(read_sources([source]).sets)
+    (figure,) = figures
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    boxes = [axes.get_window_extent(renderer) for axes in panels]
+    words = [
+        text.get_window_extent(renderer)
+        for axes in panels
+        for text in (*axes.texts, axes.title, axes._left_title)
+        if text.get_text()
+    ]
+    assert len(words) > 2 * len(panels)
+    for index, word in enumerate(words):
+        assert not any(word.overlaps(box) for box in boxes)
+        assert not any(word.overlaps(other) for other in words[:index])
 
 
 def test_timings_are_told_by_stage(tmp_path: Path) -> None:
@@ -219,7 +307,8 @@ def test_timings_are_told_by_stage(tmp_path: Path) -> None:
 def test_flights_that_ended_before_anything_make_a_report_too(tmp_path: Path) -> None:
     bare = {"tree": "a.xml", "scene": None, "seed": 0, "outcome": "error", "reason": "crashed"}
     written = write(tmp_path / "r.html", jsonl(tmp_path / "f.jsonl", bare))
-    assert [path.name for path in written.images] == ["r-outcomes.png", "r-densities.png"]
+    assert [path.name for path in written.images] == ["r-outcomes.png"]
+    assert "Times and distances" not in written.page.read_text()
 
 
 def test_damaged_lines_and_missing_flights_are_told_first(tmp_path: Path) -> None:
