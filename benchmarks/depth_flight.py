@@ -29,7 +29,7 @@ from uav_bt import app
 from uav_bt.board import CAMERA, CORRIDOR, FRAME, METRIC_DEPTH
 from uav_bt.board.context import MissionContext
 from uav_bt.classes import BOXES, CARPET
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 
 NEAR_M = 5.0

@@ -43,7 +43,7 @@ from uav_bt.classes import CARPET, CLASS_TO_GROUP, GROUP_NAMES, HELIPAD_BOX
 from uav_bt.learning.dataset import footage_of
 from uav_bt.learning.training import score_depth_on
 from uav_bt.learning.views import VALIDATION_SCENES, DepthViewPlan, depth_views
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone, Referee
 
 _SHIPPED = SHIPPED_WEIGHTS / "depth.onnx"

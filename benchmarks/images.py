@@ -32,7 +32,7 @@ from uav_bt.board import CLASS_MAP
 from uav_bt.classes import colourise
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import LabMap, draw_path_map
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 
 PORT = 9911

@@ -27,7 +27,7 @@ from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.video import DecodedFrame, NewestFrame
 from uav_bt import app
 from uav_bt.app.site import Site
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.types import Command
 

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from uav_bt import app
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader

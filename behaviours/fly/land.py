@@ -90,7 +90,10 @@ def nearest_landing_spot(
 
 
 class EmergencyLand(MovingLeaf):
-    """Land on the nearest free carpet below; where none is in view, land at once."""
+    """Land on the nearest free carpet below; where none is in view, land at once.
+
+    FAILURE on the ground: a mission that had to come down like this was not fulfilled.
+    """
 
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
     ports = (
@@ -113,7 +116,7 @@ class EmergencyLand(MovingLeaf):
     def work(self, state: DroneState) -> Status:
         """Find a spot, move above it, descend."""
         if state.flying is FlyingState.LANDED:
-            return Status.SUCCESS
+            return Status.FAILURE
         if self.moving(state):
             return Status.RUNNING
         waited_s = self.clock.now() - self._started_s

@@ -21,8 +21,9 @@ from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import InputError
 from uav_bt.mission.judge import Judge, JudgeConfig
-from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener
+from uav_bt.mission.runner import MissionRunner, RunnerConfig
 from uav_bt.mission.safety import Limits
+from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, DroneConfig, Referee, Segmenter
 from uav_bt.record.channels import Quality
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree

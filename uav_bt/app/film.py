@@ -34,7 +34,7 @@ from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import Outcome
-from uav_bt.mission.runner import TickListener
+from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree
 from uav_bt.types import CameraModel, ClassMap, DepthMap, Frame

@@ -15,7 +15,8 @@ from uav_bt.errors import FileError, UavBtError
 from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
-from uav_bt.mission.runner import MissionRunner, TickListener
+from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry, load_tree
 from uav_bt.tree.shipped import resolve_tree

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from uav_bt import app
 from uav_bt.campaign.plan import FlightTask
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 
 _PATH_INTERVAL_S: Final = 0.5  # at 0.5 m/s a point every quarter of a metre: maps need no more
 

@@ -19,7 +19,7 @@ from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.phrases import describe_flight
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.types import PAD_SIZE_M
 
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read

@@ -16,7 +16,7 @@ from uav_bt.groot.groot_publisher import GrootConfig, GrootPublisher
 from uav_bt.groot.groot_view import GrootView
 from uav_bt.groot.numbering import TreeNumbering, tree_xml
 from uav_bt.groot.transitions import TransitionRecorder
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.tree import MissionTree
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from uav_bt.files import write_whole
 from uav_bt.mission.judge import Verdict
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
 
 EXPLORE_S = 90.0  # the span of `explore_distance_m`, from the take-off command

@@ -44,7 +44,10 @@ class JudgeConfig:
             raise ValueRangeError(f"the time limit must be positive, got {self.time_limit_s}")
 
 
-_MAY_TOUCH_GROUND = frozenset({FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING})
+_UNHEARD_S = 1.0  # telemetry older than this says nothing about the present
+_MAY_TOUCH_GROUND = frozenset(
+    {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING, FlyingState.EMERGENCY}
+)
 
 
 class Judge:
@@ -82,17 +85,18 @@ class Judge:
         violation = self._violation(now_s, state, truth)
         if violation is not None:
             return violation
+        if state.flying is FlyingState.EMERGENCY:  # it falls, or lies on the ground
+            reason = abort_reason or "the drone cut its motors"
+            return Verdict(outcome=Outcome.ABORTED, reason=reason)
         if abort_reason is not None:
-            if landed or state.flying is FlyingState.EMERGENCY:  # motors cut: it will not land
-                return Verdict(outcome=Outcome.ABORTED, reason=abort_reason)
-            return None
+            return Verdict(outcome=Outcome.ABORTED, reason=abort_reason) if landed else None
         if tree_status in (Status.SUCCESS, Status.FAILURE):
             return self._mission_ended(tree_status, truth, landed=landed)
         return None
 
     def _violation(self, now_s: float, state: DroneState, truth: Truth | None) -> Verdict | None:
         if truth is not None:
-            hit = self._hit(state, truth)
+            hit = self._hit(now_s, state, truth)
             if hit is not None:
                 return Verdict(outcome=Outcome.COLLISION, reason=f"touched {hit}")
             if self._took_off_s is not None and not truth.inside_carpet:
@@ -109,10 +113,11 @@ class Judge:
             return Verdict(outcome=Outcome.TIMEOUT, reason=f"no take-off within {waited_s:.0f} s")
         return None
 
-    def _hit(self, state: DroneState, truth: Truth) -> str | None:
+    def _hit(self, now_s: float, state: DroneState, truth: Truth) -> str | None:
+        unheard = now_s - state.captured_s > _UNHEARD_S  # it may be landing by its own rules
         for geom in truth.contacts:
             landing_surface = geom.startswith(self._config.landing_surfaces)
-            if not (landing_surface and state.flying in _MAY_TOUCH_GROUND):
+            if not (landing_surface and (unheard or state.flying in _MAY_TOUCH_GROUND)):
                 return geom
         return None
 
@@ -125,6 +130,10 @@ class Judge:
             return Verdict(outcome=Outcome.ABORTED, reason="the tree ended without a take-off")
         if status is Status.FAILURE:
             return Verdict(outcome=Outcome.ABORTED, reason="the tree failed; landed")
+        if truth is not None and truth.motors_on:
+            return Verdict(
+                outcome=Outcome.ABORTED, reason="the drone says it has landed, its motors still run"
+            )
         if truth is not None and self._config.must_land_on_pad and not truth.on_helipad:
             return Verdict(
                 outcome=Outcome.ABORTED,

@@ -6,18 +6,19 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
-from uav_bt.mission.judge import Judge, Verdict
+from uav_bt.mission.descent import Descent, DescentEnd
+from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.safety import Arbiter, Circumstances, Limits, Override
+from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
-from uav_bt.tree.budget import BudgetWatch, SlowLeaf
-from uav_bt.types import Command, DroneState, FlyingState, Observation, TakeOff, Truth
+from uav_bt.tree.budget import BudgetWatch
+from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,35 +34,7 @@ class RunnerConfig:
             raise ValueRangeError(f"a tick must last more than 0 and at most 1 s: {self.tick_s}")
 
 
-@dataclass(frozen=True, kw_only=True)
-class TickRecord:
-    """Everything that happened in one tick: the input of records, reports, displays and videos."""
-
-    index: int
-    time_s: float
-    observation: Observation
-    tree_status: Status
-    phase: str  # set by the mission leaves; empty before they set one
-    active: tuple[str, ...]  # names from the root to the deepest running node
-    command: Command  # what was really sent
-    proposed_by: str | None
-    override: Override | None
-    compute_s: float  # wall time of tree, networks included
-    truth: Truth | None
-    feedback: str = ""  # of the deepest running node, a policy's reason for instance
-    slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
-    decided: Command | None = None  # by the arbiter, before the drone's own limits
-
-
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
-
-
-class TickListener(Protocol):
-    """Anything that follows a flight tick by tick."""
-
-    def on_tick(self, record: TickRecord) -> None:
-        """Take note of a tick; must not block."""
-        ...
 
 
 class MissionRunner:
@@ -100,7 +73,7 @@ class MissionRunner:
         self._limits = limits or Limits()
         self._arbiter = Arbiter(self._limits)
         self._config = config or RunnerConfig()
-        self._listeners = tuple(listeners)
+        self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer
         self._budgets = BudgetWatch(tree, timer=timer)
@@ -108,6 +81,8 @@ class MissionRunner:
         self._abort_reason: str | None = None
         self._manual = False
         self._cut = False
+        self._given_up = False
+        self.descent = DescentEnd(airborne=False, faults=())  # known when the run is over
         self._override_since: tuple[Override | None, float] = (None, 0.0)
 
     @property
@@ -122,6 +97,10 @@ class MissionRunner:
         """
         if self._abort_reason is None:
             self._abort_reason = reason
+
+    def give_up(self) -> None:
+        """Do not wait for the landing, which is asked for once more; safe in a signal handler."""
+        self._given_up = True
 
     def set_manual(self, *, manual: bool) -> None:
         """Let a person take over, or hand back; safe to call from another thread.
@@ -154,11 +133,13 @@ class MissionRunner:
                 verdict = self._tick()
         except BaseException as fault:
             try:
-                self._stop_and_land()
+                self._stop_and_land(str(fault) or type(fault).__name__)
             except Exception as second:  # noqa: BLE001  # the first fault is the one to report
                 fault.add_note(f"while landing, also: {type(second).__name__}: {second}")
+            for trouble in self.descent.faults:
+                fault.add_note(f"while landing, also: {trouble}")
             raise
-        self._stop_and_land()
+        self._stop_and_land(verdict.reason)
         return verdict
 
     def _tick(self) -> Verdict | None:
@@ -197,12 +178,13 @@ class MissionRunner:
             slow=self._budgets.take(),
             decided=decided,
         )
-        for listener in self._listeners:
-            listener.on_tick(record)
+        self.listeners.on_tick(record)
         self._index += 1
         verdict = self._judge.verdict(
             start_s, observation.state, truth, status, abort_reason=self._abort_reason
         )
+        if verdict is None and self._given_up and self._abort_reason is not None:
+            verdict = Verdict(outcome=Outcome.ABORTED, reason=self._abort_reason)
         if status in _OVER and observation.state.flying is not FlyingState.LANDED:
             self.request_abort(f"the tree ended with {status.name} in the air")
         if self._arbiter.override is Override.BATTERY:
@@ -260,22 +242,27 @@ class MissionRunner:
         if observation.frame is not None:
             board.write(FRAME, observation.frame, captured_s=observation.frame.captured_s)
 
-    def _stop_and_land(self) -> None:
-        """Leave nothing running, and bring the drone down if it is still up."""
+    def _stop_and_land(self, reason: str) -> None:
+        """Leave nothing running, and bring the drone down if it is still up.
+
+        Raises:
+            NodeFailedError: a leaf raised when it was halted; the drone was landed.
+        """
         try:
             self._tree.halt()
         finally:
-            self._land()
+            self._context.proposals.clear()
+            descent = Descent(
+                self._drone,
+                self._landing_command,
+                listeners=self.listeners.following,
+                grace_s=self._config.landing_grace_s,
+                tick_s=self._config.tick_s,
+            )
+            self.descent = descent.run(reason, given_up=lambda: self._given_up)
 
-    def _land(self) -> None:
-        self._context.proposals.clear()
-        clock = self._drone.clock
-        deadline_s = clock.now() + self._config.landing_grace_s
-        while clock.now() < deadline_s:
-            now_s = clock.now()
-            state = self._drone.observe().state
-            if state.flying is FlyingState.LANDED:
-                return
-            now = Circumstances(state=state, abort=True, manual=self._manual, cut=self._cut)
-            self._drone.send(self._arbiter.decide(self._context.proposals, now))
-            clock.sleep_until(now_s + self._config.tick_s)
+    def _landing_command(self, state: DroneState | None) -> Command:
+        if state is None:
+            return Command(movement=Land())
+        now = Circumstances(state=state, abort=True, manual=self._manual, cut=self._cut)
+        return self._arbiter.decide(self._context.proposals, now)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Advice
 from uav_bt.record.values import dump, json_schema
 from uav_bt.types import (

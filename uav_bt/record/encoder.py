@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from uav_bt import board as keys
 from uav_bt.board.plain_values import plain
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.record import channels, messages
 from uav_bt.record.channels import (
     Channel,

@@ -13,8 +13,8 @@ from typing import Any, Final
 from uav_bt import board as keys
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
-from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import TickRecord
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree.status import Status

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from uav_bt.board.context import MissionContext
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.record import channels, messages
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, NodeNote, RecordConfig, TreeNote
 from uav_bt.record.encoder import LogLine, MomentEncoder, RawMoment

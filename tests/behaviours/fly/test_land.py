@@ -84,12 +84,16 @@ def test_kept_from_the_step_it_lands_all_the_same(word: MovementState) -> None:
     assert bench.proposed == LandCommand()
 
 
-@pytest.mark.parametrize("leaf", [Land, EmergencyLand])
-def test_on_the_ground_there_is_nothing_to_do(leaf: type[Land | EmergencyLand]) -> None:
-    """Success at once, nothing proposed."""
+@pytest.mark.parametrize(
+    ("leaf", "status"), [(Land, Status.SUCCESS), (EmergencyLand, Status.FAILURE)]
+)
+def test_on_the_ground_there_is_nothing_to_do(
+    leaf: type[Land | EmergencyLand], status: Status
+) -> None:
+    """Over at once, nothing proposed; a mission that needed an emergency landing has failed."""
     bench = LeafBench(leaf)
 
-    assert live(bench, flying=FlyingState.LANDED) is Status.SUCCESS
+    assert live(bench, flying=FlyingState.LANDED) is status
     assert (bench.proposed, bench.pointed) == (None, None)
 
 
@@ -208,7 +212,7 @@ def test_moves_to_the_spot_and_lands() -> None:
     done = MovementStatus(id=step.id, state=MovementState.DONE)
     live(bench, gimbal_deg=-90.0, movement=done)
     assert bench.proposed == LandCommand()
-    assert live(bench, flying=FlyingState.LANDED) is Status.SUCCESS
+    assert live(bench, flying=FlyingState.LANDED) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
 
 

@@ -17,7 +17,7 @@ from uav_bt.board import CLASS_MAP
 from uav_bt.classes import CLASS_COLOURS, class_id
 from uav_bt.errors import FileError
 from uav_bt.mission.judge import JudgeConfig
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Status, load_tree
 from uav_bt.types import HOVER, ClassMap, DepthMap, Frame

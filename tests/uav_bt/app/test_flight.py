@@ -26,8 +26,8 @@ from uav_bt.errors import (
 )
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
-from uav_bt.mission.runner import TickListener, TickRecord
 from uav_bt.mission.safety import Limits
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame
 from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Truth

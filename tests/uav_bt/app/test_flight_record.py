@@ -13,7 +13,7 @@ import pytest
 from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, fly_noisy, tree_file
 from uav_bt import app
 from uav_bt.errors import FileError, MissingDependencyError, NodeFailedError
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.record import channels, record_file
 from uav_bt.record.channels import Channel

@@ -12,8 +12,8 @@ from uav_bt.clock import ManualClock
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.mission.flight_report import FlightReport, Percentiles
-from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame, pinhole
 from uav_bt.tree import Status
 from uav_bt.types import (

@@ -14,7 +14,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.groot import BtlogReader, BtlogWriter, GrootConfig, TreeWatch, watched_live
 from uav_bt.groot.transitions import Transition
 from uav_bt.groot.watch import LiveListeners
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDroneConfig
 from uav_bt.tree import Status
 

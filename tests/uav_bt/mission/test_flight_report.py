@@ -11,7 +11,7 @@ import pytest
 from uav_bt.errors import FileError
 from uav_bt.mission.flight_report import FlightLog, FlightReport, Percentiles, write_report
 from uav_bt.mission.judge import Outcome, Verdict
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,

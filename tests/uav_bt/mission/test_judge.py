@@ -16,6 +16,7 @@ def truth_of(
     inside: bool = True,
     on_pad: bool = False,
     error_m: float = 1.25,
+    motors_on: bool = True,
 ) -> Truth:
     return Truth(
         time_s=0.0,
@@ -25,11 +26,12 @@ def truth_of(
         inside_carpet=inside,
         on_helipad=on_pad,
         landing_error_m=error_m,
-        motors_on=True,
+        motors_on=motors_on,
     )
 
 
-ON_PAD = truth_of(on_pad=True, contacts=("helipad_top",), error_m=0.05)
+ON_PAD = truth_of(on_pad=True, contacts=("helipad_top",), error_m=0.05, motors_on=False)
+ON_CARPET = truth_of(contacts=("carpet",), motors_on=False)
 
 
 def ask(
@@ -59,7 +61,7 @@ def test_a_landing_on_the_pad_is_a_success() -> None:
 
 
 def test_a_landing_beside_the_pad_is_aborted_and_says_how_far() -> None:
-    verdict = ask(flown(), 90.0, FlyingState.LANDED, truth_of(), Status.SUCCESS)
+    verdict = ask(flown(), 90.0, FlyingState.LANDED, ON_CARPET, Status.SUCCESS)
     assert verdict is not None
     assert verdict.outcome is Outcome.ABORTED
     assert "1.25 m" in verdict.reason
@@ -67,9 +69,32 @@ def test_a_landing_beside_the_pad_is_aborted_and_says_how_far() -> None:
 
 def test_a_mission_may_end_elsewhere_when_its_rules_say_so() -> None:
     judge = flown(JudgeConfig(must_land_on_pad=False))
-    verdict = ask(judge, 90.0, FlyingState.LANDED, truth_of(), Status.SUCCESS)
+    verdict = ask(judge, 90.0, FlyingState.LANDED, ON_CARPET, Status.SUCCESS)
     assert verdict is not None
     assert verdict.outcome is Outcome.SUCCESS
+
+
+def test_a_landing_that_only_the_drone_believes_in_is_no_success() -> None:
+    hovering = truth_of(on_pad=True, error_m=0.05)
+    verdict = ask(flown(), 90.0, FlyingState.LANDED, hovering, Status.SUCCESS)
+    assert verdict is not None
+    assert verdict.outcome is Outcome.ABORTED
+    assert "motors still run" in verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("abort", "reason"),
+    [(None, "the drone cut its motors"), ("a person cut the motors", "a person cut the motors")],
+)
+def test_motors_that_are_cut_end_the_flight_at_once(abort: str | None, reason: str) -> None:
+    verdict = ask(flown(), 20.0, FlyingState.EMERGENCY, truth_of(), abort=abort)
+    assert verdict == Verdict(outcome=Outcome.ABORTED, reason=reason)
+
+
+def test_a_landing_that_nobody_hears_of_is_no_collision() -> None:
+    """The last word was hovering; the drone lands by its own rules."""
+    state = DroneState(captured_s=15.0, flying=FlyingState.HOVERING)
+    assert flown().verdict(20.0, state, ON_PAD, Status.RUNNING, abort_reason=None) is None
 
 
 def test_a_tree_that_fails_on_the_ground_is_aborted_even_on_the_pad() -> None:
@@ -113,7 +138,10 @@ def test_the_landing_surface_may_be_touched_only_while_taking_off_or_landing(
     flying: FlyingState, geom: str
 ) -> None:
     verdict = ask(flown(), 20.0, flying, truth_of(contacts=(geom,)))
-    if flying in GROUND_STATES:
+    if flying is FlyingState.EMERGENCY:
+        assert verdict is not None
+        assert verdict.outcome is Outcome.ABORTED  # it fell
+    elif flying in GROUND_STATES:
         assert verdict is None
     else:
         assert verdict == Verdict(outcome=Outcome.COLLISION, reason=f"touched {geom}")
@@ -125,7 +153,7 @@ def test_a_box_may_never_be_touched(flying: FlyingState) -> None:
     verdict = ask(flown(), 20.0, flying, truth_of(contacts=("helipad_top", "box_3")))
     assert verdict is not None
     assert verdict.outcome is Outcome.COLLISION
-    if flying in GROUND_STATES:
+    if flying in {*GROUND_STATES, FlyingState.EMERGENCY}:
         assert verdict.reason == "touched box_3"
 
 

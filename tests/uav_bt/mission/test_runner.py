@@ -15,12 +15,14 @@ from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, NodeFailedError, ProposalConflictError, ValueRangeError
 from uav_bt.mission.judge import Judge, JudgeConfig, Outcome
-from uav_bt.mission.runner import MissionRunner, RunnerConfig, TickListener, TickRecord
+from uav_bt.mission.runner import MissionRunner, RunnerConfig
 from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.testing import ScriptedDrone, blank_frame
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, parse_tree
 from uav_bt.types import (
     Command,
+    DroneState,
     FlyingState,
     GimbalTo,
     Hover,
@@ -432,20 +434,24 @@ def test_a_leaf_that_raises_when_it_is_halted_does_not_keep_the_drone_up() -> No
     assert flight.landed
 
 
-def test_a_listener_that_raises_lands_the_drone() -> None:
+def test_a_listener_that_raises_is_left_out_and_the_flight_goes_on() -> None:
+    """A display that dies and a disk that is full are no reason to land somewhere."""
+
     def fail() -> None:
         raise OSError("disk full")
 
-    flight = Flight("<Sequence><Up/><Drift/></Sequence>", listeners=(At(9, fail),))
-    with pytest.raises(OSError, match="disk full"):
-        flight.runner.run()
-    assert flight.landed
-    assert len(HALTED) == 1
+    ticks = Records()
+    flight = Flight(
+        '<Sequence><Up/><Drift ticks="9"/><Down/></Sequence>', listeners=(At(9, fail), ticks)
+    )
+    assert flight.runner.run().outcome is Outcome.SUCCESS
+    assert flight.runner.listeners.lost == {"At": "OSError: disk full"}
+    assert len(ticks) == len(flight.records) > 10
 
 
 def test_an_interrupt_that_gets_through_lands_the_drone() -> None:
     def interrupt() -> None:
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt  # not an Exception: nothing stops it
 
     flight = Flight("<Sequence><Up/><Drift/></Sequence>", listeners=(At(9, interrupt),))
     with pytest.raises(KeyboardInterrupt):
@@ -483,6 +489,112 @@ def test_a_drone_that_does_not_land_is_given_up_after_the_grace_time() -> None:
     assert verdict.outcome is Outcome.TIMEOUT
     over_s = flight.records[-1].time_s
     assert flight.drone.clock.now() == pytest.approx(over_s + 2.0, abs=TICK_S)
+
+
+class Faulty(ScriptedDrone):
+    """Raises from a command on, in what it is asked to raise in."""
+
+    def __init__(self, *methods: str, after: int = 12) -> None:
+        super().__init__()
+        self._methods = methods
+        self._after = after
+
+    def _fails(self, method: str) -> None:
+        if method in self._methods and len(self.commands) >= self._after:
+            raise DroneError(f"{method} failed")
+
+    def observe(self) -> Observation:
+        self._fails("observe")
+        return super().observe()
+
+    def send(self, command: Command) -> Command:
+        self.commands.append(command)
+        self._fails("send")
+        self.commands.pop()
+        return super().send(command)
+
+
+@pytest.mark.parametrize("method", ["observe", "send"])
+def test_landing_is_asked_for_again_and_again_whatever_raises(method: str) -> None:
+    drone = Faulty(method)
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=drone)
+    with pytest.raises(DroneError, match=f"{method} failed"):
+        flight.runner.run()
+    asked = [c for c in drone.commands[12:] if isinstance(c.movement, Land)]
+    assert len(asked) == pytest.approx(2.0 / TICK_S, abs=2)  # the whole time of grace
+
+
+def test_a_drone_that_recovers_while_it_is_brought_down_lands() -> None:
+    class Moody(Faulty):
+        def _fails(self, method: str) -> None:
+            if len(self.commands) < 18:
+                super()._fails(method)
+
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=Moody("send"))
+    with pytest.raises(DroneError, match="send failed"):
+        flight.runner.run()
+    assert flight.landed
+    assert not flight.runner.descent.airborne
+
+
+def test_a_clock_that_stands_still_does_not_keep_the_program() -> None:
+    class Still(Faulty):
+        def _fails(self, method: str) -> None:
+            if method in self._methods and len(self.commands) >= self._after:
+                self.clock.sleep_until = lambda _: None  # type: ignore[method-assign]
+                raise DroneError("lost")
+
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=Still("observe"))
+    with pytest.raises(DroneError, match="lost"):
+        flight.runner.run()
+    assert flight.runner.descent.airborne
+
+
+def test_whoever_follows_the_descent_sees_why_and_that_it_goes_on() -> None:
+    class Follows(Records):
+        seen: ClassVar[list[str]] = []
+
+        def on_descent(self, state: DroneState | None, reason: str) -> None:
+            del state
+            self.seen.append(reason)
+            raise OSError("the terminal is gone")
+
+    flight = Flight("<Sequence><Up/><Break/></Sequence>", listeners=(Follows(),))
+    with pytest.raises(NodeFailedError):
+        flight.runner.run()
+    assert flight.landed
+    assert len(Follows.seen) > 1
+    assert all("no such thing" in reason for reason in Follows.seen)
+
+
+def test_nobody_waits_for_a_landing_that_was_given_up() -> None:
+    """It is asked for all the same, and the drone is known to be up."""
+
+    def stop_twice() -> None:
+        flight.runner.request_abort("stopped")
+        flight.runner.give_up()
+
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", listeners=(At(9, stop_twice),))
+    verdict = flight.runner.run()
+    assert (verdict.outcome, verdict.reason) == (Outcome.ABORTED, "stopped")
+    assert flight.runner.descent.airborne
+    assert isinstance(flight.drone.commands[-1].movement, Land)
+    assert flight.records[-1].index <= 11
+
+
+def test_motors_that_the_drone_cut_stay_off() -> None:
+    """It lies there; nothing takes off again."""
+
+    class Stalls(ScriptedDrone):
+        def observe(self) -> Observation:
+            if len(self.commands) == 12:
+                self._set_height(0.0, FlyingState.EMERGENCY)
+            return super().observe()
+
+    flight = Flight("<Fallback><Sequence><Up/><Drift/></Sequence></Fallback>", drone=Stalls())
+    verdict = flight.runner.run()
+    assert (verdict.outcome, verdict.reason) == (Outcome.ABORTED, "the drone cut its motors")
+    assert len(flight.drone.commands) == 13
 
 
 # --- aborts ---------------------------------------------------------------------------------------

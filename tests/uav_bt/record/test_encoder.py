@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
 from uav_bt.record.channels import RecordConfig
 from uav_bt.record.encoder import MomentEncoder, RawMoment

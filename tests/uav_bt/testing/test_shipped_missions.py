@@ -17,7 +17,7 @@ SEES = {**LOOKS, "RememberObstacles": "S"}
 def land_only(**mocks: str) -> TreeBench:
     flies = {"TakeOff": "RS", "ReturnToBase": "(RS)", "HelipadCenter": "S", "Land": "RS"}
     return load_tree(
-        TREES / "land_only.xml", mocks={**SEES, **flies, "EmergencyLand": "RS", **mocks}
+        TREES / "land_only.xml", mocks={**SEES, **flies, "EmergencyLand": "RF", **mocks}
     )
 
 
@@ -43,10 +43,10 @@ def test_a_pad_that_is_lost_is_searched_for_again(centring: str, tries: int) -> 
 
 @pytest.mark.parametrize("mocks", [{"HelipadCenter": "F"}, {"TakeOff": "RF"}, {"Land": "RF"}])
 def test_what_fails_for_good_ends_in_an_emergency_landing(mocks: dict[str, str]) -> None:
-    """Whichever leaf it was; the mission then ends."""
+    """Whichever leaf it was; the mission then ends, and has failed."""
     bench = land_only(**mocks)
-    bench.tick_until(Status.SUCCESS, max_ticks=40)
-    bench.log.assert_order("return_and_land failed", "EmergencyLand started", "mission succeeded")
+    bench.tick_until(Status.FAILURE, max_ticks=40)
+    bench.log.assert_order("return_and_land failed", "EmergencyLand started", "mission failed")
 
 
 def test_blindness_stops_what_flies() -> None:
@@ -71,7 +71,7 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     flies = {"TakeOff": "S", "Explore": "(RSF)", "Avoid": "(RS)", "HelipadCenter": "S", "Land": "S"}
     bench = load_tree(
         TREES / "explore_and_land_segmentation.xml",
-        mocks={**SEES, **flies, "ReturnToBase": "RS", "EmergencyLand": "S"},
+        mocks={**SEES, **flies, "ReturnToBase": "RS", "EmergencyLand": "F"},
         tick_s=1.0,
     )
     bench.tick_until(Status.SUCCESS, max_ticks=100)

@@ -15,7 +15,8 @@ from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
 from uav_bt.mission.flight_report import FlightLog
 from uav_bt.mission.judge import Judge, Outcome, Verdict
-from uav_bt.mission.runner import MissionRunner, TickRecord
+from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import ScriptedDrone
 from uav_bt.tree import Leaf, MissionTree, Port, Status
 from uav_bt.tree.budget import BudgetWatch, SlowLeaf

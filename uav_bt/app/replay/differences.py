@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from uav_bt.app.replay.recorded_drone import RecordedDrone
 from uav_bt.display.phrases import describe_movement
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.record.channels import TreeNote
 from uav_bt.tree import MissionTree
 from uav_bt.types import Command, GimbalTo, MoveBy, Movement

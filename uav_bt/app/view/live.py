@@ -19,7 +19,7 @@ from uav_bt.display.lab_map import LabMap
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import CorridorSize, TreeNode, ViewSetting, tree_nodes
 from uav_bt.display.video.class_pane import ClassPalette
-from uav_bt.mission.runner import TickListener
+from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
 from uav_bt.types import CameraModel

@@ -23,7 +23,7 @@ from uav_bt.display.rerun.setting import TreeNode, ViewSetting
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig
 from uav_bt.errors import FileError, TreeError
 from uav_bt.mission.judge import Outcome
-from uav_bt.mission.runner import TickListener
+from uav_bt.mission.tick import TickListener
 from uav_bt.progress import Advance, silent
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader

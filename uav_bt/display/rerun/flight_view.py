@@ -20,7 +20,7 @@ from uav_bt.display.rerun.images import ImageView
 from uav_bt.display.rerun.plots import FlightPlots, TreeGraph
 from uav_bt.display.rerun.setting import TIMELINE, WORDS, ViewSetting
 from uav_bt.display.rerun.world import WorldView
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.tree import Status
 
 

@@ -14,7 +14,7 @@ import rerun as rr
 
 from uav_bt.display.canvas import ACCENT, ALARM, INK, Colour
 from uav_bt.display.rerun.setting import FREE_DISTANCE, HEADING, HEIGHT, TICK_TIME, TREE, TreeNode
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
 from uav_bt.types import Corridor, HelipadFix, MoveBy, ObstaclePoints, wrap_angle
 

@@ -27,7 +27,7 @@ from uav_bt.display.canvas import (
 )
 from uav_bt.display.phrases import describe_fix, describe_movement
 from uav_bt.display.video.depth_panes import empty_pane
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame, HelipadFix
 from uav_bt.types.projection import camera_axes
 

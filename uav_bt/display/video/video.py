@@ -48,7 +48,7 @@ from uav_bt.display.video.panes import (
 from uav_bt.display.video.timeline import Timeline
 from uav_bt.display.video.video_file import VideoFile
 from uav_bt.errors import FileError, ValueRangeError
-from uav_bt.mission.runner import TickRecord
+from uav_bt.mission.tick import TickRecord
 from uav_bt.types import CameraModel
 
 _WIDTH: Final = 1280

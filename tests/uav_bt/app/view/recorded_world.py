@@ -10,7 +10,7 @@ from typing import Any
 
 from uav_bt import app
 from uav_bt.mission.flight_report import FlightReport
-from uav_bt.mission.runner import TickListener, TickRecord
+from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.tree import Status
 

@@ -14,8 +14,8 @@ from uav_bt.board import PHASE
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.rerun.flight_view import BackgroundFollower, FlightView, Statuses
 from uav_bt.display.rerun.layout import layout
-from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
 
 

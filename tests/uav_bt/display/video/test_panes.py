@@ -17,8 +17,8 @@ from uav_bt.display.video.panes import (
     draw_readings,
     project_fix,
 )
-from uav_bt.mission.runner import TickRecord
 from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame
 from uav_bt.types import Frame, HelipadFix
 

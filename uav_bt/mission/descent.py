@@ -1,0 +1,107 @@
+"""Bringing the drone down when its mission is over: no fault ends the attempt before its time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from uav_bt.protocols import Drone
+from uav_bt.types import Command, DroneState, FlyingState
+
+_DOWN = frozenset({FlyingState.LANDED, FlyingState.EMERGENCY})  # motors off, wanted or not
+
+
+@runtime_checkable
+class DescentListener(Protocol):
+    """A tick listener that also follows the landing after the last tick."""
+
+    def on_descent(self, state: DroneState | None, reason: str) -> None:
+        """Take note of one attempt to land; must not block.
+
+        Args:
+            state: the newest that is known, None before the first.
+            reason: why the drone is landed.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class DescentEnd:
+    """How a descent ended."""
+
+    airborne: bool  # as far as is known
+    faults: tuple[str, ...]  # what failed on the way, each once
+
+
+class Descent:
+    """Asks a drone for a landing until it is down, a pilot has it, or the time is over.
+
+    Args:
+        drone: connected; each of its methods may raise.
+        command_for: the command of a tick, from the newest state.
+        listeners: those that are `DescentListener` are shown each attempt.
+        grace_s: how long it goes on asking, mission clock.
+        tick_s: between two commands.
+    """
+
+    def __init__(
+        self,
+        drone: Drone,
+        command_for: Callable[[DroneState | None], Command],
+        *,
+        listeners: Sequence[object] = (),
+        grace_s: float,
+        tick_s: float,
+    ) -> None:
+        self._drone = drone
+        self._command_for = command_for
+        self._listeners = [each for each in listeners if isinstance(each, DescentListener)]
+        self._grace_s = grace_s
+        self._tick_s = tick_s
+        self._faults: dict[str, None] = {}
+
+    def run(self, reason: str, *, given_up: Callable[[], bool]) -> DescentEnd:
+        """Bring the drone down.
+
+        Args:
+            reason: why, for the listeners.
+            given_up: whether somebody does not want to wait for the landing; it is asked for once
+                even then.
+        """
+        state: DroneState | None = None
+        clock = self._drone.clock
+        start_s = clock.now()
+        # Counted, too: a clock that stands still must not keep the program for ever.
+        for _ in range(math.ceil(self._grace_s / self._tick_s) + 1):
+            now_s = clock.now()
+            seen = self._attempt(self._drone.observe)
+            state = state if seen is None else seen.state
+            if state is not None and (self._is_down(state) or state.pilot_has_control):
+                break
+            if now_s >= start_s + self._grace_s:
+                break
+            self._attempt(lambda: self._drone.send(self._command_for(state)))  # noqa: B023
+            for listener in self._listeners:
+                self._attempt(lambda: listener.on_descent(state, reason))  # noqa: B023
+            if given_up():
+                break
+            self._attempt(lambda: clock.sleep_until(now_s + self._tick_s))  # noqa: B023
+        return DescentEnd(
+            airborne=state is None or not self._is_down(state), faults=tuple(self._faults)
+        )
+
+    def _attempt(self, action: Callable[[], Any]) -> Any:
+        """Return what an action returns, None when it raises."""
+        try:
+            return action()
+        except Exception as fault:  # noqa: BLE001  # whatever it is, the drone must come down
+            self._faults[f"{type(fault).__name__}: {fault}"] = None
+            return None
+
+    def _is_down(self, state: DroneState) -> bool:
+        if state.flying not in _DOWN:
+            return False
+        truth = self._attempt(self._drone.referee.truth) if self._drone.referee else None
+        return truth is None or not truth.motors_on

@@ -1,0 +1,63 @@
+"""What happened in one tick, and who follows a flight tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from uav_bt.mission.safety import Override
+from uav_bt.tree import Status
+from uav_bt.tree.budget import SlowLeaf
+from uav_bt.types import Command, Observation, Truth
+
+
+@dataclass(frozen=True, kw_only=True)
+class TickRecord:
+    """Everything that happened in one tick: the input of records, reports, displays and videos."""
+
+    index: int
+    time_s: float
+    observation: Observation
+    tree_status: Status
+    phase: str  # set by the mission leaves; empty before they set one
+    active: tuple[str, ...]  # names from the root to the deepest running node
+    command: Command  # what was really sent
+    proposed_by: str | None
+    override: Override | None
+    compute_s: float  # wall time of tree, networks included
+    truth: Truth | None
+    feedback: str = ""  # of the deepest running node, a policy's reason for instance
+    slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
+    decided: Command | None = None  # by the arbiter, before the drone's own limits
+
+
+class TickListener(Protocol):
+    """Anything that follows a flight tick by tick."""
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Take note of a tick; must not block."""
+        ...
+
+
+class TickListeners:
+    """The listeners of one flight. One that raises is left out from then on.
+
+    No display that died and no full disk ends a flight.
+
+    Args:
+        listeners: in the order in which they are called.
+    """
+
+    def __init__(self, listeners: Sequence[TickListener]) -> None:
+        self.following = list(listeners)
+        self.lost: dict[str, str] = {}  # by kind of listener: what it raised
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Show a tick to all that still follow."""
+        for listener in tuple(self.following):
+            try:
+                listener.on_tick(record)
+            except Exception as fault:  # noqa: BLE001  # whatever a listener does wrong
+                self.following.remove(listener)
+                self.lost[type(listener).__name__] = f"{type(fault).__name__}: {fault}"
