@@ -20,9 +20,10 @@ _IDS: Final = 256  # of an uint8
 _LEAST_SHARE: Final = 0.001  # of the pixels: single ones would make the legend flicker
 _SCALE: Final = 0.4
 _SWATCH_PX: Final = 10
-_ROW_PX: Final = 18
-_ROWS: Final = 2  # the legend covers the far end of the view only
-_LEFT_PX, _TOP_PX = 10, 32  # of the legend's first row, below the pane's title
+_ROW_PX: Final = 20
+_EDGE_PX: Final = 10  # of the pane that stays free around title and legend
+_TITLE_SCALE: Final = 0.45
+_ROOMY_PX: Final = 400  # panes from this width on have room for the size of the map
 _UNKNOWN: Final = "unknown"
 
 
@@ -82,22 +83,29 @@ def draw_class_map(
     image: Image = np.asarray(
         cv2.resize(palette.table[ids], size_px, interpolation=cv2.INTER_NEAREST), dtype=np.uint8
     )
-    tag(image, f"class map  {ids.shape[1]} x {ids.shape[0]}", (10, 10), colour=DIM)
-    _draw_legend(image, palette.entries(ids))
+    title = "class map"
+    if size_px[0] >= _ROOMY_PX:
+        title += f"  {ids.shape[1]} x {ids.shape[0]}"
+    tag(image, title, (_EDGE_PX, _EDGE_PX), colour=DIM, scale=_TITLE_SCALE)
+    title_px = text_width_px(title, _TITLE_SCALE) + 18
+    _draw_legend(image, palette.entries(ids), title_px)
     return image
 
 
-def _draw_legend(image: Image, entries: Sequence[tuple[str, Colour]]) -> None:
-    for row, cells in enumerate(_rows(entries, image.shape[1] - 2 * _LEFT_PX)):
-        top = _TOP_PX + row * _ROW_PX
+def _draw_legend(image: Image, entries: Sequence[tuple[str, Colour]], title_px: int) -> None:
+    """Draw the legend beside the title and, if need be, below it."""
+    room_px = image.shape[1] - 2 * _EDGE_PX
+    for row, cells in enumerate(_rows(entries, (room_px - title_px, room_px))):
+        top = _EDGE_PX + row * _ROW_PX
+        left = _EDGE_PX + (title_px if row == 0 else 0)
         wide = sum(_cell_px(name) for name, _ in cells)
-        image[top : top + _ROW_PX, _LEFT_PX : _LEFT_PX + wide] //= 4
-        left = _LEFT_PX + 6
+        image[top : top + _ROW_PX, left : left + wide] //= 4
+        left += 6
         for name, colour in cells:
-            low, right = top + 4 + _SWATCH_PX, left + _SWATCH_PX
-            corners = [(left, top + 4), (right, top + 4), (right, low), (left, low)]
+            low, right = top + 5 + _SWATCH_PX, left + _SWATCH_PX
+            corners = [(left, top + 5), (right, top + 5), (right, low), (left, low)]
             polygon(image, corners, colour, INK)
-            put(image, name, (right + 5, top + 13), scale=_SCALE)
+            put(image, name, (right + 5, top + 14), scale=_SCALE)
             left += _cell_px(name)
 
 
@@ -106,19 +114,12 @@ def _cell_px(name: str) -> int:
 
 
 def _rows(
-    entries: Sequence[tuple[str, Colour]], width_px: int
+    entries: Sequence[tuple[str, Colour]], widths_px: Sequence[int]
 ) -> Iterator[list[tuple[str, Colour]]]:
-    """Yield the rows of a legend; what does not fit into the last one is left out."""
-    row: list[tuple[str, Colour]] = []
-    rows, wide = 0, 0
-    for name, colour in entries:
-        cell_px = _cell_px(name)
-        if row and wide + cell_px > width_px:
-            yield row
-            row, wide, rows = [], 0, rows + 1
-            if rows == _ROWS:
-                return
-        row.append((name, colour))
-        wide += cell_px
-    if row:
+    """Yield a legend's rows, one for each width; what does not fit into the last is left out."""
+    left = list(entries)
+    for width_px in widths_px:
+        row: list[tuple[str, Colour]] = []
+        while left and sum(_cell_px(name) for name, _ in (*row, left[0])) <= width_px:
+            row.append(left.pop(0))
         yield row
