@@ -186,8 +186,8 @@ def _recorded_mission(
             tree = reader.metadata.get("tree", "")
             raise FileError(
                 reader.path,
-                f"it has no tree file{f', its tree was {tree}' if tree else ''}: give the tree "
-                "with ReplayOptions(tree=...) or --tree",
+                f"the record lacks its tree file{f' ({tree})' if tree else ''}; give the tree with "
+                "--tree, or with ReplayOptions(tree=...)",
             )
         return load_mission(path, options, registry, replaced=replaced)
 
