@@ -60,7 +60,7 @@ class NodeRegistry:
                 continue
             for node in nodes:
                 try:
-                    registry._add(node)  # noqa: SLF001  # of the same class
+                    registry._add(node)
                 except InputError as error:
                     if getattr(node, "node_id", None) in registry:
                         raise  # whose node a tree would get is not to be guessed
