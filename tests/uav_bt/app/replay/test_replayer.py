@@ -233,7 +233,7 @@ def test_a_record_without_its_tree_asks_for_one(
     noisy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(flight_record, "_TREE_FOLDER", "elsewhere/")
-    with pytest.raises(FileError, match="lacks its tree file .mission.xml.; give the tree with --tree"):
+    with pytest.raises(FileError, match=r"lacks its tree file \(mission\.xml\); give the tree"):
         replay(noisy)
 
 
