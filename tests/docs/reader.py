@@ -72,6 +72,7 @@ class Reader:
         self._added = added
         self._long_python = long_python
         self._names: dict[str, Any] = {"__name__": "page"}
+        self._tested = False  # by a `pytest` of the page
         self._unwritten: set[Path] = set()  # stand for what a command that was not run writes
 
     def follow(self) -> None:
@@ -82,8 +83,8 @@ class Reader:
             except (AssertionError, click.ClickException) as error:
                 message = getattr(error, "message", error)
                 pytest.fail(f"{self.page}:{block.line}: {message}", pytrace=False)
-        if list(self.folder.rglob("test_*.py")):
-            assert "passed" in self._pytest("--tb=short")
+        if not self._tested and list(self.folder.rglob("test_*.py")):
+            assert "passed" in self._pytest()
 
     def _block(self, block: Block) -> None:
         if block.file is not None:
@@ -163,6 +164,7 @@ class Reader:
                 self._uav_bt(command)
             case "pytest" if not self._left_out(str(command)):
                 self._pytest(*words[1:])
+                self._tested = True
             case "mkdir" | "cp":
                 subprocess.run(words, check=True, cwd=self.folder)  # noqa: S603  # our own page
             case _:

@@ -89,7 +89,7 @@ def _reason(page: str, command: str, *, slow: bool) -> str | None:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Return the working folder, with what of the checkout the pages name; forget its modules."""
-    for name in ("trees", "benchmarks", "examples", "constraints.txt"):
+    for name in ("trees", "benchmarks", "constraints.txt"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)

@@ -76,13 +76,7 @@ def parse_tree(
     builder = Builder(document, registry, findings)
     root = builder.build(overrides or {}, by_id=by_id or {}, mocks=mocks or {})
     sources = {path.resolve(): data, **document.included}
-    return MissionTree(
-        root,
-        name=document.main,
-        sources=sources,
-        places=builder.places,
-        replaced=builder.replaced,
-    )
+    return MissionTree(root, name=document.main, sources=sources, places=builder.places)
 
 
 def check_file(path: Path, registry: NodeRegistry | None = None) -> tuple[Finding, ...]:
