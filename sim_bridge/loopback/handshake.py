@@ -49,7 +49,8 @@ def port_error(error: OSError, address: str, port: int, service: str) -> PortTak
         )
     if error.errno in (errno.EACCES, errno.EPERM):
         return PortTakenError(f"{where} needs root; choose one above 1023, such as 8554")
-    if error.errno == errno.EADDRNOTAVAIL:
+    # From Python 3.13 on asyncio leaves out the number where no address could be bound.
+    if error.errno in (errno.EADDRNOTAVAIL, None):
         return PortTakenError(f"this machine has no address {address}; use one of 127.0.0.x")
     return PortTakenError(f"{where} cannot be used: {error.strerror or error}")
 

@@ -38,7 +38,7 @@ def test_without_egl_osmesa_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wheel's library is preloaded."""
     monkeypatch.setenv("PYOPENGL_PLATFORM", "")
     monkeypatch.setattr(gl, "_egl_works", lambda: False)
-    monkeypatch.setattr(gl, "_loads", lambda *_: True)
+    monkeypatch.setattr(gl, "_loads", lambda *_, **__: True)
     monkeypatch.setattr(gl, "_preload_wheel", lambda: True)
     assert choose() == "osmesa"
     assert os.environ["MUJOCO_GL"] == "osmesa"
@@ -46,7 +46,7 @@ def test_without_egl_osmesa_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_with_nothing_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both ways are named: pip alone, and apt."""
-    monkeypatch.setattr(gl, "_loads", lambda *_: False)
+    monkeypatch.setattr(gl, "_loads", lambda *_, **__: False)
     monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
     with pytest.raises(MissingDependencyError, match="pip install --no-deps lavavu-osmesa") as seen:
         choose()
@@ -57,7 +57,7 @@ def test_with_nothing_the_message_says_what_to_install(monkeypatch: pytest.Monke
 def test_asking_for_osmesa_without_it_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """What was asked for is not replaced by something else."""
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
-    monkeypatch.setattr(gl, "_loads", lambda *_: False)
+    monkeypatch.setattr(gl, "_loads", lambda *_, **__: False)
     monkeypatch.setattr(gl, "_wheel_folder", lambda: None)
     with pytest.raises(MissingDependencyError, match="no OSMesa was found"):
         choose()
@@ -94,6 +94,7 @@ def test_the_llvm_of_triton_is_loaded_before_that_of_mesa(
     shutil.copy(_ctypes.__file__, library)  # any shared library does
     (tmp_path / "triton" / "__init__.py").touch()
     monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "triton", raising=False)  # where PyTorch brought the real one
     monkeypatch.setenv("PYOPENGL_PLATFORM", "")
     mapped = []
     monkeypatch.setattr(

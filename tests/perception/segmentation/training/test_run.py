@@ -178,8 +178,12 @@ def test_the_shipped_onnx_file_was_made_from_the_shipped_weights(tmp_path: Path)
     names = next(p.value for p in model.metadata_props if p.key == "classes")
     assert json.loads(names)[2] == "helipad_h"
     for ours, theirs in zip(again.graph.initializer, model.graph.initializer, strict=True):
-        np.testing.assert_array_equal(
-            onnx.numpy_helper.to_array(ours), onnx.numpy_helper.to_array(theirs)
+        # Builds of PyTorch and CPUs round the folded normalisation differently, in the last bits.
+        np.testing.assert_allclose(
+            onnx.numpy_helper.to_array(ours),
+            onnx.numpy_helper.to_array(theirs),
+            rtol=1e-5,
+            atol=1e-6,
         )
 
 
