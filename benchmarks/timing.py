@@ -36,9 +36,10 @@ from sklearn.svm import LinearSVC
 from perception.control.ego_state import state_size
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
+from perception.networks.named import SHIPPED_UNETS
 from perception.segmentation.clean import RefineConfig
 from perception.segmentation.features import hsv_of, patch_features
-from perception.segmentation.runtime import SHIPPED_UNETS, OnnxSegmenter, shipped_unet
+from perception.segmentation.runtime import OnnxSegmenter, shipped_unet
 from perception.segmentation.teacher import TeacherConfig, fit_teacher
 from perception.segmentation.training.picks import gather_patches
 from sim_bridge.anafi import anafi_camera

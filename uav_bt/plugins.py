@@ -21,15 +21,20 @@ DRONES: Final = "uav_bt.drones"  # each names a DroneConfig class
 _KINDS: Final = {BEHAVIOURS: "behaviours package", POLICIES: "policy", DRONES: "drone"}
 # The extra that installs a module which only some commands import.
 _EXTRAS: Final = {
+    "control": "design",
     "distributed": "dask",
     "foxglove": "record",
     "jinja2": "campaign",
     "joblib": "campaign",
     "matplotlib": "campaign",
     "mcap": "record",
+    "msgpack": "live",
+    "nncf": "train",
     "onnx": "train",
+    "onnxruntime": "train",
     "rerun": "view",
     "torch": "train",
+    "zmq": "live",
 }
 
 
@@ -121,6 +126,25 @@ def _is_installed(module: str) -> bool:
     return importlib.util.find_spec(module) is not None
 
 
+def look_up_policy(name: str) -> None:
+    """Refuse a policy that could not be made, as far as is known without making it.
+
+    Args:
+        name: NAME, or NAME:ARGUMENT for one that has a `from_text`. A `look_up` of the policy's, if
+            it has one, is asked about the argument.
+
+    Raises:
+        UnknownNameError: it is not registered.
+        InputError: it takes no argument, or refuses this one.
+    """
+    registered, colon, argument = name.partition(":")
+    if not colon:
+        return  # an import would take longer than all the rest of a check
+    factory = _policy_factory(registered, argument)
+    if hasattr(factory, "look_up"):
+        factory.look_up(argument)
+
+
 def make_policy(name: str) -> LeafPolicy:
     """Return a leaf policy by its registered name.
 
@@ -134,10 +158,21 @@ def make_policy(name: str) -> LeafPolicy:
     from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
 
     registered, colon, argument = name.partition(":")
-    factory = load(POLICIES, registered)
-    if colon and not hasattr(factory, "from_text"):
-        raise InputError(f"policy '{registered}' takes no argument, got '{name}'")
+    factory = _policy_factory(registered, argument if colon else None)
     policy = factory.from_text(argument) if colon else factory()
     if not isinstance(policy, LeafPolicy):
         raise InputError(f"policy '{name}' has no `decide`: {policy!r}")
     return policy
+
+
+def _policy_factory(registered: str, argument: str | None) -> Any:
+    """Return what is registered as a policy.
+
+    Raises:
+        UnknownNameError: it is not registered.
+        InputError: it takes no argument, and there is one.
+    """
+    factory = load(POLICIES, registered)
+    if argument is not None and not hasattr(factory, "from_text"):
+        raise InputError(f"policy '{registered}' takes no argument, got '{registered}:{argument}'")
+    return factory

@@ -5,11 +5,18 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from perception.networks.named import segmentation_file
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
 from uav_bt.board.context import MissionContext
+from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import PAD_HEIGHT_M
+
+
+def _mapping_file(classes: str) -> None:
+    if classes and not Path(classes).is_file():
+        raise FileError(classes, "there is no such class-mapping file")
 
 
 class StageTimer:
@@ -29,8 +36,18 @@ class Segment(Leaf):
     """Segment each new frame into the seventeen classes; SUCCESS always, staleness shows by age."""
 
     ports = (
-        Port("model", str, default="unet", doc="'unet', 'unet-fp32', 'teacher', or an ONNX file"),
-        Port("classes", str, default="", doc="class-mapping file of a foreign ONNX network"),
+        Port(
+            *("model", str),
+            default="unet",
+            doc="'unet', 'unet-fp32', 'teacher', or an ONNX file",
+            look_up=segmentation_file,
+        ),
+        Port(
+            *("classes", str),
+            default="",
+            doc="class-mapping file of a foreign ONNX network",
+            look_up=_mapping_file,
+        ),
     )
     reads = (FRAME,)
     writes = (CLASS_MAP,)
@@ -61,12 +78,11 @@ class Segment(Leaf):
         from perception.segmentation.mapping import read_mapping  # noqa: PLC0415
 
         model, classes = self.port_value("model"), self.port_value("classes")
-        if model in runtime.SHIPPED_UNETS:
-            return runtime.shipped_unet(model, threads=threads)
-        if model == "teacher":
+        path = segmentation_file(model)
+        if path is None:
             return runtime.shipped_teacher()
         mapping = read_mapping(Path(classes)) if classes else None
-        return runtime.OnnxSegmenter(Path(model), mapping=mapping, threads=threads)
+        return runtime.OnnxSegmenter(path, mapping=mapping, threads=threads)
 
 
 class FindHelipad(Leaf):

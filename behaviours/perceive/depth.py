@@ -6,6 +6,7 @@ import math
 
 from behaviours.perceive.class_map import StageTimer
 from perception.camera.ground_plane import view_of
+from perception.networks.named import CONTACT, depth_file
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.board import (
     CAMERA,
@@ -22,8 +23,6 @@ from uav_bt.classes import CARPET
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 
-_CONTACT = "contact"
-
 
 class EstimateDepth(Leaf):
     """Metric depth of each new frame; SUCCESS always, staleness shows by age.
@@ -38,6 +37,7 @@ class EstimateDepth(Leaf):
             *("model", str),
             default="depth",
             doc="'depth', 'depth-fp32', an ONNX file, or 'contact' (no network)",
+            look_up=depth_file,
         ),
         Port(
             "source",
@@ -56,9 +56,9 @@ class EstimateDepth(Leaf):
 
         model = self.port_value("model")
         self._stage = DepthStage(
-            None if model == _CONTACT else self._load(model, mission),
+            None if model == CONTACT else self._load(model, mission),
             MetricDepthMaker(
-                source=_CONTACT if model == _CONTACT else self.port_value("source"),
+                source=CONTACT if model == CONTACT else self.port_value("source"),
                 generator=mission.rng(self.path),
             ),
         )

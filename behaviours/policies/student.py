@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from perception.control.ego_state import EgoState, state_vector
 from perception.control.runtime import SHIPPED_STUDENT, ControlEstimate, OnnxControlStudent
+from perception.networks.named import check_onnx
 from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types import PastView
@@ -66,6 +67,11 @@ class StudentPolicy:
     def from_text(cls, text: str) -> Self:
         """Return the policy of a network's file; what `policy="student:FILE.onnx"` asks for."""
         return cls(Path(text))
+
+    @staticmethod
+    def look_up(text: str) -> None:
+        """Refuse a network's file that is not there, or no ONNX file."""
+        check_onnx(Path(text), "`uav-bt net train student`")
 
     def decide(self, view: PolicyView) -> Decision:
         """Return an advance or a turn. A turn under way keeps its direction until it worked.

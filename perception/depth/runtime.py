@@ -8,6 +8,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.named import SHIPPED_DEPTHS, depth_file
 from perception.networks.onnx_runtime import (
     accept_uint8,
     compile_model,
@@ -15,15 +16,8 @@ from perception.networks.onnx_runtime import (
     read_model,
     shrunk,
 )
-from perception.networks.weights_file import SHIPPED_WEIGHTS
-from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.errors import UnknownNameError, WeightsError
 from uav_bt.types import DepthMap, Frame
-
-SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
-"""The depth networks that come with the package: in 8-bit integers, and in floats."""
-
-CONTACT: Final = "contact"
-"""The depth model without a network, which callers handle: masks and ground contact alone."""
 
 _MAX_DEPTH: Final = 1e4  # of a disparity of zero: so far that nothing there matters
 
@@ -118,10 +112,7 @@ def load_depth_estimator(model: str | Path, *, threads: int = 1) -> OnnxDepthEst
         ValueRangeError: it is the earlier name of "contact".
         WeightsError: the file cannot be used.
     """
-    if str(model) in SHIPPED_DEPTHS:
-        return OnnxDepthEstimator(SHIPPED_WEIGHTS / f"{model}.onnx", threads=threads)
-    if str(model) == "footing":
-        raise ValueRangeError(f"depth model 'footing' is called '{CONTACT}' now")
-    if Path(model).suffix.lower() != ".onnx":
-        raise UnknownNameError("depth model", str(model), (*SHIPPED_DEPTHS, CONTACT, "FILE.onnx"))
-    return OnnxDepthEstimator(Path(model), threads=threads)
+    path = depth_file(str(model))
+    if path is None:
+        raise UnknownNameError("depth network", str(model), (*SHIPPED_DEPTHS, "FILE.onnx"))
+    return OnnxDepthEstimator(path, threads=threads)

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.networks.weights_file import where_from
+from perception.networks.named import check_onnx
 from uav_bt.errors import ValueRangeError, WeightsError
 
 _CPU_INFO: Final = Path("/proc/cpuinfo")
@@ -29,9 +29,7 @@ def read_model(path: Path, remedy: str) -> Any:
     Raises:
         WeightsError: the file is absent or no network.
     """
-    if not path.is_file():
-        made_by = f"{remedy} makes the shipped one"
-        raise WeightsError(path, f"there is no such network; {where_from(path, made_by)}")
+    check_onnx(path, remedy)
     try:
         return _openvino().Core().read_model(path)
     except RuntimeError as error:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.named import SHIPPED_UNETS
 from perception.networks.onnx_runtime import (
     accept_uint8,
     class_numbers,
@@ -23,9 +24,6 @@ from perception.segmentation.mapping import ClassMapping, read_mapping
 from perception.segmentation.teacher import Teacher, load_teacher
 from uav_bt.errors import UnknownNameError, WeightsError
 from uav_bt.types import ClassMap, Frame
-
-SHIPPED_UNETS: Final = ("unet", "unet-fp32")
-"""The U-Nets that come with the package: in 8-bit integers, and in floats."""
 
 _SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
 _SHARP: Final = RefineConfig()

@@ -13,6 +13,7 @@ import numpy as np
 
 from perception.control.runtime import SHIPPED_STUDENT, OnnxControlStudent
 from perception.depth.runtime import load_depth_estimator
+from perception.networks.named import SHIPPED_UNETS
 from perception.segmentation import runtime
 from perception.segmentation.evaluation import SegmentationScore
 from perception.segmentation.teacher import load_teacher
@@ -190,7 +191,7 @@ def _write(scores: dict[str, Any], out: Path | None) -> None:
 def _segmenter(model: str, classes: Path | None) -> Callable[[Any], Any]:
     if classes is not None and not model.endswith(".onnx"):
         raise click.UsageError("--classes belongs to an ONNX network")
-    if model in runtime.SHIPPED_UNETS:
+    if model in SHIPPED_UNETS:
         return runtime.shipped_unet(model, threads=2).ids
     if model != "teacher" and not model.endswith(".safetensors"):
         return runtime.OnnxSegmenter(Path(model), mapping=classes, threads=2).ids

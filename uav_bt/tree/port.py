@@ -95,6 +95,9 @@ class Port(Generic[T]):
     choices: tuple[T, ...] = ()  # all values there are; empty: any of the type
     # Returns normally or raises ValueError (or an InputError) saying what was expected.
     check: Callable[[T], object] | None = None
+    # Likewise, where what the value names (a file, a network) is not there. `uav-bt check` asks;
+    # dry runs and benches, which load nothing, do not.
+    look_up: Callable[[T], object] | None = None
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:

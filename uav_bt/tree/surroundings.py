@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Final, TypeVar
 
 from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
@@ -101,6 +102,11 @@ class Surroundings:
     def _board(self) -> Blackboard | BoardView:
         """The mission's board; a leaf has a view of it that allows what it declares."""
         return self.mission.board
+
+    @property
+    def literals(self) -> Mapping[str, Any]:
+        """The values of ports that are no references, by port, defaults included."""
+        return self._literals
 
     # --- ports ------------------------------------------------------------------------------------
 

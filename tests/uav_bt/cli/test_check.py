@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from perception.networks.weights_file import SHIPPED_WEIGHTS
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 
 SHIPPED = Path(__file__).parents[3] / "trees"
@@ -143,3 +144,48 @@ def test_a_new_mission_is_written_once_and_is_good(tmp_path: Path) -> None:
     assert run("check", path).stdout == f"{path}: good\n"
     assert_refused(run("new", path), "not overwritten")
     assert_refused(run("new", tmp_path / "other.xml", "--from", "lan"), "--from")
+
+
+@pytest.mark.parametrize(
+    ("leaf", "words"),
+    [
+        ('Segment model="unett"', ["'model': unknown segmentation model 'unett'; did you mean"]),
+        ('Segment model="nofile.onnx"', ["nofile.onnx: there is no such network"]),
+        ('Segment model="text.onnx"', ["text.onnx: is not a readable ONNX network"]),
+        ('Segment model="net.safetensors"', ["the weights of a training", "'net.onnx'"]),
+        ('Segment classes="nofile.yaml"', ["'classes': nofile.yaml: there is no such"]),
+        ('EstimateDepth model="dept"', ["unknown depth model 'dept'; did you mean 'depth'?"]),
+        ('EstimateDepth model="nofile.onnx"', ["nofile.onnx: there is no such network"]),
+        ('EstimateDepth model="footing"', ["is called 'contact' now"]),
+        ('Explore policy="student:nofile.onnx"', ["'policy': nofile.onnx: there is no such"]),
+        ('Explore policy="student:text.onnx"', ["text.onnx: is not a readable ONNX network"]),
+        ('Explore policy="corridor:nofile.onnx"', ["policy 'corridor' takes no argument"]),
+    ],
+)
+def test_networks_that_are_not_there_are_found(
+    leaf: str, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "text.onnx").write_text("no network")
+    (tmp_path / "net.safetensors").write_bytes(b"\x02\0\0\0\0\0\0\0{}")
+    tree = tree_file(tmp_path, f"<Sequence>\n<{leaf}/>\n</Sequence>")
+    assert_refused(run("check", tree), f"{tree}:4:1: ", *words)
+    assert run("tree", "render", tree).exit_code == 0  # which loads nothing
+
+
+@pytest.mark.parametrize(
+    "leaf",
+    [
+        'Segment model="unet-fp32"',
+        'Segment model="teacher"',
+        'Segment model="{which}"',
+        'EstimateDepth model="contact"',
+        'Explore policy="student"',
+        'Explore policy="student:{shipped}"',
+    ],
+)
+def test_networks_that_are_there_are_good(leaf: str, tmp_path: Path) -> None:
+    leaf = leaf.replace("{shipped}", str(SHIPPED_WEIGHTS / "student.onnx"))
+    tree = tree_file(tmp_path, f'<Sequence><Script code="which:=1"/><{leaf}/></Sequence>')
+    result = run("check", tree)
+    assert result.exit_code == 0, result.output

@@ -201,6 +201,17 @@ def test_absent_or_damaged_weights_are_told_and_nothing_is_flown(
     assert not video.exists()
 
 
+def test_weights_of_a_training_are_refused_without_noise(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What OpenVINO says about a file that is none goes past Python, to the process's streams."""
+    weights = tmp_path / "teacher.safetensors"
+    weights.write_bytes(b"\x02\0\0\0\0\0\0\0{}")
+    tree = tree_file(tmp_path, f'<Sequence><Segment model="{weights}"/>{HOP}</Sequence>')
+    assert_refused(run("fly", tree, *SMALL), str(weights), "missions fly on ONNX files")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_an_old_report_survives_a_refusal(tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     report.write_text("yesterday's", encoding="utf-8")

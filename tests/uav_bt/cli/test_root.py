@@ -58,6 +58,7 @@ def test_flying_needs_no_extra() -> None:
         (["--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
         (["net", "train", "--help"], f"{HEAVY} numpy py_trees uav_bt.app"),
         (["check", "trees/land_only.xml"], HEAVY),
+        (["check", "trees/explore_and_land_depth.xml"], HEAVY),
         (["tree", "nodes"], HEAVY),
     ],
 )
@@ -130,6 +131,13 @@ def test_a_command_of_another_group_is_named(arguments: list[str], hint: str) ->
 @pytest.mark.parametrize(
     ("module", "arguments", "extra"),
     [
+        ("foxglove", ["view", "x.mcap", "--save", "x.rrd"], "record"),
+        ("mcap", ["replay", "x.mcap"], "record"),
+        ("mcap", ["record", "info", "x.mcap"], "record"),
+        ("zmq", ["fly", "land_only", "--groot"], "live"),
+        ("msgpack", ["fly", "land_only", "--groot"], "live"),
+        ("jinja2", ["report", "x"], "campaign"),
+        ("nncf", ["net", "export", "depth"], "train"),
         ("torch", ["net", "train", "segmentation"], "train"),
         ("onnx", ["net", "export", "depth"], "train"),
         ("joblib", ["campaign", "land_only"], "campaign"),

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 
 from perception.camera.camera_file import load_camera
-from perception.depth.runtime import CONTACT, load_depth_estimator
+from perception.depth.runtime import load_depth_estimator
+from perception.networks.named import CONTACT, segmentation_file
 from perception.segmentation import runtime
 from perception.segmentation.mapping import read_mapping
 from sim_bridge.anafi import anafi_camera
@@ -19,7 +20,7 @@ from uav_bt.app.perceive.pipeline import Pipeline
 from uav_bt.app.perceive.sources import RecordSource, open_source
 from uav_bt.app.perceive.streams import ImageSource, TimedImage, TimedImages
 from uav_bt.app.perceive.telemetry import FixedTelemetry, FlightTelemetry, Telemetry
-from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
+from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.protocols import DepthEstimator, Segmenter
 from uav_bt.record.footage import FLIGHT_SUFFIXES, flight_record
 from uav_bt.types import CameraModel
@@ -171,16 +172,11 @@ def _all_of(first: TimedImage, others: TimedImages) -> TimedImages:
 
 def _segmenter(options: PerceiveOptions) -> Segmenter:
     name = options.segmentation
-    if name in runtime.SHIPPED_UNETS:
-        return runtime.shipped_unet(name, threads=options.threads)
-    if name == "teacher":
+    path = segmentation_file(name)
+    if path is None:
         return runtime.shipped_teacher()
-    if not name.lower().endswith(".onnx"):
-        raise UnknownNameError(
-            "segmentation", name, (*runtime.SHIPPED_UNETS, "teacher", "FILE.onnx")
-        )
     mapping = None if options.classes is None else read_mapping(options.classes)
-    return runtime.OnnxSegmenter(Path(name), mapping=mapping, threads=options.threads)
+    return runtime.OnnxSegmenter(path, mapping=mapping, threads=options.threads)
 
 
 def _network(options: PerceiveOptions) -> DepthEstimator | None:

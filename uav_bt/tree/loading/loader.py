@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from uav_bt import plugins
 from uav_bt.errors import FileError, InputError, TreeError
-from uav_bt.tree.loading.builder import Builder
+from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import outline
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
+from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.registry import NodeRegistry
@@ -87,10 +89,25 @@ def check_file(path: Path, registry: NodeRegistry | None = None) -> tuple[Findin
         registry: the nodes that may occur; default: all installed.
     """
     try:
-        load_tree(path, registry)
+        tree = load_tree(path, registry)
     except InputError as error:
         return findings_of(error, path)
-    return ()
+    return tuple(_absent(tree))
+
+
+def _absent(tree: MissionTree) -> Iterator[Finding]:
+    """Yield what the leaves of a tree name and will not find when they are set up."""
+    for leaf in tree.leaves():
+        for port in leaf.ports:
+            look_up = plugins.look_up_policy if port.name == POLICY_PORT else port.look_up
+            if look_up is None or isinstance(port, PalettePort) or port.name not in leaf.literals:
+                continue
+            try:
+                look_up(leaf.literals[port.name])
+            except InputError as error:
+                place = tree.places[leaf.path]
+                message = f"attribute '{port.name}': {error}"
+                yield Finding(str(place.path), place.position, message, leaf.path)
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:

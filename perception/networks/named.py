@@ -1,0 +1,91 @@
+"""Networks by the names that tree files give them, looked up without an inference runtime."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from perception.networks.weights_file import SHIPPED_WEIGHTS, where_from
+from uav_bt.errors import UnknownNameError, ValueRangeError, WeightsError
+from uav_bt.files import reading
+
+SHIPPED_UNETS: Final = ("unet", "unet-fp32")
+"""The U-Nets that come with the package: in 8-bit integers, and in floats."""
+
+SHIPPED_DEPTHS: Final = ("depth", "depth-fp32")
+"""The depth networks that come with the package: in 8-bit integers, and in floats."""
+
+TEACHER: Final = "teacher"
+"""The segmentation that is no network: the teacher of the U-Nets."""
+
+CONTACT: Final = "contact"
+"""The depth model without a network: masks and ground contact alone."""
+
+_IR_VERSION: Final = b"\x08"  # the key of an ONNX file's first field, which all have
+
+
+def segmentation_file(model: str) -> Path | None:
+    """Return the file of a segmentation network.
+
+    Args:
+        model: one of `SHIPPED_UNETS`, an ONNX file, or `TEACHER`, for which there is none.
+
+    Raises:
+        UnknownNameError: it is no such name.
+        WeightsError: there is no such file, or it is no ONNX file.
+    """
+    if model == TEACHER:
+        return None
+    known = (*SHIPPED_UNETS, TEACHER, "FILE.onnx")
+    return _file(model, SHIPPED_UNETS, "segmentation", known)
+
+
+def depth_file(model: str) -> Path | None:
+    """Return the file of a depth network.
+
+    Args:
+        model: one of `SHIPPED_DEPTHS`, an ONNX file, or `CONTACT`, for which there is none.
+
+    Raises:
+        UnknownNameError: it is no such name.
+        ValueRangeError: it is the earlier name of `CONTACT`.
+        WeightsError: there is no such file, or it is no ONNX file.
+    """
+    if model == CONTACT:
+        return None
+    if model == "footing":
+        raise ValueRangeError(f"depth model 'footing' is called '{CONTACT}' now")
+    return _file(model, SHIPPED_DEPTHS, "depth", (*SHIPPED_DEPTHS, CONTACT, "FILE.onnx"))
+
+
+def check_onnx(path: Path, remedy: str) -> None:
+    """Refuse a file that is no ONNX file by its first bytes, which OpenVINO does at length.
+
+    Args:
+        path: the file.
+        remedy: what makes the shipped one, for the message when there is no such file.
+
+    Raises:
+        WeightsError: there is no such file, or it is something else.
+    """
+    if not path.is_file():
+        made_by = f"{remedy} makes the shipped one"
+        raise WeightsError(path, f"there is no such network; {where_from(path, made_by)}")
+    with reading(path, WeightsError), path.open("rb") as file:
+        head = file.read(len(_IR_VERSION))
+    if path.suffix.lower() == ".safetensors":
+        raise WeightsError(
+            path,
+            "holds the weights of a training; missions fly on ONNX files: "
+            f"'{path.with_suffix('.onnx').name}', which `uav-bt net train` writes beside it",
+        )
+    if head != _IR_VERSION:
+        raise WeightsError(path, "is not a readable ONNX network")
+
+
+def _file(model: str, shipped: tuple[str, ...], what: str, known: tuple[str, ...]) -> Path:
+    path = SHIPPED_WEIGHTS / f"{model}.onnx" if model in shipped else Path(model)
+    if not path.suffix:
+        raise UnknownNameError(f"{what} model", model, known)
+    check_onnx(path, f"`uav-bt net train {what}`")
+    return path
