@@ -221,7 +221,7 @@ def test_a_file_in_a_missing_folder_is_refused(tmp_path: Path, images: list[Imag
     ("options", "words"),
     [
         ({"model": "contct"}, "unknown depth model 'contct'; did you mean 'contact'"),
-        ({"segmentation": "u-net"}, "unknown segmentation 'u-net'; did you mean 'unet'"),
+        ({"segmentation": "u-net"}, "unknown segmentation model 'u-net'; did you mean 'unet'"),
     ],
 )
 def test_an_unknown_network_is_refused_with_a_suggestion(
