@@ -27,6 +27,37 @@ _HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 class OlympeConfig:
     """How an ANAFI is reached and flown.
 
+    Attributes:
+        address: HOST or HOST:DISCOVERY_PORT; None: where Parrot's documentation puts the drone.
+        http_port: of the drone's web interface.
+        rtsp_port: of the drone's video.
+        image_size_px: width and height that frames are resized to; the drone sends 720p.
+        probe_limit_s: how long the drone is waited for at its discovery port; one in reach answers
+            within milliseconds.
+        connect_limit_s: how long a connection may take; two or three seconds are usual, and the
+            SDK alone would wait for 45.
+        close_limit_s: how long the SDK may take to disconnect.
+        command_limit_s: how long commands that are queued at the end are waited for.
+        setting_limit_s: how long the drone may take to confirm a setting, usually milliseconds.
+        video_limit_s: how long the video may take to be granted.
+        speed_limit_mps: horizontal speed limit; a lab is 5 m long.
+        climb_limit_mps: vertical speed limit.
+        yaw_rate_limit_radps: limit of the turning rate.
+        altitude_limit_m: the drone's own ceiling, above the take-off point.
+        tilt_limit_rad: tilt at full stick; 10 degrees are plenty for 1 m/s.
+        take_off_surface_m: height above the carpet of what it takes off from.
+        video_latency_s: least time from exposure to arrival of a frame.
+        order_repeat_s: time until a take-off or landing without effect is ordered again.
+        sticks_hold_s: how long the SDK repeats stick positions, every 25 ms, before it centres
+            them: a drone whose mission hangs hovers.
+        drag_per_s: of the speed control: share of the speed that the air takes away each second.
+            At 40 degrees of tilt an ANAFI reaches 15 m/s, which makes g tan(40) / 15 m/s; at
+            walking pace the air resists less.
+        proportional_per_s: of the speed control: its proportional gain, slow beside the 0.3 s that
+            telemetry and tilt take.
+        integral_per_s2: of the speed control: its integral gain, which removes the rest of the
+            error within some seconds.
+
     Raises:
         InputError: the address is malformed.
         ValueRangeError: a number is out of its range.
@@ -35,32 +66,28 @@ class OlympeConfig:
     kind: ClassVar[str]  # the name that the drone is registered under
     default_host: ClassVar[str]  # the address that Parrot's documentation gives
 
-    address: str | None = None  # HOST or HOST:DISCOVERY_PORT; the kind's own when None
-    http_port: int = 80  # of the drone's web interface
-    rtsp_port: int = 554  # of its video
-    image_size_px: tuple[int, int] = (640, 360)  # what frames are resized to; the drone sends 720p
-    probe_limit_s: float = 2.0  # a drone in reach answers its discovery port within milliseconds
-    connect_limit_s: float = 10.0  # an ANAFI takes two or three; the SDK alone would wait for 45
-    close_limit_s: float = 5.0  # for the SDK to disconnect
-    command_limit_s: float = 3.0  # for commands that are queued when the drone is disconnected
-    setting_limit_s: float = 2.0  # for the drone to confirm a setting; it takes milliseconds
-    video_limit_s: float = 5.0  # from asking for the video to its being granted
-    speed_limit_mps: float = 1.0  # horizontal; a lab is 5 m long
+    address: str | None = None
+    http_port: int = 80
+    rtsp_port: int = 554
+    image_size_px: tuple[int, int] = (640, 360)
+    probe_limit_s: float = 2.0
+    connect_limit_s: float = 10.0
+    close_limit_s: float = 5.0
+    command_limit_s: float = 3.0
+    setting_limit_s: float = 2.0
+    video_limit_s: float = 5.0
+    speed_limit_mps: float = 1.0
     climb_limit_mps: float = 0.6
     yaw_rate_limit_radps: float = 1.6
-    altitude_limit_m: float = 3.0  # above the take-off point; the drone's own ceiling
-    tilt_limit_rad: float = math.radians(10.0)  # full stick; plenty for 1 m/s, no surprises
-    take_off_surface_m: float = 0.0  # what it takes off from is so high above the carpet
-    video_latency_s: float = 0.15  # minimum from exposure to arrival
-    order_repeat_s: float = 1.0  # until a take-off or landing without effect is ordered again
-    # The SDK repeats stick positions every 25 ms for so long, then centres them: a drone whose
-    # mission hangs hovers.
+    altitude_limit_m: float = 3.0
+    tilt_limit_rad: float = math.radians(10.0)
+    take_off_surface_m: float = 0.0
+    video_latency_s: float = 0.15
+    order_repeat_s: float = 1.0
     sticks_hold_s: float = 0.5
-    # Speed control. At 40 degrees of tilt an ANAFI reaches 15 m/s, which makes g tan(40) / 15 m/s
-    # of drag; at walking pace the air resists less.
     drag_per_s: float = 0.4
-    proportional_per_s: float = 0.8  # slow beside the 0.3 s that telemetry and tilt take
-    integral_per_s2: float = 0.5  # removes the rest of the error within some seconds
+    proportional_per_s: float = 0.8
+    integral_per_s2: float = 0.5
 
     def __post_init__(self) -> None:
         for name in _POSITIVE:
@@ -114,7 +141,7 @@ class OlympeConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class AnafiConfig(OlympeConfig):
-    """A real ANAFI, on its own Wi-Fi or behind its remote control."""
+    """A real ANAFI, on its own Wi-Fi or behind its remote control; see `OlympeConfig`."""
 
     kind: ClassVar[str] = "anafi"
     default_host: ClassVar[str] = "192.168.42.1"
@@ -122,7 +149,7 @@ class AnafiConfig(OlympeConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class SphinxConfig(OlympeConfig):
-    """An ANAFI simulated by Sphinx; where Sphinx puts its first drone by default."""
+    """An ANAFI simulated by Sphinx, where it puts its first drone; see `OlympeConfig`."""
 
     kind: ClassVar[str] = "sphinx"
     default_host: ClassVar[str] = "10.202.0.1"

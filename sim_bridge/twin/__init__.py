@@ -18,13 +18,21 @@ DEFAULT_SCENE = "train-a"
 
 @dataclass(frozen=True, kw_only=True)
 class TwinConfig:
-    """A flight of the twin; what the entry point `twin` registers."""
+    """A flight of the twin; what the entry point `twin` registers.
 
-    scene: str = DEFAULT_SCENE  # a shipped scene's name, or a scene file
-    seed: int = 0  # of everything random, from 0
-    profile: str = "lab"  # limits and imperfections: ideal, lab or harsh
-    image_size_px: tuple[int, int] = (640, 360)  # width and height of the video, 16:9
-    realtime: bool = False  # keep pace with the wall clock instead of running as fast as it can
+    Attributes:
+        scene: a shipped scene's name, or a scene file.
+        seed: of everything random, 0 or more.
+        profile: limits and imperfections: ideal, lab or harsh.
+        image_size_px: width and height of the video, 16:9.
+        realtime: keep pace with the wall clock instead of running as fast as it can.
+    """
+
+    scene: str = DEFAULT_SCENE
+    seed: int = 0
+    profile: str = "lab"
+    image_size_px: tuple[int, int] = (640, 360)
+    realtime: bool = False
 
     def create(self) -> TwinDrone:
         """Make a twin; nothing is built before its `connect`.

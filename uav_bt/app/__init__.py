@@ -7,8 +7,14 @@ Example:
     'success'
 """
 
-from uav_bt.app.assembly import ExactSegmenter, Flight, FlightOptions, assemble, make_drone
+from uav_bt.app.assembly import ExactSegmenter, Flight, assemble, make_drone
 from uav_bt.app.flight import Listeners, check, fly
+from uav_bt.app.loading import Mission
+from uav_bt.app.options import FlightOptions
+from uav_bt.app.site import Site, load_site
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.runner import RunnerConfig
+from uav_bt.mission.safety import Limits
 from uav_bt.plugins import make_policy
 from uav_bt.tree.shipped import resolve_tree
 
@@ -16,10 +22,16 @@ __all__ = [
     "ExactSegmenter",
     "Flight",
     "FlightOptions",
+    "JudgeConfig",
+    "Limits",
     "Listeners",
+    "Mission",
+    "RunnerConfig",
+    "Site",
     "assemble",
     "check",
     "fly",
+    "load_site",
     "make_drone",
     "make_policy",
     "resolve_tree",

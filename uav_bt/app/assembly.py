@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -13,6 +13,8 @@ import numpy as np
 
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
+from uav_bt.app.loading import Mission, check_ceiling, load_mission
+from uav_bt.app.options import FlightOptions, is_drone_config, limits_of, site_of
 from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.site import Site
 from uav_bt.board import MISSION_KEYS
@@ -20,39 +22,13 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import InputError
-from uav_bt.mission.judge import Judge, JudgeConfig
-from uav_bt.mission.runner import MissionRunner, RunnerConfig
+from uav_bt.mission.judge import Judge
+from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Limits
 from uav_bt.mission.tick import TickListener
-from uav_bt.protocols import Drone, DroneConfig, Referee, Segmenter
-from uav_bt.record.channels import Quality
-from uav_bt.tree import MissionTree, NodeRegistry, load_tree
-from uav_bt.tree.shipped import resolve_tree
+from uav_bt.protocols import Drone, DroneConfig, LeafPolicy, Referee, Segmenter
+from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.types import ClassMap, Frame
-
-
-@dataclass(frozen=True, kw_only=True)
-class FlightOptions:
-    """How a mission is flown."""
-
-    scene: str | None = None  # a scene's name or file; the twin's default when None
-    seed: int = 0  # of everything random
-    drone: str = "twin"  # a registered drone, NAME or NAME:ADDRESS
-    profile: str = "lab"  # how imperfect the twin is
-    policies: Mapping[str, str] = field(default_factory=dict)  # node's name or path -> policy
-    image_size_px: tuple[int, int] = (640, 360)  # width, height
-    realtime: bool = False
-    inference_threads: int = 1  # one, so that a flight does not depend on the load
-    camera: Path | None = None  # a camera file in place of the drone's own intrinsics
-    exact_masks: bool = False  # simulated drones: fly on the referee's masks instead of a network
-    record: Path | None = None  # where the flight's record goes, an MCAP file; None keeps none
-    record_quality: Quality = "lossless"  # of its images; only lossless ones replay exactly
-    site: Site | None = None  # the place: heights, camera, classes, limits; from a site file
-    rehearse: bool = False  # perceive and decide, but fly in numbers only
-    limits: Limits = field(default_factory=Limits)  # the site's, where there is one
-    runner: RunnerConfig = field(default_factory=RunnerConfig)
-    judge: JudgeConfig = field(default_factory=JudgeConfig)
-
 
 DroneT = TypeVar("DroneT", bound=Drone)
 
@@ -114,15 +90,20 @@ class Flight(Generic[DroneT]):
         Raises:
             InputError: exact masks are wanted of a drone without a referee.
         """
-        site = self.options.site
+        site = site_of(self.options)
         return MissionContext(
             board=Blackboard(self._clock, MISSION_KEYS),
             clock=self._clock,
+            policy=self._policy,
             seed=self.options.seed,
             inference_threads=self.options.inference_threads,
             segmenter=self._segmenter or self._exact_segmenter(),
             ground=() if site is None else site.ground,
         )
+
+    def _policy(self, name: str) -> LeafPolicy:
+        given = self.options.policy_objects.get(name)
+        return plugins.make_policy(name) if given is None else given
 
     def _exact_segmenter(self) -> Segmenter | None:
         if not self.options.exact_masks:
@@ -134,8 +115,10 @@ class Flight(Generic[DroneT]):
     @property
     def scene_name(self) -> str | None:
         """The name of the scene that a simulated drone flies in; None on a real drone."""
-        scene = self.drone.scene
-        return self.options.scene if scene is None else scene.name
+        asked, scene = self.options.scene, self.drone.scene
+        if scene is not None:
+            return scene.name
+        return None if asked is None else str(asked)
 
     @contextmanager
     def connected(self) -> Iterator[None]:
@@ -160,60 +143,30 @@ class Flight(Generic[DroneT]):
             self.mission,
             self.context,
             self._judge,
-            limits=_limits(self.options),
+            limits=limits_of(self.options),
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=listeners,
             clock=self._clock,
         )
 
 
-def assemble(tree: str | Path, options: FlightOptions | None = None) -> Flight[Drone]:
+def assemble(
+    tree: Mission, options: FlightOptions | None = None, *, registry: NodeRegistry | None = None
+) -> Flight[Drone]:
     """Put a flight together from a tree and options; nothing is connected.
 
     Args:
-        tree: a tree file, or the name of a shipped mission.
+        tree: the mission; one that is given as a `MissionTree` flies itself, once.
         options: how it is flown.
-
-    Raises:
-        InputError: tree, policy, scene or drone cannot be used.
-    """
-    options = options or FlightOptions()
-    return Flight(load_mission(tree, options), make_drone(options), options)
-
-
-def load_mission(
-    tree: str | Path, options: FlightOptions, registry: NodeRegistry | None = None
-) -> MissionTree:
-    """Load a tree with what options and site replace in it.
-
-    Args:
-        tree: a tree file, or the name of a shipped mission.
-        options: policies by node, and the site.
         registry: the nodes that may occur; default: all installed.
 
     Raises:
-        TreeError: the file was refused, or a policy is unknown.
+        InputError: tree, policy, scene, site or drone cannot be used.
     """
-    overrides = {node: {"policy": policy} for node, policy in options.policies.items()}
-    return load_tree(
-        resolve_tree(tree), registry, overrides=overrides, by_id=_site_values(options.site)
-    )
-
-
-def _site_values(site: Site | None) -> dict[str, dict[str, str]]:
-    """Return what a site replaces in a tree: attributes by node id."""
-    if site is None:
-        return {}
-    height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
-    classes = None if site.classes is None else str(site.classes)
-    wanted = {
-        "Segment": {"model": site.model, "classes": classes},
-        "TakeOff": {"height_m": height_m},
-    }
-    return {
-        node_id: {name: value for name, value in attributes.items() if value is not None}
-        for node_id, attributes in wanted.items()
-    }
+    options = options or FlightOptions()
+    mission = load_mission(tree, options, registry)
+    check_ceiling(mission, limits_of(options))
+    return Flight(mission, make_drone(options), options)
 
 
 def make_drone(options: FlightOptions) -> Drone:
@@ -223,18 +176,40 @@ def make_drone(options: FlightOptions) -> Drone:
         UnknownNameError: no drone is registered under that name.
         InputError: the drone refuses the options.
     """
-    name = options.drone.partition(":")[0]
+    drone = _named_drone(options) if isinstance(options.drone, str) else _given_drone(options)
+    site = site_of(options) or Site()
+    camera = options.camera or site.camera
+    if camera is not None:
+        drone = CalibratedDrone(drone, Path(camera))
+    return RehearsedDrone(drone) if options.rehearse else drone
+
+
+def _named_drone(options: FlightOptions) -> Drone:
+    name, colon, address = str(options.drone).partition(":")
     config: type[DroneConfig] = plugins.load(plugins.DRONES, name)
-    known = {each.name for each in fields(config)}  # type: ignore[arg-type]  # a dataclass
-    given = {key: value for key, value in drone_settings(options).items() if value is not None}
+    settings = {**drone_settings(options), "address": address if colon else None}
+    given = {key: value for key, value in settings.items() if value is not None}
+    known = _field_names(config)
     for key in ("address", "scene"):
         if key in given and key not in known:
             raise InputError(f"drone '{name}' takes no {key}, got '{given[key]}'")
-    drone = config(**{key: value for key, value in given.items() if key in known}).create()
-    camera = options.camera or (options.site or Site()).camera
-    if camera is not None:
-        drone = CalibratedDrone(drone, camera)
-    return RehearsedDrone(drone) if options.rehearse else drone
+    return config(**{key: value for key, value in given.items() if key in known}).create()
+
+
+def _given_drone(options: FlightOptions) -> Drone:
+    """Return the drone that was given, or the one that its configuration makes."""
+    drone: Any = options.drone
+    if not is_drone_config(drone):
+        return drone  # type: ignore[no-any-return]  # the options have checked it
+    site, known = site_of(options), _field_names(type(drone))
+    settings = {} if site is None else _place_settings(site, site.limits)
+    given = {key: value for key, value in settings.items() if value is not None and key in known}
+    made: Drone = (replace(drone, **given) if given else drone).create()
+    return made
+
+
+def _field_names(config: type) -> set[str]:
+    return {each.name for each in fields(config)} if is_dataclass(config) else set()
 
 
 def drone_settings(options: FlightOptions) -> dict[str, Any]:
@@ -242,15 +217,18 @@ def drone_settings(options: FlightOptions) -> dict[str, Any]:
 
     None: the drone's own default holds.
     """
-    site, limits = options.site or Site(), _limits(options)
-    _, colon, address = options.drone.partition(":")
     return {
-        "address": address if colon else None,
         "scene": options.scene,
         "seed": options.seed,
         "profile": options.profile,
         "image_size_px": options.image_size_px,
         "realtime": options.realtime,
+        **_place_settings(site_of(options) or Site(), limits_of(options)),
+    }
+
+
+def _place_settings(site: Site, limits: Limits) -> dict[str, Any]:
+    return {
         "http_port": site.http_port,
         "rtsp_port": site.rtsp_port,
         "speed_limit_mps": limits.speed_mps,
@@ -261,7 +239,3 @@ def drone_settings(options: FlightOptions) -> dict[str, Any]:
         "take_off_surface_m": site.take_off_surface_m,
         "video_latency_s": site.video_latency_s,
     }
-
-
-def _limits(options: FlightOptions) -> Limits:
-    return options.limits if options.site is None else options.site.limits

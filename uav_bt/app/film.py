@@ -76,9 +76,9 @@ def title_of(flight: Flight[Drone]) -> str:
     """Return a flight's mission, scene and seed in a line."""
     options = flight.options
     return describe_flight(
-        flight.mission.path.name,
+        flight.mission.origin,
         scene=flight.scene_name,
-        drone=options.drone,
+        drone=options.drone_name,
         seed=options.seed,
     )
 
@@ -190,7 +190,9 @@ def corridor_marker(tree: MissionTree, camera: CameraModel) -> Intruding | None:
 
 
 @contextmanager
-def flight_video(path: Path, *, speed: float = 1.0, title: str = "") -> Iterator[VideoListeners]:
+def flight_video(
+    path: str | Path, *, speed: float = 1.0, title: str = ""
+) -> Iterator[VideoListeners]:
     """Write the video of the flight that is flown inside.
 
     Args:
@@ -202,7 +204,7 @@ def flight_video(path: Path, *, speed: float = 1.0, title: str = "") -> Iterator
         FileError: the file cannot be written; raised before anything flies.
         MissingDependencyError: no video encoder works here.
     """
-    with FlightVideo(path, config=FlightVideoConfig(speed=speed)) as video:
+    with FlightVideo(Path(path), config=FlightVideoConfig(speed=speed)) as video:
         yield VideoListeners(video, title)
 
 

@@ -9,40 +9,45 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from pathlib import Path
 from types import FrameType
 
-from uav_bt.app.assembly import Flight, FlightOptions, assemble
+from uav_bt.app.assembly import Flight, assemble
+from uav_bt.app.loading import Mission, load_mission
+from uav_bt.app.options import FlightOptions, as_file, site_of
 from uav_bt.app.site import Site
-from uav_bt.errors import FileError, UavBtError
+from uav_bt.errors import UavBtError
+from uav_bt.files import check_output
 from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
-from uav_bt.tree import MissionTree, NodeRegistry, load_tree
-from uav_bt.tree.shipped import resolve_tree
+from uav_bt.tree import MissionTree, NodeRegistry
 
 Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
 """Makes what follows a flight tick by tick, once its drone is connected and its tree set up."""
 
 
-def check(tree: str | Path, registry: NodeRegistry | None = None) -> MissionTree:
-    """Load a tree file and return it.
+def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
+    """Load a mission and return its tree.
 
     Args:
-        tree: a tree file, or the name of a shipped mission.
+        tree: a shipped mission's name, a tree file, or a tree file's text; a `MissionTree` is
+            returned as it is.
         registry: the nodes that may occur; default: all installed.
 
     Raises:
         TreeError: the file was refused; the error holds all findings.
+        InputError: it is no mission, or a tree that flew before.
     """
-    return load_tree(resolve_tree(tree), registry)
+    return load_mission(tree, FlightOptions(), registry)
 
 
 def fly(
-    tree: str | Path,
+    tree: Mission,
     options: FlightOptions | None = None,
     *,
-    report: Path | None = None,
+    registry: NodeRegistry | None = None,
+    report: str | Path | None = None,
     listeners: Sequence[Listeners] = (),
     on_check: Callable[[Check], None] | None = None,
     controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
@@ -52,8 +57,11 @@ def fly(
     Before a real drone takes off it is checked: battery, link, telemetry, video.
 
     Args:
-        tree: a tree file, or the name of a shipped mission.
+        tree: a shipped mission's name, a tree file, a `MissionTree` (which flies once), or a tree
+            file's text.
         options: how to fly it.
+        registry: the nodes that may occur; default: all installed. Own leaves fly without a
+            package with `NodeRegistry.installed().with_nodes(Peek)`.
         report: where to write the report as JSON; it is also written when the mission fails.
         listeners: make what follows the flight tick by tick (displays, videos, logs).
         on_check: called with each line of the check before take-off.
@@ -66,16 +74,17 @@ def fly(
             the drone or a listener raises.
     """
     options = options or FlightOptions()
-    for file in (report, options.record):
-        if file is not None and not file.parent.is_dir():
-            raise FileError(file, f"folder {file.parent} does not exist; create it first")
-    flight = assemble(tree, options)
+    report, record_file = as_file("report", report), as_file("record", options.record)
+    for file in (report, record_file):
+        if file is not None:
+            check_output(file)
+    flight = assemble(tree, options, registry=registry)
     with ExitStack() as stack:
         record = None
-        if options.record is not None:
+        if record_file is not None:
             from uav_bt.app.flight_record import FlightRecord  # noqa: PLC0415  (an extra)
 
-            record = stack.enter_context(FlightRecord(options.record))
+            record = stack.enter_context(FlightRecord(record_file))
         stack.enter_context(flight.connected())
         if flight.drone.live and not options.rehearse:
             _check_before_take_off(flight, on_check)
@@ -87,7 +96,7 @@ def fly(
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
-    checks = check_drone(flight.drone, (flight.options.site or Site()).preflight)
+    checks = check_drone(flight.drone, (site_of(flight.options) or Site()).preflight)
     for each in checks:
         if on_check is not None:
             on_check(each)
@@ -105,15 +114,15 @@ def _run(
     runner = flight.runner([log, *(one for make in listeners for one in make(flight))])
 
     def finish(verdict: Verdict) -> FlightReport:
-        options, drone = flight.options, flight.drone
+        options = flight.options
         result = log.report(
             verdict,
             scene=flight.scene_name,
             seed=options.seed,
-            tree=flight.mission.path.name,
+            tree=flight.mission.origin,
             policies=_policies(flight.mission),
-            drone=options.drone,
-            profile=options.profile if drone.referee is not None else None,
+            drone=options.drone_name,
+            profile=_profile(flight),
             stage_times_s=flight.context.stage_times_s,
             slow_leaves_s=runner.slow_leaves_s,
         )
@@ -155,6 +164,15 @@ def _landing_on_interrupt(runner: MissionRunner) -> Iterator[None]:
         yield
     finally:
         restore()
+
+
+def _profile(flight: Flight[Drone]) -> str | None:
+    """Return how imperfect a simulated drone is, where its profile has a name."""
+    given = flight.options.drone
+    if isinstance(given, str):
+        return None if flight.drone.referee is None else flight.options.profile
+    profile = getattr(given, "profile", None)
+    return profile if isinstance(profile, str) else None
 
 
 def _policies(mission: MissionTree) -> dict[str, str]:

@@ -9,7 +9,7 @@ import json
 import platform
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -21,13 +21,17 @@ import uav_bt
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app import provenance
-from uav_bt.app.assembly import Flight, FlightOptions
+from uav_bt.app.assembly import Flight
+from uav_bt.app.site import Site
 from uav_bt.errors import FileError
 from uav_bt.files import writing
 from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.runner import RunnerConfig
+from uav_bt.mission.safety import Limits
 from uav_bt.plugins import need
 from uav_bt.protocols import Drone
-from uav_bt.record.channels import RecordConfig
+from uav_bt.record.channels import Quality, RecordConfig
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import Attachment, RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
@@ -43,27 +47,37 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
     Args:
         flight: its drone is connected.
     """
-    mission, scene, options = flight.mission, flight.drone.scene, asdict(flight.options)
-    del options["record"]
+    mission, scene, options = flight.mission, flight.drone.scene, flight.options
+    drone = options.drone
     values = {
-        **options,
+        **{each.name: getattr(options, each.name) for each in fields(options)},
         "uav_bt": uav_bt.__version__,
         "started": datetime.now(tz=UTC).isoformat(timespec="seconds"),
-        "tree": mission.path.name,
+        "tree": mission.origin,
         "tree_name": mission.name,
         "scene": flight.scene_name,
+        "replaced": mission.replaced,
+        "policies": options.policy_names,
+        "policy_objects": list(options.policy_objects),
+        "drone": options.drone_name,
+        "drone_config": repr(drone) if is_dataclass(drone) else None,
         "simulated": flight.drone.referee is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
         "git": provenance.commit(),
         "weights": provenance.weights_of(mission),
     }
+    del values["record"]
     attachments = [*_tree_files(mission), *_scene_files(scene)]
     texts = {
-        name: value if isinstance(value, str) else json.dumps(value, default=str)
+        name: value if isinstance(value, str) else json.dumps(value, default=_plain)
         for name, value in values.items()
     }
     return FlightFacts(values=texts, attachments=attachments)
+
+
+def _plain(value: object) -> object:
+    return str(value) if isinstance(value, Path) else asdict(value)  # type: ignore[call-overload]
 
 
 def _tree_files(mission: MissionTree) -> Iterator[Attachment]:
@@ -79,7 +93,33 @@ def _scene_files(scene: object) -> Iterator[Attachment]:
         yield Attachment(name=_SCENE_FILE, media_type="application/yaml", data=data)
 
 
-def recorded_options(reader: RecordReader) -> FlightOptions:
+@dataclass(frozen=True, kw_only=True)
+class RecordedOptions:
+    """What replays and views take from a record; defaults hold for what an older one lacks."""
+
+    scene: str | None = None
+    drone: str = ""
+    seed: int = 0
+    inference_threads: int = 1
+    exact_masks: bool = False
+    record_quality: Quality = "lossless"
+    site: Site | None = None
+    limits: Limits = field(default_factory=Limits)
+    runner: RunnerConfig = field(default_factory=RunnerConfig)
+    judge: JudgeConfig = field(default_factory=JudgeConfig)
+    policies: dict[str, str] = field(default_factory=dict)
+    policy_objects: tuple[str, ...] = ()  # policies that only the recorded program had
+    # Attributes that nodes had instead of those of the tree file, policies among them.
+    replaced: dict[str, dict[str, str]] | None = None
+
+    def attributes(self) -> dict[str, dict[str, str]]:
+        """Return the attributes that replaced those of the tree file, by node."""
+        if self.replaced is None:
+            return {node: {"policy": name} for node, name in self.policies.items()}
+        return self.replaced
+
+
+def recorded_options(reader: RecordReader) -> RecordedOptions:
     """Return the options that a recorded flight was flown with.
 
     Args:
@@ -89,14 +129,14 @@ def recorded_options(reader: RecordReader) -> FlightOptions:
         FileError: the record's metadata is damaged.
     """
     values: dict[str, Any] = {}
-    for each in fields(FlightOptions):
+    for each in fields(RecordedOptions):
         text = reader.metadata.get(each.name)
         if text is not None:
             # Texts stand there as they are, everything else as JSON.
             plain = each.type in {"str", "str | None", "Quality"} and text != "null"
             values[each.name] = text if plain else _parsed(reader, text)
     try:
-        return TypeAdapter(FlightOptions).validate_python(values)
+        return TypeAdapter(RecordedOptions).validate_python(values)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))

@@ -24,6 +24,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, ValidationInfo
 from typing_extensions import TypedDict
 
+from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.mission.safety import Limits
@@ -32,28 +33,44 @@ from uav_bt.yaml_file import read_yaml
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """A place to fly in."""
+    """A place to fly in; `load_site` reads one from a file.
 
-    flight_height_m: float | None = None  # above the ground; as the tree says when None
-    take_off_surface_m: float = 0.0  # above the ground
-    camera: Path | None = None  # a camera file; the drone's own intrinsics when None
-    model: str | None = None  # the segmentation network's name or file; as the tree says when None
-    classes: Path | None = None  # what that network's classes mean
-    ground: tuple[str, ...] = ("carpet",)  # class names
+    Attributes:
+        flight_height_m: above the ground; None: as the tree says.
+        take_off_surface_m: height of what the drone takes off from, above the ground.
+        camera: a camera file; None: the drone's own intrinsics.
+        model: the segmentation network's name or file; None: as the tree says.
+        classes: file that says what that network's classes mean.
+        ground: names of the classes that the drone may fly over and scale depth by.
+        limits: what no command may exceed.
+        preflight: what a real drone must have before it takes off.
+        video_latency_s: least time from exposure to arrival of a frame, seconds.
+        http_port: of the drone's web interface; None: the drone's usual one.
+        rtsp_port: of the drone's video; None: the drone's usual one.
+    """
+
+    flight_height_m: float | None = None
+    take_off_surface_m: float = 0.0
+    camera: Path | None = None
+    model: str | None = None
+    classes: Path | None = None
+    ground: tuple[str, ...] = ("carpet",)
     limits: Limits = field(default_factory=Limits)
     preflight: PreflightConfig = field(default_factory=PreflightConfig)
-    video_latency_s: float = 0.15  # least time from exposure to arrival
+    video_latency_s: float = 0.15
     http_port: int | None = None
     rtsp_port: int | None = None
 
+    __repr__ = brief_repr
 
-def load_site(path: Path) -> Site:
+
+def load_site(path: str | Path) -> Site:
     """Read a site file.
 
     Raises:
         FileError: it is absent or malformed; the message names the key.
     """
-    file = read_yaml(path, _SiteFile, "site file")
+    file = read_yaml(Path(path), _SiteFile, "site file")
     found = file.value
     battery, ports = found.battery or {}, found.ports or {}
     limits: dict[str, Any] = {**(found.limits or {})}

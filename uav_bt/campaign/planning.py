@@ -13,7 +13,8 @@ from typing import Any
 
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.app import provenance
-from uav_bt.app.assembly import FlightOptions, load_mission
+from uav_bt.app.loading import load_mission
+from uav_bt.app.options import FlightOptions
 from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError

@@ -112,7 +112,7 @@ class LiveListeners:
 
 @contextmanager
 def watched_live(
-    *, btlog: Path | None = None, groot: GrootConfig | None = None
+    *, btlog: str | Path | None = None, groot: GrootConfig | None = None
 ) -> Iterator[LiveListeners]:
     """Watch the tree of the flight that is flown inside.
 
@@ -127,7 +127,7 @@ def watched_live(
     """
     with ExitStack() as stack:
         publisher = None if groot is None else stack.enter_context(GrootPublisher(groot))
-        log = None if btlog is None else stack.enter_context(BtlogWriter(btlog))
+        log = None if btlog is None else stack.enter_context(BtlogWriter(Path(btlog)))
         listeners = LiveListeners(log, publisher)
         stack.callback(listeners.finish)
         yield listeners

@@ -31,13 +31,24 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class JudgeConfig:
-    """The rules of a flight."""
+    """The rules of a flight: `FlightOptions(judge=JudgeConfig(time_limit_s=600.0))`.
 
-    time_limit_s: float = 300.0  # from the take-off command
-    # Without a take-off command a mission ends as well: a tree that never flies.
+    Attributes:
+        time_limit_s: from the take-off command; a longer flight ends as a timeout.
+        patience_s: a mission that gives no take-off command for so long ends as a timeout.
+        landing_surfaces: what the drone may touch while it takes off or lands, by what the names of
+            the simulation's shapes begin with.
+        must_land_on_pad: a simulated flight that ends elsewhere is no success; False for missions
+            that land where they are.
+
+    Raises:
+        ValueRangeError: the time limit is not positive.
+    """
+
+    time_limit_s: float = 300.0
     patience_s: float = 60.0
-    landing_surfaces: tuple[str, ...] = ("helipad", "carpet")  # geoms' names begin with these
-    must_land_on_pad: bool = True  # False for missions that end elsewhere
+    landing_surfaces: tuple[str, ...] = ("helipad", "carpet")
+    must_land_on_pad: bool = True
 
     def __post_init__(self) -> None:
         if self.time_limit_s <= 0.0:

@@ -23,10 +23,18 @@ from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, Ta
 
 @dataclass(frozen=True, kw_only=True)
 class RunnerConfig:
-    """How a mission is run."""
+    """How a mission is run.
 
-    tick_s: float = 0.1  # the plan's tick in simulation
-    # After a fault or an abort the drone is landed; this long, then it is left to its own rules.
+    Attributes:
+        tick_s: length of a tick; a drone with a pace of its own has another.
+        landing_grace_s: how long a landing after a fault or an abort may take; then the drone is
+            left to its own rules.
+
+    Raises:
+        ValueRangeError: the tick is not positive, or longer than a second.
+    """
+
+    tick_s: float = 0.1
     landing_grace_s: float = 20.0
 
     def __post_init__(self) -> None:

@@ -47,17 +47,32 @@ class Override(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What no leaf may exceed."""
+    """What no leaf may exceed, and when the drone is stopped or landed whatever leaves want.
 
-    speed_mps: float = 1.0  # horizontal; a lab is 5 m long
+    Attributes:
+        speed_mps: horizontal speed; a lab is 5 m long.
+        climb_mps: vertical speed.
+        yaw_rate_radps: turning rate.
+        ceiling_m: height above the carpet.
+        critical_battery: charge, 0 to 1, below which the drone lands.
+        stale_frame_s: the drone hovers while its newest frame is older.
+        stale_state_s: the drone hovers while its newest telemetry is older; it comes at 5 Hz.
+        blind_s: the drone lands after so long without a fresh frame.
+        link_lost_s: the mission ends after so long without telemetry.
+
+    Raises:
+        ValueRangeError: a limit of a movement is not positive.
+    """
+
+    speed_mps: float = 1.0
     climb_mps: float = 0.6
     yaw_rate_radps: float = 1.6
-    ceiling_m: float = 2.4  # above the carpet
-    critical_battery: float = 0.1  # land below this
-    stale_frame_s: float = 1.0  # hover when the newest frame is older
-    stale_state_s: float = 1.5  # hover when the newest telemetry is older; it comes at 5 Hz
-    blind_s: float = 15.0  # land after so long without a fresh frame
-    link_lost_s: float = 10.0  # give up after so long without telemetry
+    ceiling_m: float = 2.4
+    critical_battery: float = 0.1
+    stale_frame_s: float = 1.0
+    stale_state_s: float = 1.5
+    blind_s: float = 15.0
+    link_lost_s: float = 10.0
 
     def __post_init__(self) -> None:
         if min(self.speed_mps, self.climb_mps, self.yaw_rate_radps, self.ceiling_m) <= 0:

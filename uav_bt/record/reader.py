@@ -54,11 +54,11 @@ class RecordReader:
         MissingDependencyError: the extra `record` is not installed.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | Path) -> None:
         need("record", "mcap", what="a flight record")
         from uav_bt.record.scan import RecordScan, is_finished  # noqa: PLC0415 - an extra
 
-        self.path = path
+        self.path = path = Path(path)
         self.metadata: dict[str, str] = {}
         self.attachments: dict[str, Attachment] = {}
         self.tree = TreeNote(nodes=())

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import MissionError, NodeFailedError
+from uav_bt.errors import InputError, MissionError, NodeFailedError, did_you_mean
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
 from uav_bt.tree.node import Node
@@ -55,6 +55,7 @@ class MissionTree:
         sources: the texts of the tree file and of those it includes, by path, its own first; empty
             for a tree composed in Python.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
+        replaced: attributes that nodes have instead of what the tree file says, by path.
     """
 
     # Called with every tree of the process once it is made: for tools such as coverage, which
@@ -68,16 +69,27 @@ class MissionTree:
         name: str = "Tree",
         sources: Mapping[Path, bytes] | None = None,
         places: Mapping[str, Place] | None = None,
+        replaced: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
         self.root = root
         self.name = name
         self.sources = dict(sources or {})
         self.places = dict(places or {})
+        self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
         self.variables = Variables()
         self._ready = False
         self._place(root, f"{name}/{root.name}", self.variables)
         for hook in self.made_hooks:
             hook(self)
+
+    def __repr__(self) -> str:
+        return f"<MissionTree '{self.name}': {sum(1 for _ in self.nodes())} nodes, {self.origin}>"
+
+    def _repr_svg_(self) -> str:
+        """Return the drawing that a notebook shows."""
+        from uav_bt.tree.render import render  # noqa: PLC0415  (it draws trees, and needs them)
+
+        return render(self, "svg")
 
     def _place(self, node: Node, path: str, scope: Variables) -> None:
         node.place(path, scope)
@@ -90,6 +102,16 @@ class MissionTree:
     def path(self) -> Path:
         """The tree file; for a tree composed in Python what its name would be."""
         return next(iter(self.sources), Path(f"{self.name}.xml"))
+
+    @property
+    def origin(self) -> str:
+        """What reports and records call the tree: its file's name, or that it has none."""
+        return self.path.name if self.sources else f"{self.name} (composed in Python)"
+
+    @property
+    def is_set_up(self) -> bool:
+        """Whether it was set up for a mission. A tree flies once: its leaves keep what they did."""
+        return self._ready
 
     @property
     def text(self) -> str:
@@ -120,6 +142,38 @@ class MissionTree:
         if len(hits) != 1:
             raise KeyError(f"{len(hits)} nodes are called '{name}'")
         return hits[0]
+
+    def replace(
+        self,
+        attributes: Mapping[str, Mapping[str, str]],
+        *,
+        by_id: Mapping[str, Mapping[str, str]] | None = None,
+    ) -> None:
+        """Replace attributes of nodes, as `load_tree` does with its overrides; before the setup.
+
+        Args:
+            attributes: values by attribute, by a node's name or path.
+            by_id: values by attribute, by a node's id; those that a node does not have, or an id
+                that does not occur, are no error.
+
+        Raises:
+            InputError: there is no such node, it has no such port, or a value does not fit.
+        """
+        nodes = list(self.nodes())
+        wanted: list[tuple[Node, Mapping[str, str]]] = []
+        for node in nodes:
+            given, known = (by_id or {}).get(node.node_id, {}), {port.name for port in node.ports}
+            wanted.append((node, {name: text for name, text in given.items() if name in known}))
+        for target, given in attributes.items():
+            hits = [node for node in nodes if target in (node.name, node.path)]
+            if not hits:
+                hint = did_you_mean(target, [node.name for node in nodes])
+                raise InputError(f"tree '{self.name}' has no node of name or path '{target}'{hint}")
+            wanted += [(node, given) for node in hits]
+        for node, given in wanted:
+            if given:
+                node.rebind(given)
+                self.replaced.setdefault(node.path, {}).update(given)
 
     def setup(self, context: MissionContext) -> None:
         """Set all nodes up for a mission, in the order of the file.

@@ -24,8 +24,11 @@ class NodeRegistry:
     """Node classes by their id. Holds the format's own from the start.
 
     Args:
-        nodes: further classes to register.
+        nodes: further classes: nodes, or plain py_trees behaviours, which become leaf classes.
         policies: names of the leaf policies that a tree file may name; None: any.
+
+    Raises:
+        InputError: a class is neither, its id is taken, or a constructor's argument is no port.
     """
 
     def __init__(
@@ -35,7 +38,7 @@ class NodeRegistry:
         self.faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
         self._nodes: dict[str, type[Node]] = {}
         for node in (*BUILTIN_NODES, *nodes):
-            self.register(node)
+            self._add(node)
 
     @classmethod
     def installed(cls) -> NodeRegistry:
@@ -57,7 +60,7 @@ class NodeRegistry:
                 continue
             for node in nodes:
                 try:
-                    registry.register(node)
+                    registry._add(node)
                 except InputError as error:
                     if getattr(node, "node_id", None) in registry:
                         raise  # whose node a tree would get is not to be guessed
@@ -66,21 +69,34 @@ class NodeRegistry:
             _log.warning("Warning: %s", fault)
         return registry
 
-    def with_any_policy(self) -> NodeRegistry:
-        """Return a registry of the same nodes that accepts any policy's name, for benches."""
-        registry = NodeRegistry(self._nodes.values())
-        registry.faults = self.faults
-        return registry
+    def with_nodes(self, *nodes: type[Node | Behaviour]) -> NodeRegistry:
+        """Return a registry that has further nodes: `NodeRegistry.installed().with_nodes(Peek)`.
 
-    def register(self, node: type[Node | Behaviour]) -> type[Node]:
-        """Add a node class, or a leaf class made of a plain py_trees behaviour.
-
-        Returns:
-            The class that the tree will have; usable as a decorator for node classes.
+        Args:
+            nodes: node classes, or plain py_trees behaviours, which become leaf classes.
 
         Raises:
             InputError: it is neither, its id is taken, or a constructor's argument is no port.
         """
+        return self._copy((*self._nodes.values(), *nodes), self.policies)
+
+    def with_policies(self, names: Iterable[str]) -> NodeRegistry:
+        """Return a registry of the same nodes that accepts further policies' names."""
+        known = None if self.policies is None else self.policies.union(names)
+        return self._copy(self._nodes.values(), known)
+
+    def with_any_policy(self) -> NodeRegistry:
+        """Return a registry of the same nodes that accepts any policy's name, for benches."""
+        return self._copy(self._nodes.values(), None)
+
+    def _copy(
+        self, nodes: Iterable[type[Node | Behaviour]], policies: Iterable[str] | None
+    ) -> NodeRegistry:
+        registry = NodeRegistry(nodes, policies=policies)
+        registry.faults = self.faults
+        return registry
+
+    def _add(self, node: type[Node | Behaviour]) -> None:
         if not (isinstance(node, type) and issubclass(node, Behaviour)):
             raise InputError(f"expected a node class to register, got {node!r}")
         if not issubclass(node, Node):
@@ -91,7 +107,6 @@ class NodeRegistry:
                 f"node '{node.node_id}' is registered twice: by {_origin(known)} and by "
                 f"{_origin(node)}; set another node_id on one of them"
             )
-        return node
 
     def __getitem__(self, node_id: str) -> type[Node]:
         """Return a node class.

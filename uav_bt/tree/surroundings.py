@@ -79,6 +79,28 @@ class Surroundings:
             self._environment = Environment(self._variables, board)
         return self._environment
 
+    def rebind(self, given: Mapping[str, object]) -> None:
+        """Replace what ports were given; to be done before the setup.
+
+        Args:
+            given: values by port, typed or as texts.
+
+        Raises:
+            InputError: the node has no such port, or a value does not fit.
+        """
+        unknown = given.keys() - {port.name for port in self.ports}
+        ports = self.ports if unknown else [port for port in self.ports if port.name in given]
+        bound, wrong = bind_ports(ports, dict(given))
+        if wrong:
+            raise InputError(f"node '{self.name}' ({self.node_id}): {'; '.join(wrong.values())}")
+        for key, at in bound.items():
+            old, new = self._literals, self._given
+            if not isinstance(at, Reference):
+                old, new = new, old
+            old.pop(key, None)
+            new[key] = at
+        self.place(self.path, self._variables)
+
     def place(self, path: str, variables: Variables) -> None:
         """Give the node its place in a tree; `MissionTree` does.
 

@@ -213,7 +213,7 @@ def test_a_report_without_a_folder_is_refused_before_there_is_a_drone(
     hangar: Hangar, tmp_path: Path
 ) -> None:
     report = tmp_path / "nowhere" / "report.json"
-    with pytest.raises(FileError, match="nowhere does not exist; create it first"):
+    with pytest.raises(FileError, match="nowhere' does not exist; create it first"):
         app.fly(tree_file(tmp_path, HOP), SCRIPTED, report=report)
     assert hangar.asked == []
 

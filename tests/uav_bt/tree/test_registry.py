@@ -53,14 +53,25 @@ def test_the_formats_own_nodes_are_there() -> None:
 def test_duplicates_name_both() -> None:
     """Two classes of one id are refused; the same class twice is fine."""
     registry = NodeRegistry([Scripted])
-    registry.register(Scripted)
+    assert registry.with_nodes(Scripted)["Scripted"] is Scripted
     other = type("Scripted", (Leaf,), {"__module__": "elsewhere"})
     with pytest.raises(
         InputError, match=r"by tests\.conformance\.Scripted and by elsewhere\.Scripted"
     ):
-        registry.register(other)
+        registry.with_nodes(other)
     with pytest.raises(InputError, match="expected a node class"):
-        registry.register(object)  # type: ignore[arg-type]
+        registry.with_nodes(object)  # type: ignore[arg-type]
+
+
+def test_further_nodes_leave_the_registry_as_it_was() -> None:
+    """A notebook's cell that is run again, with a new class of the same name, is no conflict."""
+    registry = NodeRegistry(policies=["rule"])
+    for _ in range(2):
+        own = type("Own", (Plugged,), {})
+        larger = registry.with_nodes(own)
+        assert larger["Own"] is own
+        assert larger.policies == {"rule"}
+    assert "Own" not in registry
 
 
 def test_unknown_nodes_get_a_suggestion() -> None:

@@ -32,13 +32,13 @@ _SQUARE_SLACK: Final = 0.01  # of the ratio of focal lengths: the pixels of a vi
 class PerceiveOptions:
     """What is known about the images, and what they are perceived with."""
 
-    camera: Path | None = None  # a camera file; None: the record's, or the ANAFI's
+    camera: str | Path | None = None  # a camera file; None: the record's, or the ANAFI's
     height_m: float = 1.5  # of the camera above the carpet, without telemetry
     gimbal_pitch_rad: float = math.radians(-30)  # 0 level, without telemetry
-    telemetry: Path | None = None  # record of the same flight
+    telemetry: str | Path | None = None  # record of the same flight
     model: str = "depth"  # a shipped one's name, an ONNX file, or "contact" (no network)
     segmentation: str = "unet"  # a shipped U-Net's name, "teacher" or an ONNX file
-    classes: Path | None = None  # class-mapping file of a foreign segmentation
+    classes: str | Path | None = None  # class-mapping file of a foreign segmentation
     every: int = 1  # images a step; 1 takes all
     longest_s: float | None = None  # of the source's time; None: to its end
     threads: int = 1  # of the networks' inference
@@ -90,7 +90,7 @@ class PerceiveInput:
             )
             self.source = open_source(text)
             return
-        reader = flight_record(flown)
+        reader = flight_record(Path(flown))
         flight = FlightTelemetry(reader)
         self.telemetry, self.telemetry_words = flight, f"of {flown}"
         self._recorded_camera = reader.camera
@@ -134,7 +134,7 @@ class PerceiveInput:
     def _camera(self, width_px: int, height_px: int) -> tuple[CameraModel, str]:
         options = self._options
         if options.camera is not None:
-            camera = load_camera(options.camera, size_px=(width_px, height_px))
+            camera = load_camera(Path(options.camera), size_px=(width_px, height_px))
             return camera, f"of {options.camera}"
         if self._recorded_camera is not None:
             camera = self._recorded_camera.resized(width_px, height_px)
@@ -175,7 +175,7 @@ def _segmenter(options: PerceiveOptions) -> Segmenter:
     path = segmentation_file(name)
     if path is None:
         return runtime.shipped_teacher()
-    mapping = None if options.classes is None else read_mapping(options.classes)
+    mapping = None if options.classes is None else read_mapping(Path(options.classes))
     return runtime.OnnxSegmenter(path, mapping=mapping, threads=options.threads)
 
 

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from perception.depth.scale import Scale
+from uav_bt.app.options import as_file
 from uav_bt.app.perceive.inputs import PerceiveInput, PerceiveOptions
 from uav_bt.app.perceive.pipeline import STAGES, Perceived
 from uav_bt.app.perceive.streams import TimedImage
@@ -50,11 +51,11 @@ class PerceiveSummary:
 
 
 def perceive(
-    source: str,
+    source: str | Path,
     options: PerceiveOptions | None = None,
     *,
-    out: Path | None = None,
-    lines: Path | None = None,
+    out: str | Path | None = None,
+    lines: str | Path | None = None,
     advance: Advance = silent,
 ) -> PerceiveSummary:
     """Perceive every image of a source; Ctrl-C ends it and keeps what was written.
@@ -71,9 +72,14 @@ def perceive(
         FileError: a file cannot be written.
     """
     options = options or PerceiveOptions()
-    read = [Path(source), options.telemetry, options.camera]
+    out, lines = as_file("out", out), as_file("lines", lines)
+    read = [
+        Path(source),
+        as_file("telemetry", options.telemetry),
+        as_file("camera", options.camera),
+    ]
     _keep_apart([path for path in (out, lines) if path is not None], read)
-    given = PerceiveInput(source, options)
+    given = PerceiveInput(str(source), options)
     pipeline, images = given.begin()
     counts = _Counts()
     with ExitStack() as stack:

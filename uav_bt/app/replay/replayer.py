@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal
 
-from uav_bt.app.assembly import Flight, load_mission
-from uav_bt.app.flight_record import attached_files, recorded_options
+from uav_bt.app.assembly import Flight
+from uav_bt.app.flight_record import RecordedOptions, attached_files, recorded_options
+from uav_bt.app.loading import Mission, is_text, load_mission
+from uav_bt.app.options import FlightOptions, check_policies
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
 from uav_bt.errors import FileError, NodeFailedError
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
+from uav_bt.protocols import LeafPolicy
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
-from uav_bt.tree import Status
+from uav_bt.tree import MissionTree, NodeRegistry, Status
 from uav_bt.types import DroneState, Truth
 
 Masks = Literal["network", "recorded"]
@@ -30,20 +33,34 @@ _NOT_TICKED: Final = (Status.IDLE.name, "INVALID")  # as older records have it
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
-    """What is different this time."""
+    """What is different this time, or is not in the record.
 
-    tree: str | Path | None = None  # another mission; None: the recorded one
-    policies: Mapping[str, str] = field(default_factory=dict)  # node's name or path -> policy
-    # Whose class maps the tree gets; None: a network's, unless the flight flew on exact masks.
+    Attributes:
+        tree: another mission, or the one that was composed in Python; None: the recorded one.
+        policies: leaf policies by the node's name or path: names, or objects with `decide`.
+        masks: whose class maps the tree gets: network or recorded; None: a network's, unless the
+            flight flew on exact masks.
+        registry: the nodes that may occur; None: all installed.
+
+    Raises:
+        InputError: a value cannot be used.
+    """
+
+    tree: Mission | None = None
+    policies: Mapping[str, str | LeafPolicy] = field(default_factory=dict)
     masks: Masks | None = None
+    registry: NodeRegistry | None = None
+
+    def __post_init__(self) -> None:
+        check_policies(self.policies)
 
 
-def replay(record: Path, options: ReplayOptions | None = None) -> ReplayReport:
+def replay(record: str | Path, options: ReplayOptions | None = None) -> ReplayReport:
     """Feed a recorded flight through perception and tree again, and compare.
 
     Args:
         record: the MCAP file.
-        options: what is different this time.
+        options: what is different this time, and what is not in the record.
 
     Raises:
         FileError: the record cannot be read or replayed.
@@ -67,7 +84,7 @@ def replay(record: Path, options: ReplayOptions | None = None) -> ReplayReport:
     end = reader.end
     return ReplayReport(
         record=str(record),
-        tree=str(changes.tree or reader.metadata.get("tree", "")),
+        tree=_tree_name(changes.tree, flight.mission),
         outcome=None if end is None else end.get("outcome"),
         exact=lossless and not drone.missing_images and not reader.damages,
         masks=masks,
@@ -83,6 +100,11 @@ def replay(record: Path, options: ReplayOptions | None = None) -> ReplayReport:
         damages=reader.damages,
         ended=ended,
     )
+
+
+def _tree_name(given: Mission | None, mission: MissionTree) -> str:
+    is_file = isinstance(given, str | Path) and not is_text(given)
+    return str(given) if is_file else mission.origin
 
 
 def _check_beginning(reader: RecordReader) -> None:
@@ -112,21 +134,22 @@ def assemble_recorded(
         FileError: the record lacks its tree, or is damaged.
         TreeError: the tree was refused.
     """
-    options = recorded_options(reader)
-    drone = RecordedDrone(reader)
-    masks = changes.masks or ("recorded" if options.exact_masks else "network")
-    options = replace(options, exact_masks=False)
+    recorded, drone = recorded_options(reader), RecordedDrone(reader)
+    masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
+    options = FlightOptions(
+        seed=recorded.seed,
+        inference_threads=recorded.inference_threads,
+        record_quality=recorded.record_quality,
+        site=recorded.site,
+        limits=recorded.limits,
+        runner=recorded.runner,
+        policies=changes.policies,
+    )
     if changes.tree is not None:
-        # Policies of nodes that the recorded mission had may name none of this one.
-        options = replace(options, policies=changes.policies)
-        mission = load_mission(changes.tree, options)
+        # Attributes of nodes that the recorded mission had may name none of this one.
+        mission = load_mission(changes.tree, options, changes.registry)
     else:
-        options = replace(options, policies={**options.policies, **changes.policies})
-        with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-            path, _ = attached_files(reader, Path(folder))
-            if path is None:
-                raise FileError(reader.path, "the record lacks its tree file; give one with --tree")
-            mission = load_mission(path, options)
+        mission = _recorded_mission(reader, recorded, options, changes.registry)
     flight = Flight(
         mission,
         drone,
@@ -136,6 +159,37 @@ def assemble_recorded(
         make_runner=ReplayRunner,
     )
     return flight, masks
+
+
+def _recorded_mission(
+    reader: RecordReader,
+    recorded: RecordedOptions,
+    options: FlightOptions,
+    registry: NodeRegistry | None,
+) -> MissionTree:
+    """Load the recorded tree as it was flown, but for the policies that options give."""
+    replaced = recorded.attributes()
+    for node, given in replaced.items():
+        name = node.rpartition("/")[2].partition("#")[0]
+        if given.get("policy") in recorded.policy_objects and not {node, name} & {
+            *options.policies
+        }:
+            raise FileError(
+                reader.path,
+                f"the policy of node '{node}' was an object of the program that flew, "
+                f"{given['policy']}: give it again with ReplayOptions(policies=...), or an "
+                f"installed one with --policy '{name}=NAME'",
+            )
+    with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
+        path, _ = attached_files(reader, Path(folder))
+        if path is None:
+            tree = reader.metadata.get("tree", "")
+            raise FileError(
+                reader.path,
+                f"the record lacks its tree file{f' ({tree})' if tree else ''}; give the tree with "
+                "--tree, or with ReplayOptions(tree=...)",
+            )
+        return load_mission(path, options, registry, replaced=replaced)
 
 
 # --- the runner -----------------------------------------------------------------------------------

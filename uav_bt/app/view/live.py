@@ -124,7 +124,7 @@ def setting_of(
 
 
 @contextmanager
-def saved_view(path: Path, *, title: str = "") -> Iterator[ViewListeners]:
+def saved_view(path: str | Path, *, title: str = "") -> Iterator[ViewListeners]:
     """Write the view of the flight that is flown inside.
 
     Args:
@@ -135,7 +135,7 @@ def saved_view(path: Path, *, title: str = "") -> Iterator[ViewListeners]:
         FileError: the file cannot be written.
         MissingDependencyError: Rerun is not installed.
     """
-    with sinks.saved(path) as stream:
+    with sinks.saved(Path(path)) as stream:
         yield ViewListeners(stream, title)
 
 

@@ -61,7 +61,7 @@ class RecordedFlight:
         MissingDependencyError: the extra `record` is not installed.
     """
 
-    def __init__(self, path: Path, span: Span | None = None) -> None:
+    def __init__(self, path: str | Path, span: Span | None = None) -> None:
         self.reader = RecordReader(path)
         self._span = span or Span()
         with TemporaryDirectory(prefix="uav-bt-record-") as folder:
@@ -161,7 +161,7 @@ class RecordedFlight:
         except (KeyError, TypeError, ValueError):  # only for a progress bar
             return 1
 
-    def save(self, path: Path, *, advance: Advance = silent) -> None:
+    def save(self, path: str | Path, *, advance: Advance = silent) -> None:
         """Write the view as an rrd file, which appears whole or not at all.
 
         Args:
@@ -172,7 +172,7 @@ class RecordedFlight:
             FileError: it cannot be written, or the record not be read.
             MissingDependencyError: Rerun is not installed.
         """
-        with sinks.saved(path) as stream:
+        with sinks.saved(Path(path)) as stream:
             self.draw(stream, advance=advance)
 
     @contextmanager
@@ -191,7 +191,7 @@ class RecordedFlight:
         finally:
             viewer.close(end=web)
 
-    def film(self, path: Path, *, speed: float = 1.0, advance: Advance = silent) -> None:
+    def film(self, path: str | Path, *, speed: float = 1.0, advance: Advance = silent) -> None:
         """Write the flight as a video: camera, mask, depth, map and the active branch.
 
         Args:
@@ -212,7 +212,7 @@ class RecordedFlight:
             title=self.title,
             limit_s=recorded_options(reader).judge.time_limit_s,
         )
-        with FlightVideo(path, panes, FlightVideoConfig(speed=speed)) as video:
+        with FlightVideo(Path(path), panes, FlightVideoConfig(speed=speed)) as video:
             self._play(playback, video, "video", advance)
             end = reader.end
             if end is not None and end.get("outcome"):

@@ -62,6 +62,7 @@ class Builder:
         self._findings = findings
         self._count = 0
         self.places: dict[str, Place] = {}  # of the nodes, by path; filled by `build`
+        self.replaced: dict[str, dict[str, str]] = {}  # attributes by path; filled by `build`
 
     def build(
         self,
@@ -121,7 +122,7 @@ class Builder:
             if leaf is not None and attributes:
                 ports = {port.name for port in leaf.ports}
                 known = {name: text for name, text in attributes.items() if name in ports}
-                plan.attributes.update(known)
+                self._replace(plan, known)
                 self._check_override(_id_of(plan), known, plan)
 
     def _apply(self, overrides: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
@@ -135,8 +136,12 @@ class Builder:
                     f"override of '{target}': the tree has no node of that name or path{hint}",
                 )
             for plan in hits:
-                plan.attributes.update(attributes)
+                self._replace(plan, attributes)
                 self._check_override(target, attributes, plan)
+
+    def _replace(self, plan: _Plan, attributes: Mapping[str, str]) -> None:
+        plan.attributes.update(attributes)
+        self.replaced.setdefault(plan.path, {}).update(attributes)
 
     def _check_override(self, target: str, attributes: Mapping[str, str], plan: _Plan) -> None:
         element, lead = plan.element, f"override of '{target}': "

@@ -78,7 +78,13 @@ def parse_tree(
     builder = Builder(document, registry, findings)
     root = builder.build(overrides or {}, by_id=by_id or {}, mocks=mocks or {})
     sources = {path.resolve(): data, **document.included}
-    return MissionTree(root, name=document.main, sources=sources, places=builder.places)
+    return MissionTree(
+        root,
+        name=document.main,
+        sources=sources,
+        places=builder.places,
+        replaced=builder.replaced,
+    )
 
 
 def check_file(path: Path, registry: NodeRegistry | None = None) -> tuple[Finding, ...]:

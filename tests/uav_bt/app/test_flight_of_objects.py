@@ -1,0 +1,259 @@
+"""Flights given as objects: own leaves, policies, drones and trees fly without a package."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from behaviours.fly.land import Land
+from behaviours.fly.take_off import TakeOff
+from behaviours.policies.segmentation_rule import SegmentationRule
+from sim_bridge.twin import TwinConfig
+from uav_bt import app
+from uav_bt.app.replay import ReplayOptions, replay
+from uav_bt.board import STATE
+from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.record.reader import RecordReader
+from uav_bt.testing import ScriptedDrone
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status, load_tree
+from uav_bt.tree.nodes import Sequence
+from uav_bt.types import Hover
+
+# --- what a person writes in a notebook -----------------------------------------------------------
+
+
+class Peek(Leaf):
+    """Hover for some ticks and note the height."""
+
+    ports = (Port("ticks", int, default=3, doc="how many ticks"),)
+    reads = (STATE,)
+
+    def initialise(self) -> None:
+        self.heights_m: list[float] = []
+
+    def update(self) -> Status:
+        state = self.read(STATE).value
+        if state is not None:
+            self.heights_m.append(state.height_above_carpet_m)
+        if len(self.heights_m) > self.port_value("ticks"):
+            return Status.SUCCESS
+        self.propose(Hover())
+        return Status.RUNNING
+
+
+class Careful:
+    """Half the steps of the shipped rule."""
+
+    def __init__(self) -> None:
+        self.rule = SegmentationRule()
+        self.asked = 0
+
+    def decide(self, view: PolicyView) -> Decision:
+        self.asked += 1
+        decision = self.rule.decide(view)
+        return replace(decision, forward_m=decision.forward_m / 2.0)
+
+
+MISSION = """
+<root BTCPP_format="4"><BehaviorTree ID="Tour">
+  <ReactiveSequence>
+    <Segment/> <FindHelipad/> <RememberObstacles/>
+    <Sequence>
+      <TakeOff height_m="1.2"/> <Peek ticks="2"/>
+      <Fallback> <Explore/> <Avoid/> </Fallback>
+      <Land/>
+    </Sequence>
+  </ReactiveSequence>
+</BehaviorTree></root>
+"""
+TWIN = TwinConfig(scene="val-a", seed=3, image_size_px=(320, 180))
+NODES = NodeRegistry.installed().with_nodes(Peek)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightReport, Careful, Path]:
+    """Fly text, own leaf, own policy and configured twin, and keep the record."""
+    policy, record = Careful(), tmp_path_factory.mktemp("objects") / "flight.mcap"
+    options = app.FlightOptions(
+        drone=TWIN,
+        seed=3,
+        exact_masks=True,
+        policies={"Explore": policy},
+        judge=app.JudgeConfig(must_land_on_pad=False),
+        record=str(record),
+    )
+    return app.fly(MISSION, options, registry=NODES), policy, record
+
+
+def test_a_text_flies_with_own_leaf_own_policy_and_configured_twin(
+    flown: tuple[FlightReport, Careful, Path],
+) -> None:
+    report, policy, _ = flown
+    assert (report.outcome, report.reason) == ("success", "landed")
+    assert policy.asked > 0
+
+
+def test_the_report_says_what_flew(flown: tuple[FlightReport, Careful, Path]) -> None:
+    report = flown[0]
+    assert (report.tree, report.drone) == ("<text>", "sim_bridge.twin.TwinConfig")
+    assert (report.scene, report.profile, report.seed) == ("val-a", "lab", 3)
+    body = "Tour/ReactiveSequence/Sequence/Fallback"
+    assert report.policies == {
+        f"{body}/Explore": f"{__name__}.Careful",
+        f"{body}/Avoid": "segmentation",
+    }
+
+
+def test_the_record_says_what_flew(flown: tuple[FlightReport, Careful, Path]) -> None:
+    reader = RecordReader(flown[2])
+    known = reader.metadata
+    assert (known["tree"], known["drone"]) == ("<text>", "sim_bridge.twin.TwinConfig")
+    assert known["drone_config"] == repr(TWIN)
+    assert json.loads(known["policies"]) == {"Explore": f"{__name__}.Careful"}
+    assert reader.attachments["tree/<text>"].data == MISSION.encode()
+
+
+def test_a_replay_takes_the_same_objects_again(flown: tuple[FlightReport, Careful, Path]) -> None:
+    options = ReplayOptions(policies={"Explore": Careful()}, registry=NODES)
+    report = replay(str(flown[2]), options)
+    assert report.same
+    assert report.tree == "<text>"
+    other = replay(flown[2], replace(options, policies={"Explore": "segmentation"}))
+    assert not other.same  # twice the steps
+
+
+def test_a_replay_without_the_objects_says_what_it_lacks(
+    flown: tuple[FlightReport, Careful, Path],
+) -> None:
+    with pytest.raises(FileError, match=r"policy of node '.*/Explore' was an object of.*Careful"):
+        replay(flown[2], ReplayOptions(registry=NODES))
+    with pytest.raises(TreeError, match="unknown node 'Peek'"):
+        replay(flown[2], ReplayOptions(policies={"Explore": Careful()}))
+
+
+# --- trees ----------------------------------------------------------------------------------------
+
+
+def composed() -> MissionTree:
+    return MissionTree(
+        Sequence("body", [TakeOff("up", height_m=1.2), Peek("peek"), Land()]), name="Hop"
+    )
+
+
+def scripted(**options: object) -> app.FlightOptions:
+    return app.FlightOptions(drone=ScriptedDrone(), **options)  # type: ignore[arg-type]
+
+
+def test_a_composed_tree_flies_and_its_own_leaf_can_be_asked(tmp_path: Path) -> None:
+    tree = composed()
+    report = app.fly(tree, scripted(), report=str(tmp_path / "r.json"))
+    assert report.outcome == "success"
+    assert report.drone == "uav_bt.testing.drone.ScriptedDrone"
+    assert report.tree == "Hop (composed in Python)"
+    assert json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))["tree"] == report.tree
+    peek = tree.find("peek")
+    assert isinstance(peek, Peek)
+    assert peek.heights_m[-1] == pytest.approx(1.2, abs=0.1)
+
+
+def test_a_composed_tree_is_replayed_when_it_is_given_again(tmp_path: Path) -> None:
+    record = tmp_path / "flight.mcap"
+    app.fly(composed(), scripted(record=record))
+    with pytest.raises(FileError, match=r"lacks its tree file \(Hop \(composed in Python\)\)"):
+        replay(record)
+    report = replay(record, ReplayOptions(tree=composed()))
+    assert report.same
+    assert report.tree == "Hop (composed in Python)"
+
+
+def test_a_tree_flies_once(tmp_path: Path) -> None:
+    tree = composed()
+    app.fly(tree, scripted())
+    with pytest.raises(InputError, match="tree 'Hop' was flown or set up before, and a tree flies"):
+        app.fly(tree, scripted())
+
+
+def test_options_and_site_replace_attributes_of_a_tree_object() -> None:
+    tree = app.check("explore_and_land_segmentation")
+    policy = Careful()
+    options = app.FlightOptions(
+        policies={"Explore": policy}, site=app.Site(flight_height_m=1.1, model="teacher")
+    )
+    flight = app.assemble(tree, options)
+    assert flight.mission is tree
+    values = {leaf.node_id: leaf for leaf in tree.leaves()}
+    assert values["TakeOff"].port_value("height_m") == 1.1
+    assert values["Segment"].port_value("model") == "teacher"
+    assert flight.context.policy(values["Explore"].port_value("policy")) is policy
+    assert tree.replaced[values["Explore"].path] == {"policy": f"{__name__}.Careful"}
+
+
+def test_what_was_replaced_in_a_loaded_tree_is_replayed(tmp_path: Path) -> None:
+    """The file alone would give another flight."""
+    file, record = tmp_path / "hop.xml", tmp_path / "flight.mcap"
+    file.write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence><TakeOff height_m="1.0"/>'
+        '<HoverFor seconds="0.3"/><Land/></Sequence></BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    tree = load_tree(file, overrides={"TakeOff": {"height_m": "1.9"}, "HoverFor": {"seconds": "1"}})
+    app.fly(tree, scripted(record=record))
+    assert replay(record).same
+    assert not replay(record, ReplayOptions(tree=file)).same
+
+
+@pytest.mark.parametrize(
+    ("tree", "message"),
+    [
+        (3, "expected a mission: a shipped one's name, a tree file, a MissionTree .*; got 3"),
+        (Land(), r"got <.*>: make a tree of it with MissionTree\(\.\.\.\)"),
+        ("<root", "<text>.*not well-formed"),
+        ("hoover", "no such tree file"),
+    ],
+)
+def test_what_is_no_mission_is_refused(tree: app.Mission, message: str) -> None:
+    for use in (app.check, app.assemble, app.fly):
+        with pytest.raises(InputError, match=message):
+            use(tree)
+
+
+@pytest.mark.parametrize(
+    ("policies", "message"),
+    [
+        ({"pek": "corridor"}, "tree 'Hop' has no node of name or path 'pek'; did you mean 'peek'"),
+        ({"peek": "corridor"}, r"node 'peek' \(Peek\): unknown attribute 'policy'"),
+    ],
+)
+def test_a_policy_that_does_not_fit_a_tree_object_is_refused(
+    policies: dict[str, str], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        app.fly(composed(), scripted(policies=policies))
+
+
+# --- ceilings -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        app.FlightOptions(site=app.Site(limits=app.Limits(ceiling_m=1.0))),
+        app.FlightOptions(limits=app.Limits(ceiling_m=1.0)),
+    ],
+)
+def test_a_ceiling_below_the_flight_height_is_refused_before_the_flight(
+    options: app.FlightOptions,
+) -> None:
+    message = r"/TakeOff' is to fly at 1\.5 m, above the ceiling of 1 m: lower the flight height"
+    with pytest.raises(InputError, match=message):
+        app.assemble("hover_and_look", options)
+
+
+def test_a_height_of_the_site_below_its_ceiling_is_flown() -> None:
+    site = app.Site(flight_height_m=0.9, limits=app.Limits(ceiling_m=1.0))
+    app.assemble("hover_and_look", app.FlightOptions(site=site))

@@ -1,0 +1,183 @@
+"""Options of a flight: checked when they are given, and named honestly when they are objects."""
+
+from __future__ import annotations
+
+import pydoc
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_bridge.olympe.config import AnafiConfig, OlympeConfig, SphinxConfig
+from sim_bridge.twin import TwinConfig
+from uav_bt import app
+from uav_bt.errors import FileError, InputError
+from uav_bt.mission.safety import Limits
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.testing import ScriptedDrone
+
+
+class Ahead:
+    """Goes straight on."""
+
+    def decide(self, view: PolicyView) -> Decision:
+        del view
+        return Decision(forward_m=0.3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotADrone:
+    camera: int = 3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"seed": -1}, r"seed: expected a whole number from 0, got -1"),
+        ({"seed": 1.5}, r"seed: expected a whole number from 0, got 1\.5"),
+        ({"seed": True}, r"seed: expected a whole number from 0, got True"),
+        ({"inference_threads": 0}, r"inference_threads: expected a whole number from 1, got 0"),
+        ({"image_size_px": 640}, r"image_size_px: expected width and height in pixels.*got 640"),
+        ({"image_size_px": (640, 360, 3)}, r"image_size_px: expected width and height"),
+        ({"image_size_px": (640, -360)}, r"image_size_px: expected a whole number from 1, got -3"),
+        ({"profile": 3}, r"profile: expected the name of a profile: ideal, lab or harsh, got 3"),
+        ({"scene": 3}, r"scene: expected a file, as str or Path, got 3"),
+        ({"camera": 3}, r"camera: expected a file, as str or Path, got 3"),
+        ({"record": ""}, r"record: expected a file, as str or Path, got ''"),
+        ({"site": 3}, r"site: expected a site file or a Site, as str or Path, got 3"),
+        (
+            {"record_quality": "low"},
+            r"record_quality: expected lossless or high or small, got 'low'",
+        ),
+        ({"realtime": "no"}, r"realtime: expected True or False, got 'no'"),
+        ({"judge": 600.0}, r"judge: expected a JudgeConfig, got 600\.0"),
+        ({"limits": {"ceiling_m": 2}}, r"limits: expected a Limits, got \{'ceiling_m': 2\}"),
+        ({"policies": "corridor"}, r"policies: expected policies by node, such as .*'corridor'"),
+        ({"policies": {1: "corridor"}}, r"policies: expected the name or path of a node, got 1"),
+        (
+            {"policies": {"Explore": max}},
+            r"policies\['Explore'\]: expected a policy's name, or an object with `decide`, got",
+        ),
+        (
+            {"policies": {"Explore": Ahead}},
+            r"got the class Ahead: write Ahead\(\.\.\.\)",
+        ),
+        ({"drone": ""}, r"drone: expected a drone's name, a configuration .*got ''"),
+        ({"drone": TwinConfig}, r"got the class TwinConfig: write TwinConfig\(\.\.\.\)"),
+        ({"drone": NotADrone()}, r"NotADrone lacks clock, referee, scene, .*disconnect"),
+        (
+            {"drone": TwinConfig(), "scene": "val-a"},
+            r"scene='val-a' is for a drone that is given by its name: TwinConfig is flown as it is",
+        ),
+        ({"drone": TwinConfig(), "image_size_px": (320, 180)}, r"image_size_px=\(320, 180\) is"),
+        ({"drone": ScriptedDrone(), "profile": "harsh"}, r"profile='harsh' is for"),
+    ],
+)
+def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(
+    given: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        app.FlightOptions(**given)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_are_texts_or_paths(tmp_path: Path) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text("flight_height_m: 1.1\n", encoding="utf-8")
+    by_text = app.FlightOptions(record="f.mcap", camera="c.yaml", site=str(site), scene="s.yaml")
+    by_path = app.FlightOptions(
+        record=Path("f.mcap"), camera=Path("c.yaml"), site=site, scene=Path("s.yaml")
+    )
+    assert by_text == by_path
+    assert by_text.site == app.Site(flight_height_m=1.1)
+    assert replace(by_text, seed=3).site is by_text.site
+
+
+def test_a_site_file_is_read_when_it_is_given(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"nowhere\.yaml"):
+        app.FlightOptions(site=tmp_path / "nowhere.yaml")
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    options = app.FlightOptions(seed=np.int64(7), image_size_px=[320, 180])  # type: ignore[arg-type]
+    assert (options.seed, options.image_size_px) == (7, (320, 180))
+    assert type(options.seed) is int
+
+
+def test_objects_are_called_by_their_class() -> None:
+    first, second = Ahead(), Ahead()
+    options = app.FlightOptions(
+        drone=TwinConfig(),
+        policies={"Explore": first, "Avoid": first, "Main/back": second, "Advise": "corridor"},
+    )
+    name = f"{__name__}.Ahead"
+    assert options.drone_name == "sim_bridge.twin.TwinConfig"
+    assert options.policy_names == {
+        "Explore": name,
+        "Avoid": name,
+        "Main/back": f"{name}#2",
+        "Advise": "corridor",
+    }
+    assert options.policy_objects[name] is first
+    assert options.policy_objects[f"{name}#2"] is second
+
+
+def test_options_and_sites_print_what_was_chosen() -> None:
+    assert repr(app.FlightOptions()) == "FlightOptions()"
+    options = app.FlightOptions(seed=3, site=app.Site(flight_height_m=1.2))
+    assert repr(options) == "FlightOptions(seed=3, site=Site(flight_height_m=1.2))"
+
+
+# --- drones ---------------------------------------------------------------------------------------
+
+
+def test_a_drone_is_flown_as_it_is() -> None:
+    drone = ScriptedDrone()
+    assert app.make_drone(app.FlightOptions(drone=drone)) is drone
+
+
+def test_a_configuration_makes_its_drone() -> None:
+    drone: Any = app.make_drone(app.FlightOptions(drone=TwinConfig(scene="val-b", profile="harsh")))
+    assert drone.scene.name == "val-b"
+    assert drone.profile.video_latency_s == 0.28
+
+
+def test_a_site_replaces_what_a_configuration_says_of_the_place() -> None:
+    given = AnafiConfig(speed_limit_mps=0.9, address="127.0.0.1", rtsp_port=8554)
+    site = app.Site(take_off_surface_m=0.4, http_port=8080, limits=Limits(speed_mps=0.5))
+    drone: Any = app.make_drone(app.FlightOptions(drone=given, site=site))
+    config: AnafiConfig = drone._config
+    assert (config.address, config.http_port, config.rtsp_port) == ("127.0.0.1", 8080, 8554)
+    assert (config.take_off_surface_m, config.speed_limit_mps) == (0.4, 0.5)
+    alone: Any = app.make_drone(app.FlightOptions(drone=given))
+    assert alone._config is given
+
+
+def test_the_kinds_of_one_drone_refer_to_what_they_share() -> None:
+    assert all("OlympeConfig" in str(kind.__doc__) for kind in (AnafiConfig, SphinxConfig))
+
+
+# --- help -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["FlightOptions", "JudgeConfig", "Limits", "RunnerConfig", "Site"])
+def test_help_says_what_each_field_is(name: str) -> None:
+    check_help(getattr(app, name))
+
+
+@pytest.mark.parametrize("config", [TwinConfig, OlympeConfig])
+def test_help_says_what_each_field_of_a_drone_is(config: type) -> None:
+    check_help(config)
+
+
+def check_help(documented: Any) -> None:
+    text = pydoc.render_doc(documented, renderer=pydoc.plaintext)
+    section = text.partition("Attributes:")[2]
+    for field in fields(documented):
+        assert f" {field.name}: " in section, field.name
+
+
+def test_dir_shows_what_there_is() -> None:
+    assert {"fly", "FlightOptions", "JudgeConfig", "Site"} <= set(dir(app))

@@ -1,0 +1,109 @@
+"""From what a mission is given as to the tree that flies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final, TypeGuard
+
+from uav_bt.app.options import FlightOptions, site_of
+from uav_bt.app.site import Site
+from uav_bt.board import FLIGHT_HEIGHT
+from uav_bt.errors import InputError
+from uav_bt.mission.safety import Limits
+from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
+from uav_bt.tree.shipped import resolve_tree
+
+Mission = str | Path | MissionTree
+"""A mission as it is given: a shipped one's name, a tree file, a tree, or a tree file's text.
+
+A text is a `str` whose first character, blanks aside, is `<`.
+"""
+
+_HEIGHT_PORT: Final = "height_m"  # of a leaf that sets the flight height
+
+
+def is_text(tree: Mission) -> TypeGuard[str]:
+    """Return whether a mission is given as a tree file's text."""
+    return isinstance(tree, str) and tree.lstrip().startswith("<")
+
+
+def load_mission(
+    tree: Mission,
+    options: FlightOptions,
+    registry: NodeRegistry | None = None,
+    *,
+    replaced: Mapping[str, Mapping[str, str]] | None = None,
+) -> MissionTree:
+    """Load a tree with what options and site replace in it.
+
+    Args:
+        tree: the mission.
+        options: policies by node, and the site.
+        registry: the nodes that may occur; default: all installed.
+        replaced: further attribute values that replace the tree's, by a node's name or path.
+
+    Raises:
+        TreeError: the file was refused, or a policy is unknown.
+        InputError: it is no mission, or a tree that was set up before.
+    """
+    overrides = {node: dict(given) for node, given in (replaced or {}).items()}
+    for node, policy in options.policy_names.items():
+        overrides.setdefault(node, {})["policy"] = policy
+    by_id = _site_values(site_of(options))
+    if isinstance(tree, MissionTree):
+        if tree.is_set_up:
+            raise InputError(
+                f"tree '{tree.name}' was flown or set up before, and a tree flies once: load or "
+                "compose it anew for each flight"
+            )
+        tree.replace(overrides, by_id=by_id)
+        return tree
+    registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
+    if is_text(tree):
+        return parse_tree(tree, registry, overrides=overrides, by_id=by_id)
+    if isinstance(tree, str | Path):
+        return load_tree(resolve_tree(tree), registry, overrides=overrides, by_id=by_id)
+    remedy = ": make a tree of it with MissionTree(...)" if isinstance(tree, Node) else ""
+    raise InputError(
+        "expected a mission: a shipped one's name, a tree file, a MissionTree or a tree file's "
+        f"text; got {tree!r:.80}{remedy}"
+    )
+
+
+def _site_values(site: Site | None) -> dict[str, dict[str, str]]:
+    """Return what a site replaces in a tree: attributes by node id."""
+    if site is None:
+        return {}
+    height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
+    classes = None if site.classes is None else str(site.classes)
+    wanted = {
+        "Segment": {"model": site.model, "classes": classes},
+        "TakeOff": {"height_m": height_m},
+    }
+    return {
+        node_id: {name: value for name, value in attributes.items() if value is not None}
+        for node_id, attributes in wanted.items()
+    }
+
+
+def check_ceiling(mission: MissionTree, limits: Limits) -> None:
+    """Refuse a tree that is to fly higher than it may.
+
+    Args:
+        mission: the tree; a height that is a variable is known in flight only.
+        limits: the ceiling is among them.
+
+    Raises:
+        InputError: a flight height lies above the ceiling.
+    """
+    for leaf in mission.leaves():
+        height = next((port for port in leaf.ports if port.name == _HEIGHT_PORT), None)
+        if FLIGHT_HEIGHT not in leaf.writes or height is None or leaf.reference(height):
+            continue
+        height_m = leaf.port(height)
+        if height_m > limits.ceiling_m:
+            raise InputError(
+                f"node '{leaf.path}' is to fly at {height_m:g} m, above the ceiling of "
+                f"{limits.ceiling_m:g} m: lower the flight height or raise the limit ceiling_m"
+            )

@@ -1,0 +1,24 @@
+"""Short texts of configurations: only what differs from the defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import MISSING, fields
+from typing import Any
+
+
+def brief_repr(value: Any) -> str:
+    """Return a dataclass object as code that makes it again, default values left out.
+
+    Args:
+        value: the object; `__repr__ = brief_repr` in the body of its class.
+    """
+    return f"{type(value).__qualname__}({', '.join(_given(value))})"
+
+
+def _given(value: Any) -> Iterator[str]:
+    for each in fields(value):
+        default = each.default if each.default_factory is MISSING else each.default_factory()
+        here = getattr(value, each.name)
+        if default is MISSING or here != default:
+            yield f"{each.name}={here!r}"
