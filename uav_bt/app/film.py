@@ -27,7 +27,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, CLASS_NAMES, HELIPAD_BOX
 from uav_bt.display.canvas import Colour
 from uav_bt.display.lab_map import LabMap, MapItem
-from uav_bt.display.phrases import describe_flight
+from uav_bt.display.phrases import describe_flight, lands_on_helipad
 from uav_bt.display.status import LiveStatus
 from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.depth_panes import Intruding
@@ -115,7 +115,7 @@ class VideoListeners:
         lines = [report.reason]
         if report.duration_s is not None:
             lines.append(f"{report.duration_s:.0f} s, {report.total_distance_m or 0.0:.1f} m flown")
-        if report.landing_error_m is not None:
+        if report.landing_error_m is not None and lands_on_helipad(report):
             lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
         good = report.outcome == Outcome.SUCCESS.value
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)

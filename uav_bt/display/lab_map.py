@@ -184,7 +184,7 @@ def _draw_helipad(image: Image, frame: MapFrame, pad: MapItem) -> None:
 
 
 def _label(image: Image, frame: MapFrame, item: MapItem, text: str) -> None:
-    scale = min(0.5, frame.scale_px_per_m / 220)
+    scale = min(0.5, max(0.3, frame.scale_px_per_m / 220))
     x, y = frame.to_px(item.x_m, item.y_m)
     left = round(x - text_width_px(text, scale) / 2)
     put(image, text, (left, round(y + 11 * scale)), scale=scale, colour=(255, 255, 255))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from uav_bt.mission.flight_report import FlightReport
 from uav_bt.types import (
+    PAD_SIZE_M,
     Corridor,
     CutMotors,
     HelipadFix,
@@ -40,6 +42,13 @@ def describe_flight(tree: str, *, scene: str | None, drone: str, seed: int) -> s
     """
     mission = Path(tree).stem
     return f"{mission} with {drone}" if scene is None else f"{mission} in {scene}, seed {seed}"
+
+
+def lands_on_helipad(report: FlightReport) -> bool:
+    """Return whether a flight was to land on a helipad, or did: other landings have no error."""
+    error_m = report.landing_error_m
+    on_pad = error_m is not None and error_m <= math.hypot(*PAD_SIZE_M[:2]) / 2
+    return on_pad or report.time_to_find_helipad_s is not None
 
 
 def describe_movement(movement: Movement) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
@@ -16,11 +15,10 @@ from rich.text import Text
 from uav_bt.board import ELAPSED, HELIPAD
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.phrases import describe_flight
+from uav_bt.display.phrases import describe_flight, lands_on_helipad
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import PAD_SIZE_M
 
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
@@ -144,15 +142,9 @@ def _numbers(report: FlightReport) -> Iterator[tuple[str, float | None, str, int
     yield "total distance", report.total_distance_m, "m", 2
     yield "search", report.time_to_find_helipad_s, "s until the helipad was found", 1
     yield "landing", report.time_to_land_s, "s from there", 1
-    error_m = report.landing_error_m
-    # A mission that neither searched for the helipad nor came down on it landed elsewhere.
-    if report.time_to_find_helipad_s is not None or _is_on_pad(error_m):
-        yield "landing error", error_m, "m from the helipad's centre", 3
+    if lands_on_helipad(report):
+        yield "landing error", report.landing_error_m, "m from the helipad's centre", 3
     yield "least clearance", report.min_clearance_m, "m to a box", 2
-
-
-def _is_on_pad(landing_error_m: float | None) -> bool:
-    return landing_error_m is not None and landing_error_m <= math.hypot(*PAD_SIZE_M[:2]) / 2
 
 
 def _milliseconds(times: Percentiles | None) -> str:

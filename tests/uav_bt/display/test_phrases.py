@@ -5,12 +5,14 @@ from dataclasses import replace
 
 import pytest
 
+from tests.uav_bt.display.display_world import flight_report
 from uav_bt.display.phrases import (
     describe_corridor,
     describe_fix,
     describe_flight,
     describe_free,
     describe_movement,
+    lands_on_helipad,
 )
 from uav_bt.types import (
     Corridor,
@@ -31,6 +33,18 @@ from uav_bt.types import (
 )
 def test_a_flight_is_called_by_its_mission_and_its_place(scene: str | None, words: str) -> None:
     assert describe_flight("land_only.xml", scene=scene, drone="anafi", seed=3) == words
+
+
+@pytest.mark.parametrize(
+    ("searched_s", "error_m", "on_it"),
+    [(5.6, 1.2, True), (None, 0.03, True), (None, 1.2, False), (None, None, False)],
+    ids=["beside the pad that it looked for", "down on the pad", "elsewhere", "still flying"],
+)
+def test_a_landing_is_held_against_the_helipad_where_the_mission_is_about_it(
+    searched_s: float | None, error_m: float | None, *, on_it: bool
+) -> None:
+    report = replace(flight_report(), time_to_find_helipad_s=searched_s, landing_error_m=error_m)
+    assert lands_on_helipad(report) == on_it
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,7 @@ def _in_words(values: Sequence[float]) -> str:
 
 def _number(value: float) -> str:
     digits = next((digits for end, digits in _DIGITS if value < end), 1)
-    return f"{value:.{digits}f}"
+    return f"{value:.{digits}f}" if value else "0"
 
 
 def _head(axes: Axes, title: str, lines: Sequence[tuple[str, str]]) -> None:

@@ -22,7 +22,7 @@ from uav_bt.mission.judge import Outcome
 
 _SUCCESS: Final = Outcome.SUCCESS.value
 _METRIC_NOTES: Final = {
-    "": "Each of the flights that came so far.",
+    "": "Each metric is of the flights that came so far.",
     "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command, and count "
     "where a flight lasted as long.",
     "search_distance_m": "Searching lasts from the end of exploration until the helipad is found.",
@@ -267,15 +267,23 @@ def _timings(sets: Sequence[FlightSet]) -> Table:
                 )
                 numbers = (np.median(middle), np.median(late), worst.max())
                 rounded = (round(float(number), 2) for number in numbers)
-                rows.append((one.label, stage or "whole tick", len(found), *rounded))
+                rows.append((one.label, stage or "whole tick", len(found), *rounded, None))
         speeds = [f["duration_s"] / f["wall_s"] for f in one.flights if _timed(f)]
         if speeds:
-            speed = f"{float(np.median(speeds)):.1f} times real time"
-            rows.append((one.label, "flight", len(speeds), speed, None, None))
+            speed = round(float(np.median(speeds)), 1)
+            rows.append((one.label, "flight", len(speeds), None, None, None, speed))
     return Table(
         name="timings",
         title="Computing",
-        columns=("tree", "stage", "flights", "p50, ms", "p99, ms", "longest, ms"),
+        columns=(
+            "tree",
+            "stage",
+            "flights",
+            "p50, ms",
+            "p99, ms",
+            "longest, ms",
+            "times real time",
+        ),
         rows=tuple(rows),
         note="Medians over the flights of each flight's percentiles, one inference thread; the "
         "longest of all. Other flights ran beside.",
