@@ -20,9 +20,10 @@ UavBtError                      exit code 1 unless a subclass says otherwise
 from __future__ import annotations
 
 import difflib
+import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Final
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -117,11 +118,36 @@ class BoardAccessError(MissionError):
 
 
 class NodeFailedError(MissionError):
-    """An exception in a node of the tree."""
+    """An exception in a node of the tree.
 
-    def __init__(self, node_path: str, cause: BaseException) -> None:
+    Args:
+        node_path: of the node.
+        cause: the exception.
+        author: the class that a person wrote; the message has the innermost line of its package
+            (or of its nearest base class that the exception passed through).
+    """
+
+    def __init__(self, node_path: str, cause: BaseException, author: type | None = None) -> None:
         self.node_path = node_path
-        super().__init__(f"node '{node_path}' failed: {type(cause).__name__}: {cause}")
+        line = _line_of(cause, author) if author is not None else ""
+        super().__init__(f"node '{node_path}' failed: {type(cause).__name__}: {cause}{line}")
+
+
+def _line_of(cause: BaseException, author: type) -> str:
+    """Return ` (file:line)` for the innermost line of an author's package, empty without one."""
+    frames = list(traceback.walk_tb(cause.__traceback__))
+    for base in (each for each in author.__mro__ if not each.__module__.startswith(_ENGINES)):
+        package = base.__module__.partition(".")[0]
+        for frame, line in reversed(frames):
+            module = str(frame.f_globals.get("__name__"))
+            if module.partition(".")[0] == package and not module.startswith(_ENGINES):
+                file = Path(frame.f_code.co_filename)
+                parts = module.count(".") + 1 + (file.name == "__init__.py")
+                return f" ({Path(*file.parts[-parts:])}:{line})"
+    return ""
+
+
+_ENGINES: Final = ("uav_bt.tree.", "py_trees.")  # these run leaves; no leaf of a person is there
 
 
 class DroneError(UavBtError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,9 @@ from uav_bt.errors import (
     UnknownNameError,
     did_you_mean,
 )
+from uav_bt.testing import LeafBench, TreeBench
+from uav_bt.tree import MissionTree, leaf_of
+from uav_bt.tree.nodes import ScriptNode
 
 
 def classes() -> list[type[UavBtError]]:
@@ -85,3 +89,59 @@ def test_a_failed_node_is_told_with_its_path_and_cause() -> None:
     assert str(error) == "node 'Main/seq/leaf' failed: LookupError: gone"
     assert isinstance(error, MissionError)
     assert not isinstance(error, DroneError)
+
+
+# --- where a leaf failed --------------------------------------------------------------------------
+
+
+LEAVES = """\
+import json
+from behaviours.fly.movement import MovingLeaf
+from py_trees.behaviour import Behaviour
+from uav_bt.tree import Leaf
+
+def sensor():
+    return json.loads("gone")
+class Boom(Leaf):
+    def update(self):
+        return sensor()
+class Plain(Behaviour):
+    def update(self):
+        if True:
+            raise RuntimeError("sensor gone")
+class Asks(MovingLeaf):
+    def work(self, state):
+        pass
+    def on_setup(self, mission):
+        self.port_value("absent")
+"""
+
+
+def test_a_failed_node_names_the_innermost_line_of_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither the engine that called it nor the library that it called is the author's to mend."""
+    package = tmp_path / "my_package"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "leaves.py").write_text(LEAVES, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    leaves = importlib.import_module("my_package.leaves")
+    bench = LeafBench(leaves.Boom)
+    with pytest.raises(NodeFailedError) as caught:
+        bench.tick()
+    assert str(caught.value) == (
+        "node 'Bench/Boom' failed: JSONDecodeError: Expecting value: line 1 column 1 (char 0) "
+        "(my_package/leaves.py:7)"
+    )
+    with pytest.raises(NodeFailedError, match=r"sensor gone \(my_package/leaves\.py:14\)$"):
+        LeafBench(leaf_of(leaves.Plain)).tick()
+    with pytest.raises(NodeFailedError, match=r"no port 'absent' \(my_package/leaves\.py:19\)$"):
+        LeafBench(leaves.Asks).setup()
+
+
+def test_what_fails_within_the_engine_has_no_line() -> None:
+    bench = TreeBench(MissionTree(ScriptNode("sum", code="n := 1 + absent")))
+    with pytest.raises(NodeFailedError) as caught:
+        bench.tick()
+    assert ".py" not in str(caught.value)

@@ -1,6 +1,7 @@
 """The mission board: typed keys, ages, proposals, and what a leaf is handed."""
 
 from uav_bt.board.blackboard import Blackboard, BoardView, Key, Reading
+from uav_bt.board.context import MissionContext
 from uav_bt.board.keys import (
     ADVICE,
     CAMERA,
@@ -42,5 +43,6 @@ __all__ = [
     "Blackboard",
     "BoardView",
     "Key",
+    "MissionContext",
     "Reading",
 ]

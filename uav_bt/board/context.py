@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
 from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.keys import MISSION_KEYS
+from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter
@@ -74,22 +77,42 @@ class Proposals:
 
 @dataclass(frozen=True, kw_only=True)
 class MissionContext:
-    """One mission's surroundings, handed to every leaf's `on_setup`."""
+    """One mission's surroundings, handed to every leaf's `on_setup`.
 
-    board: Blackboard
-    clock: Clock
+    Attributes:
+        clock: the mission's time; default: seconds since the context was made.
+        board: what leaves know; default: an empty one with the mission keys.
+        proposals: what the leaves of one tick ask for.
+        policy: returns a leaf policy by its registered name, or raises `UnknownNameError`.
+        seed: of everything random in leaves.
+        inference_threads: threads of the networks' inference; one in a campaign, so that results
+            do not depend on the load.
+        segmenter: replaces the network of every Segment leaf; evaluations fly on exact masks with
+            it.
+        ground: names of the classes that count as ground besides the carpet.
+        stage_times_s: time that each perception stage took, seconds by stage name.
+    """
+
+    clock: Clock = field(default_factory=WallClock)
+    board: Blackboard = None  # type: ignore[assignment]  # made below, with the clock
     proposals: Proposals = field(default_factory=Proposals)
-    # By registered name; raises UnknownNameError.
     policy: Callable[[str], LeafPolicy] = make_policy
     seed: int = 0
-    inference_threads: int = 1  # one in a campaign, so that results do not depend on the load
-    # Replaces the network of every Segment leaf; evaluations fly on exact masks with it.
+    inference_threads: int = 1
     segmenter: Segmenter | None = None
-    # Names of the classes that count as ground besides the carpet, for every Segment leaf.
     ground: tuple[str, ...] = ()
-    # Time each perception stage takes, seconds by stage name, of this mission.
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.board is None:
+            object.__setattr__(self, "board", Blackboard(self.clock, MISSION_KEYS))
 
     def rng(self, owner: str) -> np.random.Generator:
         """Return a generator that depends on the mission's seed and the owner's name only."""
         return np.random.default_rng([self.seed, *owner.encode()])
+
+
+NO_CONTEXT: Final = """\
+setup needs the mission's surroundings; in a plain py_trees tree:
+  from uav_bt.board import MissionContext
+  behaviour_tree.setup(mission=MissionContext())"""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,26 @@ class FlightReport:
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain JSON values."""
         return asdict(self)
+
+    def __str__(self) -> str:
+        """Return a line for each value that was reached."""
+        return "\n".join(f"{name}: {value}" for name, value in self._reached())
+
+    def _repr_html_(self) -> str:
+        """Return the table that a notebook shows."""
+        rows = (
+            f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>"
+            for name, value in self._reached()
+        )
+        return f"<table>{''.join(rows)}</table>"
+
+    def _reached(self) -> Iterator[tuple[str, object]]:
+        first = ("outcome", "reason")
+        rest = (each.name for each in fields(self) if each.name not in first)
+        for name in (*first, *rest):
+            value = getattr(self, name)
+            if value not in (None, {}):
+                yield name, value
 
 
 @dataclass

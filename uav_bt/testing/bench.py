@@ -7,13 +7,15 @@ from dataclasses import replace
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
-from uav_bt.errors import MissionError
+from uav_bt.errors import MissionError, ValueRangeError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import LeafPolicy, Segmenter
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
 from uav_bt.testing.drone import blank_frame, pinhole
 from uav_bt.tree import Leaf, MissionTree, Status, Variables
 from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
     DroneState,
     FlyingState,
     GimbalTo,
@@ -58,21 +60,53 @@ class BenchWorld:
 
     # --- the drone --------------------------------------------------------------------------------
 
-    def hover(self, *, height_m: float = 1.5, gimbal_pitch_rad: float = 0.0) -> None:
-        """Write what the runner writes before each tick, for a drone that hovers and sees black.
+    def hover(
+        self,
+        *,
+        height_m: float = 1.5,
+        gimbal_pitch_rad: float = 0.0,
+        attitude: Attitude | None = None,
+        forward_mps: float = 0.0,
+        right_mps: float = 0.0,
+        down_mps: float = 0.0,
+        battery_share: float = 1.0,
+        link_share: float = 1.0,
+        pilot_has_control: bool = False,
+    ) -> None:
+        """Write what the runner writes before each tick, for a drone in the air that sees black.
 
         Args:
             height_m: above ground and take-off point.
             gimbal_pitch_rad: 0 level, negative down.
+            attitude: of the body; default: level, heading 0.
+            forward_mps: velocity along the heading; a drone with a velocity is FLYING.
+            right_mps: velocity to the right of the heading.
+            down_mps: velocity downwards.
+            battery_share: charge, 0 to 1.
+            link_share: quality of the radio link, 0 to 1.
+            pilot_has_control: whether a person has taken over.
+
+        Raises:
+            ValueRangeError: a share lies outside 0 to 1.
         """
+        for name, share in (("battery_share", battery_share), ("link_share", link_share)):
+            if not 0.0 <= share <= 1.0:
+                raise ValueRangeError(f"{name} must be 0 to 1, got {share}")
+        velocity = BodyVelocity(forward_mps=forward_mps, right_mps=right_mps, down_mps=down_mps)
+        still = velocity == BodyVelocity()
         self.observe(
             DroneState(
                 captured_s=self.clock.now(),
-                flying=FlyingState.HOVERING,
+                flying=FlyingState.HOVERING if still else FlyingState.FLYING,
+                attitude=attitude or Attitude(),
+                velocity=velocity,
                 altitude_m=height_m,
                 height_m=height_m,
                 height_above_carpet_m=height_m,
                 gimbal_pitch_rad=gimbal_pitch_rad,
+                battery=battery_share,
+                link=link_share,
+                pilot_has_control=pilot_has_control,
             )
         )
 

@@ -67,6 +67,11 @@ class ForeignLeaf(Leaf):
             ) from error
         self._active = False  # ticked, and not at its end
 
+    @property
+    def author(self) -> type:
+        """The behaviour's class."""
+        return self.behaviour_class
+
     def on_setup(self, mission: MissionContext) -> None:
         """Set the behaviour up."""
         del mission

@@ -83,7 +83,10 @@ class MissionTree:
             hook(self)
 
     def __repr__(self) -> str:
-        return f"<MissionTree '{self.name}': {sum(1 for _ in self.nodes())} nodes, {self.origin}>"
+        count, origin = sum(1 for _ in self.nodes()), self.origin
+        if self.sources and self.path.is_file():
+            origin = str(self.path)
+        return f"<MissionTree '{self.name}': {count} nodes, {origin}>"
 
     def _repr_svg_(self) -> str:
         """Return the drawing that a notebook shows."""

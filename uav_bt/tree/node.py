@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from py_trees import common
 
-from uav_bt.board.context import MissionContext
+from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
@@ -130,7 +130,7 @@ class Node(Surroundings, Behaviour):
             MissionError: no mission was given.
         """
         if mission is None:
-            raise MissionError(f"node '{self.path}': setup needs mission=MissionContext(...)")
+            raise MissionError(f"node '{self.path}': {NO_CONTEXT}")
         self._mission = mission
         self._keys = {}
         self._environment = None
@@ -139,7 +139,7 @@ class Node(Surroundings, Behaviour):
         except InputError:
             raise
         except Exception as error:
-            raise NodeFailedError(self.path, error) from error
+            raise NodeFailedError(self.path, error, self.author) from error
 
     def _setup(self) -> None:
         """Get ready for the first tick; for subclasses."""
@@ -160,7 +160,7 @@ class Node(Surroundings, Behaviour):
         except NodeFailedError:
             raise
         except Exception as error:
-            raise NodeFailedError(self.path, error) from error
+            raise NodeFailedError(self.path, error, self.author) from error
         if status is not SKIPPED:
             self.node_status = status
         return status
@@ -180,7 +180,7 @@ class Node(Surroundings, Behaviour):
             if observer is not None and (failure is None or failure.node_path == self.path):
                 observer(self, NodeEvent.RAISED)
             if failure is None:
-                raise NodeFailedError(self.path, error) from error
+                raise NodeFailedError(self.path, error, self.author) from error
             raise
         if status is not self.node_status and status is not SKIPPED:
             self.node_status = status
@@ -236,7 +236,7 @@ class Node(Surroundings, Behaviour):
         except NodeFailedError:
             raise
         except Exception as error:
-            raise NodeFailedError(self.path, error) from error
+            raise NodeFailedError(self.path, error, self.author) from error
         finally:
             if observer is not None:
                 observer(self, NodeEvent.HALTED)

@@ -62,6 +62,11 @@ class Surroundings:
         return self._mission
 
     @property
+    def author(self) -> type:
+        """The class whose code runs when the node does; errors name its file and line."""
+        return type(self)
+
+    @property
     def clock(self) -> Clock:
         """The mission's clock."""
         return self.mission.clock

@@ -15,7 +15,7 @@ from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.board import STATE
-from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.errors import FileError, InputError, NodeFailedError, TreeError
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.record.reader import RecordReader
@@ -134,6 +134,19 @@ def test_a_replay_without_the_objects_says_what_it_lacks(
         replay(flown[2], ReplayOptions(registry=NODES))
     with pytest.raises(TreeError, match="unknown node 'Peek'"):
         replay(flown[2], ReplayOptions(policies={"Explore": Careful()}))
+
+
+def test_a_leaf_that_raises_is_named_with_its_line_in_the_report(tmp_path: Path) -> None:
+    class Boom(Leaf):
+        def update(self) -> Status:
+            raise RuntimeError("sensor gone")
+
+    report = tmp_path / "report.json"
+    line = Boom.update.__code__.co_firstlineno + 1
+    where = rf"tests/uav_bt/app/test_flight_of_objects\.py:{line}"
+    with pytest.raises(NodeFailedError, match=rf"RuntimeError: sensor gone \({where}\)$") as caught:
+        app.fly(MissionTree(Boom()), scripted(), report=report)
+    assert json.loads(report.read_text(encoding="utf-8"))["reason"] == str(caught.value)
 
 
 # --- trees ----------------------------------------------------------------------------------------

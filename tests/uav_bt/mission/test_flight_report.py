@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -147,6 +149,19 @@ def test_what_it_was_told_is_what_it_says() -> None:
     assert (report.scene, report.seed, report.tree) == ("test-a", 7, "mission.xml")
     assert (report.drone, report.profile) == ("twin", "lab")
     assert report.policies == {"Mission/Explore": "segmentation"}
+
+
+def test_a_prompt_and_a_notebook_show_what_was_reached() -> None:
+    tale = Tale()
+    tale.take_off()
+    report = tale.report(Verdict(outcome=Outcome.TIMEOUT, reason="<1 s"))
+    lines = str(report).splitlines()
+    assert lines[:2] == ["outcome: timeout", "reason: <1 s"]
+    assert "seed: 7" in lines
+    assert not any(line.startswith("time_to_land_s") for line in lines)
+    rows = re.findall("<tr><th>(.*?)</th><td>(.*?)</td></tr>", report._repr_html_())
+    assert [": ".join(map(html.unescape, row)) for row in rows] == lines
+    assert "<td>&lt;1 s</td>" in report._repr_html_()
 
 
 def test_what_was_not_reached_is_none() -> None:

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from uav_bt.board import CLASS_MAP, ELAPSED, FRAME, HEIGHT, STATE
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import BoardAccessError, InputError, MissionError, NodeFailedError
+from uav_bt.errors import (
+    BoardAccessError,
+    InputError,
+    MissionError,
+    NodeFailedError,
+    ValueRangeError,
+)
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Leaf, Port, Status
-from uav_bt.types import GimbalTo, MoveBy, MovementState
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    FlyingState,
+    GimbalTo,
+    MoveBy,
+    MovementState,
+)
 
 
 class Advance:
@@ -89,6 +105,37 @@ def test_hover_writes_what_the_runner_writes() -> None:
     assert (frame.height_above_carpet_m, frame.gimbal_pitch_rad) == (1.2, -0.3)
     bench.hover()
     assert bench.board[FRAME].index == frame.index + 1
+
+
+def test_hover_takes_what_a_leaf_may_ask_the_telemetry() -> None:
+    bench = bench_of()
+    bench.hover()
+    assert bench.board[STATE].flying is FlyingState.HOVERING
+    attitude = Attitude(yaw_rad=0.4)
+    bench.hover(
+        attitude=attitude,
+        forward_mps=0.5,
+        right_mps=-0.1,
+        down_mps=0.2,
+        battery_share=0.12,
+        link_share=0.3,
+        pilot_has_control=True,
+    )
+    state = bench.board[STATE]
+    assert state.flying is FlyingState.FLYING
+    assert state.velocity == BodyVelocity(forward_mps=0.5, right_mps=-0.1, down_mps=0.2)
+    assert (state.battery, state.link, state.pilot_has_control) == (0.12, 0.3, True)
+    assert state.attitude == bench.board[FRAME].attitude == attitude
+    with pytest.raises(ValueRangeError, match="battery_share must be 0 to 1, got 80"):
+        bench.hover(battery_share=80)
+
+
+def test_dir_shows_the_kit_before_it_is_imported() -> None:
+    code = "import uav_bt.testing; print(*dir(uav_bt.testing))"
+    shown = subprocess.run(  # noqa: S603  (this very interpreter)
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert {"LeafBench", "TreeBench", "ScriptedDrone", "load_tree"} <= set(shown.stdout.split())
 
 
 def test_missing_is_not_stale() -> None:

@@ -8,6 +8,7 @@ from py_trees.common import Status
 
 from tests.conformance import Scripted
 from tests.uav_bt.tree.tree_world import World, leaf
+from uav_bt.board import MissionContext
 from uav_bt.errors import MissionError
 from uav_bt.tree import MissionTree
 
@@ -46,8 +47,23 @@ def test_manager_sets_up_and_interrupts(world: World) -> None:
     manager.tick()
     manager.root.stop(Status.INVALID)
     assert world.events() == ["start a", "halt a"]
-    with pytest.raises(MissionError, match="needs mission="):
-        manager.setup()
+
+
+def test_a_plain_tree_is_set_up_with_two_lines_that_its_error_says() -> None:
+    """The error is followed to the letter."""
+    leaf_there = Scripted("a", script="RS")
+    behaviour_tree = py_trees.trees.BehaviourTree(
+        py_trees.decorators.Inverter("not", child=leaf_there)
+    )
+    with pytest.raises(MissionError, match="node 'a': setup needs") as caught:
+        behaviour_tree.setup()
+    first, second = (line.strip() for line in str(caught.value).splitlines()[1:])
+    assert first == "from uav_bt.board import MissionContext"
+    assert second == "behaviour_tree.setup(mission=MissionContext())"
+    behaviour_tree.setup(mission=MissionContext())
+    behaviour_tree.tick()
+    behaviour_tree.tick()
+    assert behaviour_tree.root.status is Status.FAILURE
 
 
 def test_renderers_draw(world: World) -> None:

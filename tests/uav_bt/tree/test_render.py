@@ -187,3 +187,12 @@ def test_every_text_lies_inside_the_picture() -> None:
         assert float(rect.get("x")) >= 0.0
         assert float(rect.get("x")) + float(rect.get("width")) <= width - 30.0
         assert float(rect.get("y")) + float(rect.get("height")) <= height - 30.0
+
+
+def test_a_notebook_shows_the_drawing_and_a_prompt_says_what_it_is() -> None:
+    tree = load_tree(TREES / "land_only.xml")
+    assert tree._repr_svg_() == render(tree, "svg")
+    count = sum(1 for _ in tree.nodes())
+    assert repr(tree) == f"<MissionTree '{tree.name}': {count} nodes, {TREES / 'land_only.xml'}>"
+    composed = MissionTree(Sequence("s", [AlwaysSuccess()]), name="Hop")
+    assert repr(composed) == "<MissionTree 'Hop': 2 nodes, Hop (composed in Python)>"
