@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 SKYCONTROLLER_HOST: Final = "192.168.53.1"
 
 DISCOVERY_PORT: Final = 44445
+RTSP_PORT: Final = 554
+GRAVITY_MPS2: Final = 9.81
 _POSITIVE: Final = (
     *("speed_limit_mps", "climb_limit_mps", "yaw_rate_limit_radps"),
     *("altitude_limit_m", "tilt_limit_rad"),
@@ -34,6 +36,7 @@ class OlympeConfig:
         image_size_px: width and height that frames are resized to; the drone sends 720p.
         probe_limit_s: how long the drone is waited for at its discovery port; one in reach answers
             within milliseconds.
+        behind_limit_s: how long a remote control may take to say that it has its drone.
         connect_limit_s: how long a connection may take; two or three seconds are usual, and the
             SDK alone would wait for 45.
         close_limit_s: how long the SDK may take to disconnect.
@@ -45,6 +48,8 @@ class OlympeConfig:
         yaw_rate_limit_radps: limit of the turning rate.
         altitude_limit_m: the drone's own ceiling, above the take-off point.
         tilt_limit_rad: tilt at full stick; 10 degrees are plenty for 1 m/s.
+        return_home: whether the drone returns by itself during a flight; None: as it is set.
+        remote_control: whether a remote control answers at the address, as SkyController 3 does.
         take_off_surface_m: height above the carpet of what it takes off from.
         video_latency_s: least time from exposure to arrival of a frame.
         order_repeat_s: time until a take-off or landing without effect is ordered again.
@@ -68,9 +73,10 @@ class OlympeConfig:
 
     address: str | None = None
     http_port: int = 80
-    rtsp_port: int = 554
+    rtsp_port: int = RTSP_PORT
     image_size_px: tuple[int, int] = (640, 360)
     probe_limit_s: float = 2.0
+    behind_limit_s: float = 5.0
     connect_limit_s: float = 10.0
     close_limit_s: float = 5.0
     command_limit_s: float = 3.0
@@ -81,6 +87,8 @@ class OlympeConfig:
     yaw_rate_limit_radps: float = 1.6
     altitude_limit_m: float = 3.0
     tilt_limit_rad: float = math.radians(10.0)
+    return_home: bool | None = None
+    remote_control: bool = False
     take_off_surface_m: float = 0.0
     video_latency_s: float = 0.15
     order_repeat_s: float = 1.0
@@ -125,7 +133,16 @@ class OlympeConfig:
     @property
     def through_skycontroller(self) -> bool:
         """Whether the remote control stands between this machine and the drone."""
-        return self.host == SKYCONTROLLER_HOST
+        return self.remote_control or self.host == SKYCONTROLLER_HOST
+
+    @property
+    def gentle_tilt_rad(self) -> float:
+        """The tilt that flies no faster than the speed limit, 1 degree at least.
+
+        Firmware that takes no speed with a movement flies it with the greatest tilt that is set.
+        """
+        steady_rad = math.atan(self.drag_per_s * self.speed_limit_mps / GRAVITY_MPS2)
+        return min(self.tilt_limit_rad, max(math.radians(1.0), steady_rad))
 
     @property
     def where(self) -> str:

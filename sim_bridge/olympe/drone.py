@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-import queue
-import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from sim_bridge.anafi import anafi_camera
+from sim_bridge.olympe.commands import CommandQueue, Job, Kind
 from sim_bridge.olympe.config import OlympeConfig
-from sim_bridge.olympe.link import OlympeLink, probe
+from sim_bridge.olympe.link import OlympeLink
+from sim_bridge.olympe.moves import MoveLedger
+from sim_bridge.olympe.probe import probe
 from sim_bridge.olympe.sdk import Sdk, load_sdk
 from sim_bridge.olympe.speed import SpeedHolder
-from sim_bridge.olympe.telemetry import STANDING_M, MoveLedger, Telemetry
+from sim_bridge.olympe.telemetry import STANDING_M, Telemetry
 from sim_bridge.olympe.video import FrameClock, NewestFrame
 from uav_bt.errors import DroneError
 from uav_bt.types import (
@@ -38,43 +39,6 @@ _UP: Final = frozenset(set(FlyingState) - {FlyingState.LANDED, FlyingState.LANDI
 _DOWN: Final = frozenset({FlyingState.LANDED, FlyingState.LANDING, FlyingState.EMERGENCY})
 
 
-Job = Callable[[], object]
-
-
-class CommandQueue:
-    """Runs commands in order on a thread of its own: some calls of the SDK block."""
-
-    def __init__(self) -> None:
-        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
-        self._fault: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name="olympe commands", daemon=True)
-        self._thread.start()
-
-    def submit(self, job: Job) -> None:
-        """Queue a command.
-
-        Raises:
-            Exception: whatever an earlier command raised, once; this one is queued all the same,
-                since it may be the landing.
-        """
-        self._jobs.put(job)
-        fault, self._fault = self._fault, None
-        if fault is not None:
-            raise fault
-
-    def close(self, limit_s: float) -> None:
-        """Take no more commands; return when those queued are done, or after a time, s."""
-        self._jobs.put(None)
-        self._thread.join(limit_s)
-
-    def _run(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            try:
-                job()
-            except Exception as error:  # noqa: BLE001  # raised by the next `submit`
-                self._fault = error
-
-
 @dataclass(kw_only=True)
 class _Flight:
     """What exists while connected."""
@@ -84,7 +48,8 @@ class _Flight:
     frames: NewestFrame
     commands: CommandQueue
     speed: SpeedHolder
-    last_order: tuple[Movement, float] | None = None  # take-off or landing, and when
+    ordered_s: dict[str, float] = field(default_factory=dict)  # when what had no effect yet
+    prepared: bool = False  # the drone's limits are set
     pitch_rad: float | None = None  # the gimbal's last target
 
 
@@ -94,7 +59,7 @@ class OlympeDrone:
     Args:
         config: address, limits and time-outs.
         sdk: loads Parrot's SDK; tests give a scripted one.
-        probe_first: raises if there is no drone at the address.
+        probe_first: raises if there is no drone at the address; whether it is a remote control.
         clock: the live clock.
         commands: makes the queue of the commands.
     """
@@ -104,7 +69,7 @@ class OlympeDrone:
         config: OlympeConfig,
         *,
         sdk: Callable[[], Sdk] = load_sdk,
-        probe_first: Callable[[OlympeConfig], None] = probe,
+        probe_first: Callable[[OlympeConfig], bool] = probe,
         clock: FrameClock | None = None,
         commands: Callable[[], CommandQueue] = CommandQueue,
     ) -> None:
@@ -122,7 +87,7 @@ class OlympeDrone:
         self._flight: _Flight | None = None
 
     def connect(self) -> None:
-        """Connect, set the limits, and start the video; takes seconds, also where it fails.
+        """Connect and start the video, which takes seconds; nothing about the drone changes.
 
         Raises:
             MissingDependencyError: Parrot's SDK is not installed.
@@ -132,9 +97,13 @@ class OlympeDrone:
         if self._flight is not None:
             return
         config, clock = self._config, self.clock
-        sdk = self._sdk()
-        self._probe(config)
-        telemetry = Telemetry(clock.now, take_off_surface_m=config.take_off_surface_m)
+        config = replace(config, remote_control=self._probe(config))
+        sdk = self._sdk()  # takes seconds to import
+        telemetry = Telemetry(
+            clock.now,
+            take_off_surface_m=config.take_off_surface_m,
+            return_home=config.return_home,
+        )
         frames = NewestFrame(
             config.image_size_px,
             clock.now,
@@ -163,7 +132,7 @@ class OlympeDrone:
         """
         flight = self._connected()
         self.clock.frame_seen()
-        state = flight.telemetry.state()
+        state = replace(flight.telemetry.state(), connected=flight.link.connected)
         above_carpet_m = self._config.take_off_surface_m + STANDING_M
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
 
@@ -194,59 +163,106 @@ class OlympeDrone:
         known = flight.pitch_rad
         if known is None or abs(known - pitch_rad) > _SAME_PITCH_RAD:
             flight.pitch_rad = pitch_rad
-            flight.commands.submit(lambda: flight.link.point(pitch_rad))
+            flight.commands.submit(Kind.GIMBAL, lambda: flight.link.point(pitch_rad))
 
     def _move(self, flight: _Flight, movement: Movement) -> None:
         link, submit = flight.link, flight.commands.submit
+        if isinstance(movement, CutMotors):
+            submit(Kind.END, link.cut_motors)
+            return
+        if isinstance(movement, Land):
+            flight.speed.reset()
+            # First of all: what follows may fail.
+            self._repeat(flight, Kind.END, "land", link.land, done=_is_in(flight, _DOWN))
+            submit(Kind.STICKS, link.let_go)
+            self._take_sticks(flight)
+            return
+        if isinstance(movement, Release):
+            flight.speed.reset()
+            self._stop_moving(flight)
+            submit(Kind.STICKS, link.let_go)
+            self._lend_sticks(flight)
+            return
+        self._take_sticks(flight)
         if isinstance(movement, Velocity):
-            state = flight.telemetry.state()
-            if state.flying in {FlyingState.HOVERING, FlyingState.FLYING}:
-                self._stop_moving(flight)
-                sticks = flight.speed.sticks(movement, state.velocity, self.clock.now())
-                submit(lambda: link.steer(sticks))
+            self._steer(flight, movement)
             return
         flight.speed.reset()
         if isinstance(movement, MoveBy):
             self._start(flight, movement)
         elif isinstance(movement, TakeOff):
-            self._repeat(flight, movement, link.take_off, until=_UP)
-        elif isinstance(movement, Land):
-            submit(link.let_go)
-            self._repeat(flight, movement, link.land, until=_DOWN)
-        elif isinstance(movement, CutMotors):
-            submit(link.cut_motors)
-        elif isinstance(movement, Release):
-            self._stop_moving(flight)
-            submit(link.let_go)
+            self._prepare(flight)
+            self._repeat(flight, Kind.MOVE, "take off", link.take_off, done=_is_in(flight, _UP))
         else:
             self._stop_moving(flight)
-            submit(link.centre)
+            submit(Kind.STICKS, link.centre)
+
+    def _steer(self, flight: _Flight, order: Velocity) -> None:
+        state = flight.telemetry.state()
+        if state.flying not in {FlyingState.HOVERING, FlyingState.FLYING}:
+            return
+        self._prepare(flight)
+        self._stop_moving(flight)
+        sticks = flight.speed.sticks(order, state.velocity, self.clock.now())
+        flight.commands.submit(Kind.STICKS, lambda: flight.link.steer(sticks))
 
     def _start(self, flight: _Flight, move: MoveBy) -> None:
+        self._prepare(flight)
+        at_speed = flight.telemetry.has_extended_moves
+
         def begin(moves: MoveLedger) -> None:
             if not moves.is_latest(move):
                 moves.sent(move)
-                flight.commands.submit(lambda: flight.link.move(move))
+                flight.commands.submit(Kind.MOVE, lambda: flight.link.move(move, at_speed=at_speed))
 
         flight.telemetry.with_moves(begin)
 
     def _stop_moving(self, flight: _Flight) -> None:
         if flight.telemetry.moving:
             flight.telemetry.with_moves(MoveLedger.halted)
-            flight.commands.submit(flight.link.halt)
+            flight.commands.submit(Kind.MOVE, flight.link.halt)
 
-    def _repeat(
-        self, flight: _Flight, movement: Movement, order: Job, *, until: frozenset[FlyingState]
-    ) -> None:
-        now_s = self.clock.now()
-        if flight.telemetry.state().flying in until:
+    def _prepare(self, flight: _Flight) -> None:
+        """Set the drone's limits, before its first movement."""
+        if flight.prepared:
             return
-        last = flight.last_order
-        if last is None or last[0] != movement or now_s - last[1] > self._config.order_repeat_s:
-            flight.last_order = movement, now_s
-            flight.commands.submit(order)
+        flight.prepared = True
+        config = self._config
+        # Without speeds of its own a movement takes the greatest tilt.
+        extended = flight.telemetry.has_extended_moves
+        tilt_rad = config.tilt_limit_rad if extended else config.gentle_tilt_rad
+        flight.speed.tilt_limit_rad = tilt_rad
+        flight.commands.submit(Kind.LIMITS, lambda: flight.link.prepare(tilt_rad=tilt_rad))
+
+    def _lend_sticks(self, flight: _Flight) -> None:
+        """Let the pilot fly, where we have the sticks of a remote control."""
+        telemetry = flight.telemetry
+        if telemetry.has_sticks and not telemetry.lent:
+            telemetry.lend()
+            flight.commands.submit(Kind.CONTROL, flight.link.give_sticks)
+
+    def _take_sticks(self, flight: _Flight) -> None:
+        """Take back what was lent; what the pilot took is the pilot's."""
+        telemetry = flight.telemetry
+        if telemetry.shares_sticks:
+            self._repeat(
+                flight, Kind.CONTROL, "sticks", flight.link.take_sticks, done=not telemetry.lent
+            )
+
+    def _repeat(self, flight: _Flight, kind: Kind, what: str, order: Job, *, done: bool) -> None:
+        """Send what is repeated until it has effect."""
+        now_s = self.clock.now()
+        if done:
+            flight.ordered_s.pop(what, None)
+        elif now_s - flight.ordered_s.get(what, -math.inf) > self._config.order_repeat_s:
+            flight.ordered_s[what] = now_s
+            flight.commands.submit(kind, order)
 
     def _connected(self) -> _Flight:
         if self._flight is None:
             raise DroneError(f"{self._config.where} is not connected: call connect() first")
         return self._flight
+
+
+def _is_in(flight: _Flight, states: frozenset[FlyingState]) -> bool:
+    return flight.telemetry.state().flying in states

@@ -4,52 +4,21 @@ from __future__ import annotations
 
 import logging
 import math
-import socket
 import threading
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-import numpy as np
-
-from sim_bridge.olympe.config import SKYCONTROLLER_HOST, OlympeConfig
+from sim_bridge.olympe import settings
+from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.sdk import Sdk
+from sim_bridge.olympe.settings import BorrowedSettings
 from sim_bridge.olympe.speed import Sticks
-from sim_bridge.olympe.video import DecodedFrame, frame_metadata
+from sim_bridge.olympe.video import DecodedFrame, decode_frame
 from uav_bt.errors import DroneError
 from uav_bt.types import MoveBy
 
 _LOG: Final = logging.getLogger(__name__)
-
-_HINTS: Final = {
-    "anafi": (
-        "switch the drone on, join its Wi-Fi (or plug the SkyController in and use "
-        f"anafi:{SKYCONTROLLER_HOST}), and try again"
-    ),
-    "sphinx": "start Sphinx and its drone, and try again",
-}
-
-
-def probe(config: OlympeConfig) -> None:
-    """Check that a drone listens at the address; the SDK alone would wait for 45 s.
-
-    Raises:
-        DroneError: none does, within the time that the configuration gives.
-    """
-    try:
-        socket.create_connection(
-            (config.host, config.discovery_port), timeout=config.probe_limit_s
-        ).close()
-    except TimeoutError as error:
-        raise DroneError(
-            f"no answer from {config.where} within {config.probe_limit_s:.0f} s: "
-            f"{_HINTS[config.kind]}"
-        ) from error
-    except socket.gaierror as error:
-        raise DroneError(f"the host '{config.host}' is unknown: check its spelling") from error
-    except OSError as error:
-        raise DroneError(
-            f"cannot reach {config.where} ({error.strerror or error}): {_HINTS[config.kind]}"
-        ) from error
 
 
 class OlympeLink:
@@ -76,22 +45,31 @@ class OlympeLink:
         self._on_frame = on_frame
         self._drone: Any = None
         self._steering = False
+        self._settings = BorrowedSettings(self._send, config.setting_limit_s)
+        # A remote control's connection to its drone; without one there is nothing to wait for.
+        self._drone_there = threading.Event()
+        if not config.through_skycontroller:
+            self._drone_there.set()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the drone can be reached, as far as SDK and remote control know."""
+        return self._drone is not None and self._drone.connected and self._drone_there.is_set()
 
     def open(self) -> None:
-        """Connect, set the drone up, and ask for the video.
+        """Connect and ask for the video; nothing about the drone changes.
 
         Raises:
             DroneError: the drone answers the port but not the SDK, or refuses the video.
         """
         drone = self._drone = self._sdk.drone(self._config)
         drone.subscribe(self._take_event, None)
-        if not self._connected_in_time(drone):
+        self._connect(drone)
+        if not self._drone_there.wait(self._config.behind_limit_s):
             raise DroneError(
-                f"{self._config.where} accepts a connection, but is not ready for commands after "
-                f"{self._config.connect_limit_s:.0f} s: restart it, and see that no other program "
-                "(a FreeFlight, another uav-bt) is connected"
+                f"the remote control at {self._config.host} is there, but no drone is connected to "
+                "it: switch the drone on, and wait until the remote control shows that it has it"
             )
-        self._set_up()
         if not self._sdk.play(drone.streaming, self._config, self._take_frame):
             raise DroneError(
                 f"{self._config.where} gives no video (RTSP port {self._config.rtsp_port}) within "
@@ -100,17 +78,44 @@ class OlympeLink:
             )
 
     def close(self) -> None:
-        """Disconnect; safe to call twice."""
-        drone, self._drone = self._drone, None
-        if drone is None:
+        """Put the drone's settings back and disconnect; safe to call twice."""
+        if self._drone is None:
             return
-        if self._steering:
-            drone.stop_piloting()
+        if self.connected:
+            self._leave()
+        drone, self._drone = self._drone, None
         # The SDK waits for half a minute for drones that are gone, and 7.7.5 for ten seconds for
         # itself when it is done; the caller need not.
         done = threading.Event()
         threading.Thread(target=_disconnect, args=(drone, done), daemon=True).start()
         done.wait(self._config.close_limit_s)
+
+    def prepare(self, *, tilt_rad: float) -> None:
+        """Set the limits of a flight; `close` puts back what was set before.
+
+        Args:
+            tilt_rad: the greatest tilt.
+        """
+        config = self._config
+        wanted: dict[settings.Setting, float | str] = {
+            settings.TILT: math.degrees(tilt_rad),
+            settings.ALTITUDE: config.altitude_limit_m,
+            settings.CLIMB: config.climb_limit_mps,
+            settings.ROTATION: math.degrees(config.yaw_rate_limit_radps),
+            # A turn that rolls the drone would move it sideways in a lab.
+            settings.BANKED_TURN: 0,
+        }
+        if config.return_home is not None:
+            wanted[settings.RETURN_HOME] = "on" if config.return_home else "off"
+        self._settings.change(wanted)
+
+    def take_sticks(self) -> None:
+        """Make a remote control pass our commands on in place of its sticks."""
+        self._send("skyctrl.CoPiloting.setPilotingSource", source="Controller")
+
+    def give_sticks(self) -> None:
+        """Make a remote control's sticks fly the drone again."""
+        self._send("skyctrl.CoPiloting.setPilotingSource", source="SkyController")
 
     def take_off(self) -> None:
         """Start the motors and climb."""
@@ -119,20 +124,38 @@ class OlympeLink:
     def land(self) -> None:
         """Descend and stop the motors."""
         self._send("ardrone3.Piloting.Landing")
+        self.let_go()  # after the landing was sent: it may fail
 
     def cut_motors(self) -> None:
         """Stop the motors in flight."""
         self._send("ardrone3.Piloting.Emergency")
 
-    def move(self, move: MoveBy) -> None:
-        """Start a relative movement; it ends the one before."""
+    def move(self, move: MoveBy, *, at_speed: bool) -> None:
+        """Start a relative movement; it ends the one before.
+
+        Args:
+            move: the movement.
+            at_speed: keep within the configuration's speeds, which older firmware cannot.
+        """
         self.let_go()
+        if not at_speed:
+            self._send(
+                "ardrone3.Piloting.moveBy",
+                dX=move.forward_m,
+                dY=move.right_m,
+                dZ=move.down_m,
+                dPsi=move.yaw_rad,
+            )
+            return
         self._send(
-            "ardrone3.Piloting.moveBy",
-            dX=move.forward_m,
-            dY=move.right_m,
-            dZ=move.down_m,
-            dPsi=move.yaw_rad,
+            "move.extended_move_by",
+            d_x=move.forward_m,
+            d_y=move.right_m,
+            d_z=move.down_m,
+            d_psi=move.yaw_rad,
+            max_horizontal_speed=self._config.speed_limit_mps,
+            max_vertical_speed=self._config.climb_limit_mps,
+            max_yaw_rotation_speed=math.degrees(self._config.yaw_rate_limit_radps),
         )
 
     def halt(self) -> None:
@@ -175,35 +198,44 @@ class OlympeLink:
             roll=0.0,
         )
 
-    def _connected_in_time(self, drone: Any) -> bool:
+    def _connect(self, drone: Any) -> None:
+        """Connect.
+
+        Raises:
+            DroneError: the drone refuses, or does not get ready in time.
+        """
         answers: list[bool] = []
 
         def connect() -> None:
             answers.append(bool(drone.connect()))
 
+        limit_s, where = self._config.connect_limit_s, self._config.where
+        start_s = time.monotonic()
         connecting = threading.Thread(target=connect, daemon=True)
         connecting.start()
-        connecting.join(self._config.connect_limit_s)
-        return bool(answers) and answers[0]
+        connecting.join(limit_s)
+        if not answers:
+            raise DroneError(
+                f"{where} accepts a connection, but is not ready for commands after "
+                f"{limit_s:.0f} s: restart it, and see that no other program (a FreeFlight, "
+                "another uav-bt) is connected"
+            )
+        if not answers[0]:
+            raise DroneError(
+                f"{where} refused the connection after {time.monotonic() - start_s:.1f} s: see "
+                "that no other program (a FreeFlight, another uav-bt) is connected; if none is, "
+                "restart it"
+            )
 
-    def _set_up(self) -> None:
-        config = self._config
-        if config.through_skycontroller:
-            # The SkyController then passes these commands on instead of its sticks.
-            self._send("skyctrl.CoPiloting.setPilotingSource", source="Controller")
-        limits = {
-            "ardrone3.PilotingSettings.MaxTilt": math.degrees(config.tilt_limit_rad),
-            "ardrone3.PilotingSettings.MaxAltitude": config.altitude_limit_m,
-            "ardrone3.SpeedSettings.MaxVerticalSpeed": config.climb_limit_mps,
-            "ardrone3.SpeedSettings.MaxRotationSpeed": math.degrees(config.yaw_rate_limit_radps),
-        }
-        asked = {name: self._send(name, current=limit) for name, limit in limits.items()}
-        # A turn that rolls the drone would move it sideways in a lab; not all firmware knows it.
-        self._send("ardrone3.PilotingSettings.BankedTurn", value=0)
-        for name, answer in asked.items():
-            answer.wait(_timeout=self._config.setting_limit_s)
-            if not answer.success():
-                _LOG.warning("the drone does not confirm %s = %s", name, limits[name])
+    def _leave(self) -> None:
+        """Let go of sticks and settings; what the SDK does not do any more is logged."""
+        try:
+            self.let_go()
+            self._settings.restore()
+            if self._config.through_skycontroller:
+                self.give_sticks()
+        except Exception as error:  # noqa: BLE001  # the connection is closed in any case
+            _LOG.warning("not all of the drone's settings could be put back: %s", error)
 
     def _send(self, name: str, **args: Any) -> Any:
         return self._present()(self._sdk.message(name)(**args))
@@ -219,14 +251,22 @@ class OlympeLink:
         kind = getattr(getattr(message, "message_type", None), "name", "")
         # Commands come by here as well; they carry nothing about the drone.
         if message is not None and kind == "EVT" and isinstance(args, Mapping):
-            self._on_event(
-                message.fullName, {key: getattr(arg, "name", arg) for key, arg in args.items()}
-            )
+            named = {key: getattr(arg, "name", arg) for key, arg in args.items()}
+            self._note(message.fullName, named)
+            self._on_event(message.fullName, named)
+
+    def _note(self, name: str, args: Mapping[str, Any]) -> None:
+        self._settings.take(name, args)
+        if name == "drone_manager.connection_state" and self._config.through_skycontroller:
+            if args["state"] == "connected":
+                self._drone_there.set()
+            else:
+                self._drone_there.clear()
 
     def _take_frame(self, frame: Any) -> None:
         frame.ref()
         try:
-            decoded = _decoded(frame)
+            decoded = decode_frame(frame)
         finally:
             frame.unref()
         if decoded is not None:
@@ -241,20 +281,3 @@ def _disconnect(drone: Any, done: threading.Event) -> None:
     finally:
         done.set()
     drone.destroy()
-
-
-def _decoded(frame: Any) -> DecodedFrame | None:
-    """Return a copy of the SDK's frame, None where it has no content."""
-    info, planes = frame.info(), frame.as_ndarray()
-    if not info or planes is None:
-        return None
-    raw = info["raw"]["frame"]
-    details = raw["info"]
-    return DecodedFrame(
-        planes=np.array(planes),
-        layout="nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p",
-        full_range=bool(details.get("full_range", False)),
-        bt601=str(details.get("matrix_coefs", "")).startswith("BT601"),
-        metadata=frame_metadata(frame.vmeta()[1]),
-        streamed_us=int(info.get("ntp_raw_timestamp", 0)) or None,
-    )

@@ -4,14 +4,17 @@ Differences met between parrot-olympe 7.7.5 and 8.5.0:
 
 - the web interface's port is `media_port`, then `http_port`; the discovery port cannot be chosen,
   then can;
-- the callback for decoded frames is given by `set_callbacks` before `play`, then to `play` itself
-  (where `set_callbacks` gives no frame and no error);
+- the callback for decoded frames is given by `set_callbacks` before `play`, then with a stream;
+- `play` takes the drone's first medium, then only one of a name that direct Wi-Fi uses and a remote
+  control does not; `play_multiple_stream` takes the first one still;
 - `subscribe` names the expectation as an option, then demands it;
 - `connect` takes 6 s at most, then never less than 45 s.
 """
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import importlib
 import logging
 import sys
@@ -21,7 +24,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Final
 
-from sim_bridge.olympe.config import DISCOVERY_PORT, OlympeConfig
+from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
 _NEW_API: Final = 8
@@ -36,6 +39,8 @@ class Sdk:
     version: tuple[int, ...]
     classes: Any  # has Drone and SkyController3
     message: Callable[[str], Any]  # a command's or an event's class by its full name
+    # From version 8 on: a stream of whatever medium there is, by the callback for its frames.
+    stream: Callable[[Callable[[Any], None]], Any]
 
     def drone(self, config: OlympeConfig) -> Any:
         """Return a fresh SDK object for a drone: the same one twice fails to connect now and then.
@@ -64,12 +69,24 @@ class Sdk:
             streaming: the connected drone's.
             config: the port.
             on_frame: called with the SDK's frame, which is valid during the call.
+
+        Returns:
+            Whether the drone agreed in time.
         """
-        port = None if config.through_skycontroller else config.rtsp_port
-        if self.version >= (_NEW_API,):
-            return bool(streaming.play(port=port, timeout=config.video_limit_s, raw_cb=on_frame))
-        streaming.set_callbacks(raw_cb=on_frame)
-        return bool(streaming.play(port=port, timeout=config.video_limit_s))
+        shared = config.through_skycontroller and config.rtsp_port == RTSP_PORT
+        port = None if shared else config.rtsp_port
+        limit_s = config.video_limit_s
+        try:
+            if self.version >= (_NEW_API,):
+                return bool(
+                    streaming.play_multiple_stream(
+                        port=port, timeout=limit_s, streams_list=[self.stream(on_frame)]
+                    )
+                )
+            streaming.set_callbacks(raw_cb=on_frame)
+            return bool(streaming.play(port=port, timeout=limit_s))
+        except (TimeoutError, concurrent.futures.CancelledError, asyncio.CancelledError):
+            return False  # how the SDK says that the drone refused
 
 
 def load_sdk() -> Sdk:
@@ -102,7 +119,7 @@ def load_sdk() -> Sdk:
     finally:
         logging.disable(disabled)
     _redirect_log()
-    return Sdk(version=version, classes=olympe, message=_message)
+    return Sdk(version=version, classes=olympe, message=_message, stream=_stream)
 
 
 def _do_without_glx() -> None:
@@ -119,6 +136,14 @@ def _do_without_glx() -> None:
 def _message(name: str) -> Any:
     module, _, message = name.rpartition(".")
     return getattr(importlib.import_module(f"olympe.messages.{module}"), message)
+
+
+def _stream(on_frame: Callable[[Any], None]) -> Any:
+    pdraw = importlib.import_module("olympe.features.video.pdraw")
+    raw = importlib.import_module("olympe_deps").VDEF_FRAME_TYPE_RAW
+    return pdraw.StreamInfoDefault(
+        callbacks=[pdraw.Callbacks(media_type=(raw, None), video_frame=on_frame)]
+    )
 
 
 class _Redirect(logging.Handler):

@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from sim_bridge.olympe.config import OlympeConfig
+from sim_bridge.olympe.config import GRAVITY_MPS2, OlympeConfig
 from uav_bt.types import BodyVelocity, Velocity
 
-_GRAVITY_MPS2: Final = 9.81
 _MAX_STEP_S: Final = 0.3  # between two orders of one manoeuvre
 _STANDING_MPS: Final = 0.1  # a slower drone holds its position by itself
 
@@ -36,6 +35,7 @@ class SpeedHolder:
 
     def __init__(self, config: OlympeConfig) -> None:
         self._config = config
+        self.tilt_limit_rad = config.tilt_limit_rad  # what full sticks mean to the drone
         self._integral_mps2 = [0.0, 0.0]
         self._last_s = -math.inf
 
@@ -73,8 +73,8 @@ class SpeedHolder:
         forward = self._tilt(0, order.forward_mps, measured.forward_mps, step_s)
         right = self._tilt(1, order.right_mps, measured.right_mps, step_s)
         return Sticks(
-            roll=_percent(right / config.tilt_limit_rad),
-            pitch=_percent(forward / config.tilt_limit_rad),
+            roll=_percent(right / self.tilt_limit_rad),
+            pitch=_percent(forward / self.tilt_limit_rad),
             yaw=_percent(order.yaw_rate_radps / config.yaw_rate_limit_radps),
             climb=_percent(-order.down_mps / config.climb_limit_mps),
         )
@@ -87,12 +87,12 @@ class SpeedHolder:
             return 0.0
         error = wanted_mps - measured_mps
         config = self._config
-        limit = _GRAVITY_MPS2 * math.tan(config.tilt_limit_rad)
+        limit = GRAVITY_MPS2 * math.tan(self.tilt_limit_rad)
         wound = self._integral_mps2[axis] + config.integral_per_s2 * error * step_s
         self._integral_mps2[axis] = _clamp(wound, limit)
         demand = config.drag_per_s * wanted_mps + config.proportional_per_s * error
         demand += self._integral_mps2[axis]
-        return math.atan(_clamp(demand, limit) / _GRAVITY_MPS2)
+        return math.atan(_clamp(demand, limit) / GRAVITY_MPS2)
 
 
 def _percent(share: float) -> int:

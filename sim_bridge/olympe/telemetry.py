@@ -1,100 +1,18 @@
-"""The drone's events as one `DroneState`, and which `MoveBy` an end event belongs to.
-
-The drone's events carry no id, only distances. The firmware ends every relative movement with one
-event, and a second command ends the first one with "interrupted" (ARSDK,
-ardrone3.PilotingEvent.moveByEnd). Commands and events cross in transit, so those sent and not yet
-ended are kept in order.
-"""
+"""The drone's events as one `DroneState`."""
 
 from __future__ import annotations
 
 import logging
 import math
+import re
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    DroneState,
-    FlyingState,
-    MoveBy,
-    MovementState,
-    MovementStatus,
-    rotate,
-)
-
-Displacement = tuple[float, float, float, float]  # forward, right, down in metres; yaw in radians
-
-_REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Entry:
-    """A movement that was sent and has not ended."""
-
-    id: int | None  # None for the halt that replaces a movement which is no longer wanted
-    wanted: Displacement
-
-
-class MoveLedger:
-    """Keeps the movements that were sent to the drone until it reports how they ended."""
-
-    def __init__(self) -> None:
-        self._open: deque[_Entry] = deque()
-        self.status: MovementStatus | None = None  # of the latest `MoveBy`
-
-    @property
-    def moving(self) -> bool:
-        """Whether the latest `MoveBy` is still under way and wanted."""
-        return bool(self._open) and self._open[-1].id is not None
-
-    def is_latest(self, move: MoveBy) -> bool:
-        """Return whether a movement is the one sent last."""
-        return self.status is not None and self.status.id == move.id
-
-    def sent(self, move: MoveBy) -> None:
-        """Note a movement that is sent to the drone."""
-        wanted = (move.forward_m, move.right_m, move.down_m, move.yaw_rad)
-        self._open.append(_Entry(id=move.id, wanted=wanted))
-        self.status = MovementStatus(id=move.id, state=MovementState.RUNNING)
-
-    def halted(self) -> None:
-        """Note that a movement by zero is sent to the drone, which ends the one before."""
-        self._open.append(_Entry(id=None, wanted=(0.0, 0.0, 0.0, 0.0)))
-
-    def ended(self, error: str, flown: Displacement) -> None:
-        """Handle the drone's end event.
-
-        Args:
-            error: the event's: ok, interrupted, busy, notAvailable or unknown.
-            flown: the displacement that it reports.
-        """
-        if not self._open:
-            return
-        if error in _REFUSALS:
-            self._close(self._open.pop(), MovementState.REJECTED)
-        elif error == "interrupted":
-            self._close(self._open.popleft(), MovementState.INTERRUPTED)
-        else:
-            # A later command or an earlier event may have been lost: distances show which it is.
-            done = min(self._open, key=lambda entry: math.dist(entry.wanted, flown))
-            while self._open[0] is not done:
-                self._close(self._open.popleft(), MovementState.INTERRUPTED)
-            self._close(self._open.popleft(), MovementState.DONE)
-
-    def drop(self, state: MovementState = MovementState.INTERRUPTED) -> None:
-        """Close all open movements: the drone landed, or reports nothing any more."""
-        while self._open:
-            self._close(self._open.popleft(), state)
-
-    def _close(self, entry: _Entry, state: MovementState) -> None:
-        if entry.id is not None and self.status is not None and self.status.id == entry.id:
-            self.status = MovementStatus(id=entry.id, state=state)
-
+from sim_bridge.olympe.moves import MoveLedger
+from sim_bridge.olympe.self_report import SelfReport
+from uav_bt.types import Attitude, BodyVelocity, DroneFault, DroneState, FlyingState, rotate
 
 STANDING_M: Final = 0.05  # the body's centre above what the drone stands on
 
@@ -114,9 +32,13 @@ _FLYING: Final = {
 _NO_MOVES: Final = frozenset(
     {FlyingState.LANDED, FlyingState.LANDING, FlyingState.EMERGENCY, FlyingState.TAKING_OFF}
 )
-_CALM: Final = frozenset({"none", "NONE"})
 _BEST_LINK: Final = 5.0  # ARSDK, common.CommonState.LinkSignalQuality: 1 to 5 in the lower bits
 _LINK_BITS: Final = 0x0F
+# Whose events show that the drone itself is heard: a remote control sends events of its own, 20
+# of them a second, also when its drone is gone.
+_OF_THE_DRONE: Final = ("ardrone3.", "gimbal.", "camera.")
+_PILOT: Final = "SkyController"  # as a piloting source; otherwise it is "Controller", which we are
+_EXTENDED_MOVES: Final = (1, 7)  # the firmware that takes a speed with each movement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,9 +54,10 @@ class _Known:
     altitude_m: float = 0.0
     ground_m: float | None = None  # only some firmware has the event
     gimbal_pitch_rad: float = 0.0
-    battery: float = 1.0
-    link: float = 1.0
-    pilot_has_control: bool = False
+    battery: float | None = None
+    link: float | None = None
+    source: str | None = None  # of piloting, where a remote control says so
+    firmware: tuple[int, ...] = ()
 
 
 class Telemetry:
@@ -143,10 +66,19 @@ class Telemetry:
     Args:
         now: the clock.
         take_off_surface_m: height of what it takes off from above the carpet, m.
+        return_home: whether its automatic return home is wanted; None where that does not matter.
     """
 
-    def __init__(self, now: Callable[[], float], *, take_off_surface_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        now: Callable[[], float],
+        *,
+        take_off_surface_m: float = 0.0,
+        return_home: bool | None = None,
+    ) -> None:
         self._now = now
+        self._report = SelfReport(return_home=return_home)
+        self._lent = True  # the sticks are the pilot's, and not because a pilot took them
         self._above_carpet_m = take_off_surface_m + STANDING_M
         self._lock = threading.Lock()
         self._known = _Known()
@@ -159,14 +91,12 @@ class Telemetry:
             "ardrone3.PilotingState.AltitudeAboveGroundChanged": lambda a: {
                 "ground_m": a["altitude"]
             },
-            "ardrone3.PilotingState.AlertStateChanged": _alert,
             "ardrone3.PilotingEvent.moveByEnd": self._move_ended,
             "common.CommonState.BatteryStateChanged": lambda a: {"battery": a["percent"] / 100.0},
             "common.CommonState.LinkSignalQuality": _link,
             "gimbal.attitude": lambda a: {"gimbal_pitch_rad": math.radians(a["pitch_absolute"])},
-            "skyctrl.CoPilotingState.pilotingSource": lambda a: {
-                "pilot_has_control": a["source"] == "SkyController"
-            },
+            "common.SettingsState.ProductVersionChanged": _firmware,
+            "skyctrl.CoPilotingState.pilotingSource": self._source_changed,
         }
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
@@ -179,12 +109,16 @@ class Telemetry:
         with self._lock:
             handler = self._handlers.get(name)
             changes = handler(args) if handler is not None else {}
-            self._known = replace(self._known, received_s=self._now(), **changes)
+            if name.startswith(_OF_THE_DRONE):
+                changes["received_s"] = self._now()
+            self._known = replace(self._known, **changes)
+            self._report.take(name, args)
 
     def state(self) -> DroneState:
         """Return the state as of the newest event."""
         with self._lock:
-            known, movement = self._known, self._moves.status
+            known, movement, lent = self._known, self._moves.status, self._lent
+            faults: tuple[DroneFault, ...] = self._report.faults
         height_m = known.altitude_m + STANDING_M if known.ground_m is None else known.ground_m
         forward_mps, right_mps = rotate(known.north_mps, known.east_mps, -known.attitude.yaw_rad)
         return DroneState(
@@ -201,8 +135,34 @@ class Telemetry:
             battery=known.battery,
             link=known.link,
             movement=movement,
-            pilot_has_control=known.pilot_has_control,
+            pilot_has_control=known.source == _PILOT and not lent,
+            faults=faults,
         )
+
+    @property
+    def shares_sticks(self) -> bool:
+        """Whether a remote control says who has the sticks."""
+        return self._known.source is not None
+
+    @property
+    def has_sticks(self) -> bool:
+        """Whether a remote control passes our commands on in place of its sticks."""
+        return self._known.source not in (None, _PILOT)
+
+    @property
+    def lent(self) -> bool:
+        """Whether the pilot has the sticks because we gave them, or have not asked for them."""
+        return self._lent
+
+    def lend(self) -> None:
+        """Note that the pilot is given the sticks until they are asked for again."""
+        with self._lock:
+            self._lent = True
+
+    @property
+    def has_extended_moves(self) -> bool:
+        """Whether the firmware takes a speed with each movement."""
+        return self._known.firmware[:2] >= _EXTENDED_MOVES
 
     def with_moves(self, change: Callable[[MoveLedger], None]) -> None:
         """Change the ledger of movements while no event does."""
@@ -224,6 +184,11 @@ class Telemetry:
             self._moves.drop()
         return {"flying": state}
 
+    def _source_changed(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        if args["source"] != _PILOT:
+            self._lent = False
+        return {"source": args["source"]}
+
     def _move_ended(self, args: Mapping[str, Any]) -> dict[str, Any]:
         self._moves.ended(args["error"], (args["dX"], args["dY"], args["dZ"], args["dPsi"]))
         return {}
@@ -243,7 +208,6 @@ def _link(args: Mapping[str, Any]) -> dict[str, Any]:
     return {"link": min(1.0, (int(args["value"]) & _LINK_BITS) / _BEST_LINK)}
 
 
-def _alert(args: Mapping[str, Any]) -> dict[str, Any]:
-    if args["state"] not in _CALM:
-        _LOG.warning("the drone raises an alert: %s", args["state"])
-    return {}
+def _firmware(args: Mapping[str, Any]) -> dict[str, Any]:
+    parts = re.findall(r"[0-9]+", str(args["software"]))
+    return {"firmware": tuple(int(part) for part in parts)}

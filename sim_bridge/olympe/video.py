@@ -103,6 +103,27 @@ class DecodedFrame:
         return None if self.streamed_us is None else ("stream", self.streamed_us)
 
 
+def decode_frame(frame: Any) -> DecodedFrame | None:
+    """Return a copy of the SDK's frame, None where it has no content.
+
+    Args:
+        frame: referenced, so that the SDK fills it.
+    """
+    info, planes = frame.info(), frame.as_ndarray()
+    if not info or planes is None:
+        return None
+    raw = info["raw"]["frame"]
+    details = raw["info"]
+    return DecodedFrame(
+        planes=np.array(planes),
+        layout="nv12" if "SEMI_PLANAR" in raw.get("format", "") else "yuv420p",
+        full_range=bool(details.get("full_range", False)),
+        bt601=str(details.get("matrix_coefs", "")).startswith("BT601"),
+        metadata=frame_metadata(frame.vmeta()[1]),
+        streamed_us=int(info.get("ntp_raw_timestamp", 0)) or None,
+    )
+
+
 class CaptureTimes:
     """Capture times of frames, in this machine's clock.
 

@@ -231,6 +231,7 @@ def _place_settings(site: Site, limits: Limits) -> dict[str, Any]:
     return {
         "http_port": site.http_port,
         "rtsp_port": site.rtsp_port,
+        "return_home": site.return_home,
         "speed_limit_mps": limits.speed_mps,
         "climb_limit_mps": limits.climb_mps,
         "yaw_rate_limit_radps": limits.yaw_rate_radps,

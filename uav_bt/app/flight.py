@@ -86,7 +86,7 @@ def fly(
 
             record = stack.enter_context(FlightRecord(record_file))
         stack.enter_context(flight.connected())
-        if flight.drone.live and not options.rehearse:
+        if flight.drone.live:
             _check_before_take_off(flight, on_check)
         recorded = [] if record is None else [record.begin]
         flown = _run(flight, [*recorded, *listeners], report, controls or (lambda _: nullcontext()))
@@ -100,7 +100,8 @@ def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], No
     for each in checks:
         if on_check is not None:
             on_check(each)
-    refuse_faults(checks)
+    if not flight.options.rehearse:  # nothing takes off: what is wrong is only shown
+        refuse_faults(checks)
 
 
 def _run(

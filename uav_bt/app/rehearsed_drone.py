@@ -79,8 +79,8 @@ class RehearsedDrone:
 
     @property
     def live(self) -> bool:
-        """Nothing takes off, so nothing is checked before."""
-        return False
+        """Checked like the inner drone."""
+        return self._drone.live
 
     @property
     def tick_s(self) -> float | None:

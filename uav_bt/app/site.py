@@ -11,6 +11,7 @@
     link: {take_off: 0.4}
     video: {latency_s: 0.2}
     ports: {http: 8080, rtsp: 8554}
+    return_home: off               # the drone's automatic return, during a flight
 
 Files that it names lie beside it, unless their path is absolute.
 """
@@ -60,6 +61,7 @@ class Site:
     video_latency_s: float = 0.15
     http_port: int | None = None
     rtsp_port: int | None = None
+    return_home: bool | None = None  # the drone's automatic one; None leaves it as it is set
 
     __repr__ = brief_repr
 
@@ -95,6 +97,7 @@ def load_site(path: str | Path) -> Site:
             video_latency_s=(found.video or {}).get("latency_s", Site.video_latency_s),
             http_port=ports.get("http"),
             rtsp_port=ports.get("rtsp"),
+            return_home=found.return_home,
         )
     except ValueRangeError as error:
         raise file.error(str(error), "limits") from error
@@ -163,3 +166,4 @@ class _SiteFile:
     link: _Link | None = None
     video: _Video | None = None
     ports: _Ports | None = None
+    return_home: bool | None = None

@@ -26,6 +26,7 @@ from uav_bt.cli.options import (
     seed_option,
     threads_option,
 )
+from uav_bt.display.orders import OrderLines
 from uav_bt.display.status import summary
 from uav_bt.errors import MissionError
 from uav_bt.groot import GrootConfig, watched_live
@@ -172,7 +173,10 @@ def fly(
         record_quality=quality,
     )
     with ExitStack() as stack:
-        watchers: list[app.Listeners] = [stack.enter_context(film.live_status())]
+        watchers: list[app.Listeners] = [
+            stack.enter_context(film.live_status()),
+            lambda _: [OrderLines(click.echo)] if rehearse else [],
+        ]
         filmed = None
         if video is not None:
             filmed = stack.enter_context(film.flight_video(video))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -65,6 +65,7 @@ def check_drone(drone: Drone, config: PreflightConfig | None = None) -> tuple[Ch
         _battery(seen.state, config),
         _link(seen.state, config),
         _video(seen.frame, frames, now_s, config),
+        *_reported(seen.state),
     )
 
 
@@ -90,7 +91,8 @@ def _watch(drone: Drone, wait_s: float) -> tuple[Observation, int]:
         if seen.frame is not None:
             indices.add(seen.frame.index)
         fresh = now_s - seen.state.captured_s <= _OLD_S
-        if now_s >= end_s or (fresh and len(indices) >= _FRAMES):
+        known = None not in (seen.state.battery, seen.state.link)
+        if now_s >= end_s or (fresh and known and len(indices) >= _FRAMES):
             return seen, len(indices)
         clock.sleep_until(now_s + _STEP_S)
         seen = drone.observe()
@@ -98,10 +100,11 @@ def _watch(drone: Drone, wait_s: float) -> tuple[Observation, int]:
 
 def _telemetry(state: DroneState, now_s: float) -> Check:
     age_s = now_s - state.captured_s
+    found = f"last heard {age_s:.1f} s ago" if age_s < 1e6 else "nothing was heard"
     return Check(
         what="telemetry",
-        good=age_s <= _OLD_S,
-        found=f"last heard {age_s:.1f} s ago" if age_s < 1e6 else "nothing was heard",
+        good=age_s <= _OLD_S and state.connected,
+        found=found if state.connected else f"{found}, and the connection is broken",
         remedy="connect again; restart the drone if that does not help",
     )
 
@@ -123,15 +126,26 @@ def _standing(state: DroneState) -> Check:
 
 
 def _battery(state: DroneState, config: PreflightConfig) -> Check:
+    wanted = f"at least {100 * config.battery:.0f} % wanted"
+    if state.battery is None:
+        return Check(
+            what="battery",
+            good=False,
+            found=f"not reported within {config.wait_s:.0f} s, {wanted}",
+            remedy="connect again; restart the drone if that does not help",
+        )
     return Check(
         what="battery",
         good=state.battery >= config.battery,
-        found=f"{100 * state.battery:.0f} %, at least {100 * config.battery:.0f} % wanted",
+        found=f"{100 * state.battery:.0f} %, {wanted}",
         remedy="charge it",
     )
 
 
 def _link(state: DroneState, config: PreflightConfig) -> Check:
+    if state.link is None:
+        # Not all drones rate their link; that they are heard is checked above.
+        return Check(what="link", good=True, found="its quality is not reported")
     return Check(
         what="link",
         good=state.link >= config.link,
@@ -154,3 +168,11 @@ def _video(frame: Frame | None, frames: int, now_s: float, config: PreflightConf
         found=f"{width}x{height}, {frames} frames seen, the newest {age_s:.2f} s old",
         remedy=remedy,
     )
+
+
+def _reported(state: DroneState) -> Iterator[Check]:
+    """Check what the drone says about itself."""
+    for fault in state.faults:
+        yield Check(what=fault.what, good=False, found=fault.found, remedy=fault.remedy)
+    if not state.faults:
+        yield Check(what="self-report", good=True, found="no faults")

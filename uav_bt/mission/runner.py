@@ -197,7 +197,9 @@ class MissionRunner:
             self.request_abort(f"the tree ended with {status.name} in the air")
         if self._arbiter.override is Override.BATTERY:
             # An override holds for one tick; a landing must not be taken back on the way down.
-            self.request_abort(f"critical battery: {100 * observation.state.battery:.0f} %")
+            self.request_abort(
+                f"critical battery: {100 * (observation.state.battery or 0.0):.0f} %"
+            )
         self._escalate(start_s)
         if verdict is None:
             clock.sleep_until(start_s + self._config.tick_s)

@@ -128,13 +128,19 @@ SAFETY: Final = (
     ),
     SafetyRule(
         override=Override.BATTERY,
-        holds=lambda now, limits: now.airborne and now.state.battery < limits.critical_battery,
+        holds=lambda now, limits: (
+            now.airborne
+            and now.state.battery is not None
+            and now.state.battery < limits.critical_battery
+        ),
         movement=Land(),
         why="the next thing the battery does is to land by itself, wherever that is",
     ),
     SafetyRule(
         override=Override.LINK,
-        holds=lambda now, limits: now.airborne and now.state_age_s > limits.stale_state_s,
+        holds=lambda now, limits: (
+            now.airborne and (not now.state.connected or now.state_age_s > limits.stale_state_s)
+        ),
         movement=Hover(),
         why="what gets through should hold it still until it is heard again",
     ),

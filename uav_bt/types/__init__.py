@@ -33,6 +33,7 @@ from uav_bt.types.surroundings import (
 from uav_bt.types.telemetry import (
     Attitude,
     BodyVelocity,
+    DroneFault,
     DroneState,
     FlyingState,
     MovementState,
@@ -52,6 +53,7 @@ __all__ = [
     "Corridor",
     "CutMotors",
     "DepthMap",
+    "DroneFault",
     "DroneState",
     "FlyingState",
     "Frame",

@@ -53,6 +53,15 @@ class MovementStatus:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DroneFault:
+    """Something that a drone reports about itself and that should be mended before a flight."""
+
+    what: str  # the part, one or two words
+    found: str
+    remedy: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class DroneState:
     """Telemetry that does not belong to a frame."""
 
@@ -64,7 +73,9 @@ class DroneState:
     height_m: float = 0.0  # above the surface below
     height_above_carpet_m: float = 0.0
     gimbal_pitch_rad: float = 0.0
-    battery: float = 1.0  # 0 to 1
-    link: float = 1.0  # quality of the radio link as the drone rates it, 0 to 1
+    battery: float | None = 1.0  # 0 to 1; None before the drone has reported it
+    link: float | None = 1.0  # the radio link's quality as the drone rates it, 0 to 1; as above
     movement: MovementStatus | None = None
     pilot_has_control: bool = False  # a person took over
+    connected: bool = True  # False as soon as the connection is known to be broken
+    faults: tuple[DroneFault, ...] = ()

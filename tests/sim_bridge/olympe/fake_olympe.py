@@ -108,7 +108,13 @@ class FakeStreaming:
 
     def play(self, **given: Any) -> bool:
         self.given = given
-        return self._drone.world.video
+        if not self._drone.world.video:
+            raise self._drone.world.video_fault  # as the SDK does where RTSP is refused
+        return True
+
+    def play_multiple_stream(self, *, streams_list: list[Any], **given: Any) -> bool:
+        (callback,) = streams_list
+        return self.play(raw_cb=callback, **given)
 
     def stop(self) -> bool:
         self._drone.closed.append("stop video")
@@ -161,7 +167,7 @@ class FakeSdkDrone:
         self.sent.append(("stop_piloting", {}))
         return True
 
-    def event(self, name: str, kind: Kind = Kind.EVT, **args: Any) -> None:
+    def event(self, name: str, /, kind: Kind = Kind.EVT, **args: Any) -> None:
         message = SimpleNamespace(fullName=name, message_type=kind)
         for listener in self._listeners:
             listener(SimpleNamespace(message=message, args=args), None)
@@ -176,6 +182,7 @@ class FakeWorld:
     def __init__(self, version: tuple[int, ...] = (8, 5, 0)) -> None:
         self.answers = True
         self.video = True
+        self.video_fault: BaseException = TimeoutError()
         self.steers = True
         self.refused: set[str] = set()
         self.made: list[FakeSdkDrone] = []
@@ -187,6 +194,7 @@ class FakeWorld:
                 SkyController3=lambda host, **given: FakeSdkDrone(self, host, sky=True, **given),
             ),
             message=lambda name: lambda **args: (name, args),
+            stream=lambda on_frame: on_frame,
         )
 
     @property
@@ -200,7 +208,8 @@ class InTurn:
     def __init__(self) -> None:
         self.closed = False
 
-    def submit(self, job: Callable[[], object]) -> None:
+    def submit(self, kind: object, job: Callable[[], object]) -> None:
+        assert kind is not None
         job()
 
     def close(self, limit_s: float) -> None:
@@ -211,12 +220,14 @@ def config(**changes: Any) -> OlympeConfig:
     return AnafiConfig(address="127.0.0.1", **changes)
 
 
-def bridge(world: FakeWorld, time: Time | None = None, **changes: Any) -> OlympeDrone:
+def bridge(
+    world: FakeWorld, time: Time | None = None, *, remote: bool = False, **changes: Any
+) -> OlympeDrone:
     time = time or Time()
     return OlympeDrone(
         config(**changes),
         sdk=lambda: world.sdk,
-        probe_first=lambda _: None,
+        probe_first=lambda _: remote,
         clock=FrameClock(monotonic=time, condition=time),  # type: ignore[arg-type]
         commands=InTurn,
     )

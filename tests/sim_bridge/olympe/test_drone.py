@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
+import contextlib
 import math
 import threading
 from dataclasses import replace
@@ -9,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_bridge.olympe.drone import CommandQueue, OlympeDrone
+from sim_bridge.olympe.drone import OlympeDrone
 from tests.sim_bridge.olympe.fake_olympe import (
     LEVEL,
     FakeFrame,
@@ -47,8 +50,10 @@ SETTINGS = [
 
 
 def hovering(world: FakeWorld, time: Time | None = None) -> OlympeDrone:
+    """A drone in the air whose limits are set."""
     drone = bridge(world, time)
     drone.connect()
+    say(drone, TakeOff())
     world.drone.event(f"{STATE}FlyingStateChanged", state="hovering")
     world.drone.sent.clear()
     return drone
@@ -67,14 +72,23 @@ def end(world: FakeWorld, error: str = "ok", *flown: float) -> None:
 # --- connecting -----------------------------------------------------------------------------------
 
 
-def test_connecting_sets_the_limits_and_starts_the_video() -> None:
+def test_connecting_starts_the_video_and_changes_nothing() -> None:
     world = FakeWorld()
-    bridge(world, altitude_limit_m=2.0, yaw_rate_limit_radps=math.pi / 2).connect()
-    assert world.drone.names() == SETTINGS
+    bridge(world).connect()
+    assert world.drone.sent == []
+    assert world.drone.streaming.given["port"] == 554
+
+
+@pytest.mark.parametrize("movement", [TakeOff(), MoveBy(id=1, forward_m=1.0)])
+def test_the_limits_are_set_before_the_first_movement_and_only_then(movement: Movement) -> None:
+    world = FakeWorld()
+    drone = bridge(world, altitude_limit_m=2.0, yaw_rate_limit_radps=math.pi / 2)
+    drone.connect()
+    say(drone, Hover(), Land(), movement, movement)
+    assert world.drone.names()[:-1] == SETTINGS
     sent = dict(world.drone.sent)
     assert sent["ardrone3.PilotingSettings.MaxAltitude"] == {"current": 2.0}
     assert sent["ardrone3.SpeedSettings.MaxRotationSpeed"] == {"current": pytest.approx(90.0)}
-    assert world.drone.streaming.given["port"] == 554
 
 
 def test_ports_go_to_the_sdk() -> None:
@@ -98,7 +112,7 @@ def test_the_older_sdk_cannot_use_another_discovery_port() -> None:
     drone = OlympeDrone(
         replace(config(), address="127.0.0.1:45000"),
         sdk=lambda: world.sdk,
-        probe_first=lambda _: None,
+        probe_first=lambda _: False,
     )
     with pytest.raises(InputError, match="always discovers on port 44445, asked for 45000"):
         drone.connect()
@@ -123,7 +137,7 @@ def test_a_drone_that_answers_the_port_only_is_given_up_in_time() -> None:
     drone = OlympeDrone(
         replace(config(), connect_limit_s=0.0),
         sdk=lambda: world.sdk,
-        probe_first=lambda _: None,
+        probe_first=lambda _: False,
     )
     with pytest.raises(DroneError, match="not ready for commands after 0 s: restart it"):
         drone.connect()
@@ -133,14 +147,19 @@ def test_a_drone_that_answers_the_port_only_is_given_up_in_time() -> None:
 def test_a_drone_that_refuses_is_let_go() -> None:
     world = FakeWorld()
     world.answers = False
-    with pytest.raises(DroneError, match=r"anafi at 127\.0\.0\.1:44445 accepts a connection, but"):
+    with pytest.raises(DroneError, match=r"anafi at 127\.0\.0\.1:44445 refused the connection"):
         bridge(world).connect()
     assert world.drone.closed[:1] == ["disconnect"]
 
 
-def test_no_video_is_said_at_once() -> None:
-    world = FakeWorld()
+@pytest.mark.parametrize("version", [(7, 7, 5), (8, 5, 0)])
+@pytest.mark.parametrize(
+    "fault", [TimeoutError(), concurrent.futures.CancelledError(), asyncio.CancelledError()]
+)
+def test_no_video_is_said_at_once(version: tuple[int, ...], fault: BaseException) -> None:
+    world = FakeWorld(version)
     world.video = False
+    world.video_fault = fault
     with pytest.raises(DroneError, match=r"gives no video \(RTSP port 554\) within 5 s"):
         bridge(world).connect()
     assert world.drone.closed[:2] == ["stop video", "disconnect"]
@@ -149,24 +168,8 @@ def test_no_video_is_said_at_once() -> None:
 def test_a_setting_that_is_not_confirmed_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
     world = FakeWorld()
     world.refused = {"ardrone3.PilotingSettings.MaxTilt"}
-    bridge(world).connect()
+    hovering(world)
     assert "does not confirm ardrone3.PilotingSettings.MaxTilt" in caplog.text
-
-
-def test_through_the_skycontroller_its_sticks_are_taken_over() -> None:
-    world = FakeWorld()
-    drone = OlympeDrone(
-        replace(config(), address="192.168.53.1"),
-        sdk=lambda: world.sdk,
-        probe_first=lambda _: None,
-    )
-    drone.connect()
-    assert world.drone.given["sky"]
-    assert world.drone.sent[0] == (
-        "skyctrl.CoPiloting.setPilotingSource",
-        {"source": "Controller"},
-    )
-    drone.disconnect()
 
 
 @pytest.mark.parametrize("call", ["observe", "send"])
@@ -183,15 +186,14 @@ def test_taking_off_is_ordered_once_and_again_when_nothing_came_of_it() -> None:
     world, time = FakeWorld(), Time()
     drone = bridge(world, time)
     drone.connect()
-    world.drone.sent.clear()
     for _ in range(5):
         say(drone, TakeOff())
         time.now_s += 0.3
-    assert world.drone.names() == ["TakeOff", "TakeOff"]
+    assert world.drone.names() == [*SETTINGS, "TakeOff", "TakeOff"]
     world.drone.event(f"{STATE}FlyingStateChanged", state="motor_ramping")
     time.now_s += 5.0
     say(drone, TakeOff())
-    assert world.drone.names() == ["TakeOff", "TakeOff"]
+    assert world.drone.names()[len(SETTINGS) :] == ["TakeOff", "TakeOff"]
 
 
 def test_landing_is_ordered_until_the_drone_lands() -> None:
@@ -241,6 +243,9 @@ def test_hovering_without_a_movement_tells_nothing() -> None:
 
 def test_velocities_hold_the_sticks_for_half_a_second() -> None:
     world = FakeWorld()
+    world.on_connect = lambda drone: drone.event(
+        "common.SettingsState.ProductVersionChanged", software="1.8.2", hardware="1"
+    )
     drone = hovering(world)
     say(drone, Velocity(forward_mps=0.5, yaw_rate_radps=0.8, down_mps=0.3), Hover())
     (_, held), (_, centred) = world.drone.sent
@@ -302,6 +307,27 @@ def test_motors_are_cut_at_once() -> None:
     world = FakeWorld()
     say(hovering(world), CutMotors())
     assert world.drone.names() == ["Emergency"]
+
+
+def test_a_landing_comes_before_anything_that_may_fail() -> None:
+    world = FakeWorld()
+    drone = hovering(world)
+    say(drone, Velocity(forward_mps=0.5))
+    world.steers = False
+    for _ in range(3):
+        with contextlib.suppress(DroneError):
+            say(drone, Velocity(forward_mps=0.5))
+    world.drone.sent.clear()
+    say(drone, Land())
+    assert world.drone.names() == ["Landing", "piloting", "stop_piloting"]
+
+
+def test_a_broken_connection_is_seen_at_once() -> None:
+    world = FakeWorld()
+    drone = hovering(world)
+    assert drone.observe().state.connected
+    world.drone.connected = False
+    assert not drone.observe().state.connected
 
 
 def test_an_sdk_that_refuses_the_sticks_is_an_error() -> None:
@@ -388,25 +414,6 @@ def test_landing_ends_a_movement_that_was_never_ended() -> None:
     assert drone.observe().state.movement == MovementStatus(id=3, state=MovementState.INTERRUPTED)
 
 
-def test_the_skycontroller_says_who_flies() -> None:
-    world = FakeWorld()
-    drone = hovering(world)
-    tell = world.drone.event
-    tell("skyctrl.CoPilotingState.pilotingSource", source="SkyController")
-    assert drone.observe().state.pilot_has_control
-    tell("skyctrl.CoPilotingState.pilotingSource", source="Controller")
-    assert not drone.observe().state.pilot_has_control
-
-
-def test_an_alert_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    world = FakeWorld()
-    hovering(world)
-    world.drone.event(f"{STATE}AlertStateChanged", state="none")
-    assert caplog.text == ""
-    world.drone.event(f"{STATE}AlertStateChanged", state="cut_out")
-    assert "alert: cut_out" in caplog.text
-
-
 # --- watching -------------------------------------------------------------------------------------
 
 
@@ -474,26 +481,3 @@ def test_a_frame_wakes_the_clock() -> None:
     began_s = drone.clock.now()
     drone.clock.sleep_until(began_s)
     assert drone.clock.now() == began_s
-
-
-# --- the command queue ------------------------------------------------------------------------
-
-
-def test_commands_are_run_in_order_and_an_error_comes_back_with_the_next() -> None:
-    done: list[int] = []
-    failed, landed = threading.Event(), threading.Event()
-    commands = CommandQueue()
-
-    def fail() -> None:
-        raise DroneError("gone")
-
-    commands.submit(lambda: done.append(1))
-    commands.submit(fail)
-    commands.submit(failed.set)
-    assert failed.wait(30.0)
-    with pytest.raises(DroneError, match="gone"):
-        commands.submit(landed.set)
-    assert landed.wait(30.0)
-    commands.submit(lambda: done.append(2))
-    commands.close(30.0)
-    assert done == [1, 2]

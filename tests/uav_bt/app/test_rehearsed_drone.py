@@ -33,6 +33,7 @@ class Held:
 
     referee = None
     camera = None
+    live = True
 
     def __init__(self) -> None:
         self.clock = ManualClock()
@@ -75,6 +76,10 @@ class Stage:
 
 def test_it_is_a_drone() -> None:
     assert isinstance(RehearsedDrone(ScriptedDrone()), Drone)
+
+
+def test_it_is_checked_like_the_drone_that_is_held() -> None:
+    assert Stage().drone.live
 
 
 def test_the_drone_is_told_nothing_but_where_to_look() -> None:

@@ -26,6 +26,7 @@ battery: {take_off: 0.4, critical: 0.15}
 link: {take_off: 0.6}
 video: {latency_s: 0.2}
 ports: {http: 8080, rtsp: 8554}
+return_home: off
 """
 
 
@@ -56,6 +57,7 @@ def test_everything_that_can_be_said(tmp_path: Path) -> None:
         video_latency_s=0.2,
         http_port=8080,
         rtsp_port=8554,
+        return_home=False,
     )
 
 

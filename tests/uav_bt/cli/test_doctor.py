@@ -119,4 +119,7 @@ def test_a_rehearsal_succeeds_without_leaving_the_ground(tmp_path: Path) -> None
     report = tmp_path / "report.json"
     result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--rehearse", "--report", report)
     assert result.exit_code == 0, result.output
+    orders = [line for line in result.stdout.splitlines() if "would be sent: " in line]
+    assert [line.partition("sent: ")[2] for line in orders[:1]] == ["take off"]
+    assert any(line.endswith("land") for line in orders)
     assert "success" in result.stdout

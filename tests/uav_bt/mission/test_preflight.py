@@ -14,6 +14,7 @@ from uav_bt.mission.preflight import Check, PreflightConfig, check_drone, refuse
 from uav_bt.types import (
     CameraModel,
     Command,
+    DroneFault,
     DroneState,
     FlyingState,
     Frame,
@@ -54,6 +55,9 @@ class Parked:
         return Observation(frame=frame, state=replace(state, **self._state))
 
 
+DARK = DroneFault(what="light", found="too dark", remedy="switch lights on")
+
+
 def faults(drone: Parked, config: PreflightConfig | None = None) -> dict[str, Check]:
     return {check.what: check for check in check_drone(drone, config) if not check.good}
 
@@ -62,7 +66,9 @@ def test_a_good_drone_is_ready_and_was_told_nothing() -> None:
     drone = Parked()
     checks = check_drone(drone)
     refuse_faults(checks)
-    assert [check.what for check in checks] == ["telemetry", "control", "battery", "link", "video"]
+    assert [check.what for check in checks] == [
+        *("telemetry", "control", "battery", "link", "video", "self-report")
+    ]
     assert drone.told == []
     assert drone.clock.now() < 1.0
     assert str(checks[2]) == "battery: ok, 100 %, at least 30 % wanted"
@@ -77,14 +83,26 @@ def test_a_good_drone_is_ready_and_was_told_nothing() -> None:
         (Parked(pilot_has_control=True), "control", "a pilot has it: hand over"),
         (Parked(frames=False), "video", "no frame within 5 s: see that no firewall"),
         (Parked(silent=True), "telemetry", "last heard 105.. s ago: connect again"),
+        (Parked(connected=False), "telemetry", "last heard .* and the connection is broken"),
+        (Parked(battery=None), "battery", "not reported within 5 s, at least 30 % wanted"),
+        (Parked(faults=(DARK,)), "light", "too dark: switch lights on"),
     ],
-    ids=["battery", "link", "flying", "pilot", "no video", "silent"],
+    ids=[
+        *("battery", "link", "flying", "pilot", "no video", "silent", "broken"),
+        *("battery unknown", "self-report"),
+    ],
 )
 def test_each_fault_is_named_with_its_cure(drone: Parked, what: str, found: str) -> None:
     bad = faults(drone)
     assert list(bad) == [what]
     with pytest.raises(DroneError, match=f"nothing was flown\n  {what}: NOT READY, {found}"):
         refuse_faults(list(bad.values()))
+
+
+def test_a_link_that_is_not_rated_is_said_and_no_fault() -> None:
+    drone = Parked(link=None)
+    assert not faults(drone)
+    assert "link: ok, its quality is not reported" in [str(each) for each in check_drone(drone)]
 
 
 def test_all_faults_come_together() -> None:

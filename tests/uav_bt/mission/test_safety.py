@@ -103,6 +103,19 @@ def test_what_only_matters_in_the_air_matters_only_there(
     assert rule_in_force(circumstances(override, flying=flying), LIMITS) is None
 
 
+def test_a_broken_connection_is_a_lost_link_at_once() -> None:
+    """Before the last word of the drone is old."""
+    state = DroneState(captured_s=0.0, flying=FlyingState.FLYING, connected=False)
+    rule = rule_in_force(Circumstances(state=state), LIMITS)
+    assert rule is not None
+    assert rule.override is Override.LINK
+
+
+def test_a_battery_that_nobody_reported_is_not_critical() -> None:
+    state = DroneState(captured_s=0.0, flying=FlyingState.FLYING, battery=None)
+    assert rule_in_force(Circumstances(state=state), LIMITS) is None
+
+
 def test_calm_circumstances_leave_the_word_to_the_leaves() -> None:
     assert rule_in_force(circumstances(), LIMITS) is None
 

@@ -206,7 +206,8 @@ def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
     if truth is not None and math.isfinite(truth.clearance_m):
         colour = ALARM if truth.clearance_m < 0.2 else INK
         rows.append(("clearance", f"{truth.clearance_m:.2f} m to the nearest box", colour))
-    rows.append(("battery", f"{100 * state.battery:.0f} %", INK))
+    charge = "unknown" if state.battery is None else f"{100 * state.battery:.0f} %"
+    rows.append(("battery", charge, INK))
     if record.override is not None:
         rows.append(("override", record.override.value, ALARM))
     return rows

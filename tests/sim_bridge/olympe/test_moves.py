@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_bridge.olympe.telemetry import MoveLedger
+from sim_bridge.olympe.moves import MoveLedger
 from uav_bt.types import MoveBy, MovementState
 
 

@@ -1,0 +1,84 @@
+"""Which `MoveBy` an end event of the drone belongs to.
+
+The drone's events carry no id, only distances. The firmware ends every relative movement with one
+event, and a second command ends the first one with "interrupted" (ARSDK,
+ardrone3.PilotingEvent.moveByEnd). Commands and events cross in transit, so those sent and not yet
+ended are kept in order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from uav_bt.types import MoveBy, MovementState, MovementStatus
+
+Displacement = tuple[float, float, float, float]  # forward, right, down in metres; yaw in radians
+
+_REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Entry:
+    """A movement that was sent and has not ended."""
+
+    id: int | None  # None for the halt that replaces a movement which is no longer wanted
+    wanted: Displacement
+
+
+class MoveLedger:
+    """Keeps the movements that were sent to the drone until it reports how they ended."""
+
+    def __init__(self) -> None:
+        self._open: deque[_Entry] = deque()
+        self.status: MovementStatus | None = None  # of the latest `MoveBy`
+
+    @property
+    def moving(self) -> bool:
+        """Whether the latest `MoveBy` is still under way and wanted."""
+        return bool(self._open) and self._open[-1].id is not None
+
+    def is_latest(self, move: MoveBy) -> bool:
+        """Return whether a movement is the one sent last."""
+        return self.status is not None and self.status.id == move.id
+
+    def sent(self, move: MoveBy) -> None:
+        """Note a movement that is sent to the drone."""
+        wanted = (move.forward_m, move.right_m, move.down_m, move.yaw_rad)
+        self._open.append(_Entry(id=move.id, wanted=wanted))
+        self.status = MovementStatus(id=move.id, state=MovementState.RUNNING)
+
+    def halted(self) -> None:
+        """Note that a movement by zero is sent to the drone, which ends the one before."""
+        self._open.append(_Entry(id=None, wanted=(0.0, 0.0, 0.0, 0.0)))
+
+    def ended(self, error: str, flown: Displacement) -> None:
+        """Handle the drone's end event.
+
+        Args:
+            error: the event's: ok, interrupted, busy, notAvailable or unknown.
+            flown: the displacement that it reports.
+        """
+        if not self._open:
+            return
+        if error in _REFUSALS:
+            self._close(self._open.pop(), MovementState.REJECTED)
+        elif error == "interrupted":
+            self._close(self._open.popleft(), MovementState.INTERRUPTED)
+        else:
+            # A later command or an earlier event may have been lost: distances show which it is.
+            done = min(self._open, key=lambda entry: math.dist(entry.wanted, flown))
+            while self._open[0] is not done:
+                self._close(self._open.popleft(), MovementState.INTERRUPTED)
+            self._close(self._open.popleft(), MovementState.DONE)
+
+    def drop(self, state: MovementState = MovementState.INTERRUPTED) -> None:
+        """Close all open movements: the drone landed, or reports nothing any more."""
+        while self._open:
+            self._close(self._open.popleft(), state)
+
+    def _close(self, entry: _Entry, state: MovementState) -> None:
+        if entry.id is not None and self.status is not None and self.status.id == entry.id:
+            self.status = MovementStatus(id=entry.id, state=state)

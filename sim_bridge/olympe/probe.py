@@ -1,0 +1,72 @@
+"""Whether a drone or a remote control answers at an address, before the SDK is even imported."""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import socket
+import time
+from typing import Final
+
+from sim_bridge.olympe.config import SKYCONTROLLER_HOST, OlympeConfig
+from uav_bt.errors import DroneError
+
+_SKYCONTROLLER_3: Final = 0x0918  # the model it announces itself as
+_MAX_ANNOUNCEMENT_BYTES: Final = 4096
+_HINTS: Final = {
+    "anafi": (
+        "switch the drone on, join its Wi-Fi (or plug the SkyController in and use "
+        f"anafi:{SKYCONTROLLER_HOST}), and try again"
+    ),
+    "sphinx": "start Sphinx and its drone, and try again",
+}
+
+
+def probe(config: OlympeConfig) -> bool:
+    """Return whether a remote control answers, not a drone; the SDK alone would wait for 45 s.
+
+    Raises:
+        DroneError: nobody does, within the time that the configuration gives.
+    """
+    limit_s = config.probe_limit_s
+    try:
+        with socket.create_connection(
+            (config.host, config.discovery_port), timeout=limit_s
+        ) as connection:
+            return _model(connection, time.monotonic() + limit_s) == _SKYCONTROLLER_3
+    except TimeoutError as error:
+        raise DroneError(
+            f"no answer from {config.where} within {limit_s:.0f} s: {_hint(config)}"
+        ) from error
+    except socket.gaierror as error:
+        raise DroneError(f"the host '{config.host}' is unknown: check its spelling") from error
+    except OSError as error:
+        raise DroneError(
+            f"cannot reach {config.where} ({error.strerror or error}): {_hint(config)}"
+        ) from error
+
+
+def _model(connection: socket.socket, deadline_s: float) -> int | None:
+    """Return the model that is announced; None where none is, which the SDK will complain about."""
+    data = b""
+    try:
+        while b"\0" not in data and len(data) < _MAX_ANNOUNCEMENT_BYTES:
+            connection.settimeout(max(1e-3, deadline_s - time.monotonic()))
+            more = connection.recv(_MAX_ANNOUNCEMENT_BYTES)
+            if not more:
+                break
+            data += more
+        return int(json.loads(data.partition(b"\0")[0])["model.id"], 16)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _hint(config: OlympeConfig) -> str:
+    try:
+        loopback = ipaddress.ip_address(config.host).is_loopback
+    except ValueError:
+        loopback = config.host == "localhost"
+    if not loopback:
+        return _HINTS[config.kind]
+    where = "" if config.host in ("127.0.0.1", "localhost") else f" --address {config.host}"
+    return f"start a loopback ANAFI there with `uav-bt serve-anafi{where}`"

@@ -1,0 +1,34 @@
+"""What a rehearsed drone would be sent, a line for each new order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from uav_bt.display.phrases import describe_movement
+from uav_bt.mission.tick import TickRecord
+from uav_bt.types import MoveBy, Velocity
+
+
+class OrderLines:
+    """A tick listener that writes each order as it changes.
+
+    Args:
+        write: takes a line.
+    """
+
+    def __init__(self, write: Callable[[str], None]) -> None:
+        self._write = write
+        self._last: object = None
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Write the tick's order, unless it is the one before: speeds change all the time."""
+        movement = record.command.movement
+        order: object = type(movement)
+        if isinstance(movement, MoveBy):
+            order = movement.id
+        if order != self._last:
+            self._last = order
+            more = ", then at changing speeds" if isinstance(movement, Velocity) else ""
+            self._write(
+                f"{record.time_s:6.1f} s  would be sent: {describe_movement(movement)}{more}"
+            )
