@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from types import TracebackType
 from typing import Final, Self
 
@@ -19,9 +20,23 @@ from uav_bt.display.phrases import describe_flight, lands_on_helipad
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickRecord
+from uav_bt.types import DroneState
 
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
+_DESCENT_LINE_EVERY_S: Final = 5.0  # wall time: whoever must act now has no ten seconds
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
+
+
+class _StandardError(Console):
+    """A console whose reader may go away: that is the listener's end, not the program's."""
+
+    def on_broken_pipe(self) -> None:
+        """Let the error out; Rich would end the program.
+
+        Raises:
+            BrokenPipeError: always.
+        """
+        raise  # noqa: PLE0704  # Rich calls this while it handles the error
 
 
 class LiveStatus:
@@ -44,11 +59,12 @@ class LiveStatus:
         wall_clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._board = board
-        self._console = console or Console(stderr=True)
+        self._console = console or _StandardError(stderr=True)
         self._wall_clock_s = wall_clock_s
         self._flown = FlownPath()
         self._began: tuple[float, float] | None = None  # mission and wall time of the first tick
         self._shown_s = 0.0  # wall time of the last redraw, mission time of the last line
+        self._descent_shown_s: float | None = None  # wall time of the last line about the landing
         self._live: Live | None = None
 
     def on_tick(self, record: TickRecord) -> None:
@@ -69,6 +85,18 @@ class LiveStatus:
         if first or now_s - self._shown_s >= _REDRAW_S:
             self._shown_s = now_s
             self._live.update(self.line(record, now_s), refresh=True)
+
+    def on_descent(self, state: DroneState | None, reason: str) -> None:
+        """Show that the drone is brought down, and why."""
+        now_s = self._wall_clock_s()
+        text = descent_line(state, reason)
+        if self._live is not None:
+            self._live.update(text, refresh=True)
+        elif (
+            self._descent_shown_s is None or now_s - self._descent_shown_s >= _DESCENT_LINE_EVERY_S
+        ):
+            self._descent_shown_s = now_s
+            self._console.print(text, soft_wrap=True)
 
     def line(self, record: TickRecord, wall_s: float) -> Text:
         """Return the status line of a tick."""
@@ -99,9 +127,10 @@ class LiveStatus:
 
     def close(self) -> None:
         """Take the line away; safe to call twice."""
-        if self._live is not None:
-            self._live.stop()
-            self._live = None
+        live, self._live = self._live, None
+        if live is not None:
+            with suppress(OSError):  # a terminal that went away took its line along
+                live.stop()
 
     def __enter__(self) -> Self:
         return self
@@ -110,6 +139,17 @@ class LiveStatus:
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
         self.close()
+
+
+def descent_line(state: DroneState | None, reason: str) -> Text:
+    """Return the line about a drone that is brought down.
+
+    Args:
+        state: the newest that is known, None before the first.
+        reason: why it is landed.
+    """
+    known = "not heard" if state is None else state.flying.value.replace("_", " ")
+    return Text(f"landing ({known}): {reason}", style="bold red", no_wrap=True, overflow="ellipsis")
 
 
 def summary(report: FlightReport) -> Table:

@@ -64,6 +64,10 @@ class FlightReport:
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
     # Leaves that blocked longer than their budget, by path: the longest time, milliseconds.
     slow_leaves: dict[str, float] = field(default_factory=dict)
+    # Whether the drone was still in the air when the program left it, as far as is known.
+    airborne_at_end: bool = False
+    # What follows a flight (displays, records) and failed on the way: what, and why.
+    lost_outputs: dict[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as plain JSON values."""

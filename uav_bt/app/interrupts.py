@@ -1,0 +1,64 @@
+"""Signals while a mission flies: the first lands the drone, the second ends the program."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, Final
+
+from uav_bt.mission.runner import MissionRunner
+
+# Ctrl-C, a request to stop, and a terminal or an ssh connection that went away.
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class _Stop:
+    """What a signal does, from the first to the third."""
+
+    def __init__(self, runner: MissionRunner) -> None:
+        self._runner = runner
+        self._before: dict[signal.Signals, Any] = {}
+        self._count = 0
+
+    def install(self) -> None:
+        for number in _SIGNALS:
+            before = signal.getsignal(number)
+            if before is not signal.SIG_IGN:  # nohup: whoever ignores a signal means it
+                self._before[number] = before
+                signal.signal(number, self._on_signal)
+
+    def restore(self) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        del frame
+        self._count += 1
+        self._runner.request_abort(f"stopped by {signal.Signals(number).name}")
+        if self._count > 1:
+            self._runner.give_up()
+            self.restore()  # a third one ends a program that hangs
+
+
+@contextmanager
+def landing_on_signals(runner: MissionRunner) -> Iterator[None]:
+    """Land on Ctrl-C, SIGTERM and SIGHUP; on a second one, do not wait for the landing.
+
+    The report is written either way. Python hands signals to the main thread only; elsewhere this
+    does nothing.
+
+    Args:
+        runner: of the mission that flies inside.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    stop = _Stop(runner)
+    stop.install()
+    try:
+        yield
+    finally:
+        stop.restore()
