@@ -8,7 +8,7 @@ Example:
 """
 
 from uav_bt.app.assembly import ExactSegmenter, Flight, assemble, make_drone
-from uav_bt.app.flight import Listeners, check, fly
+from uav_bt.app.flight import STILL_IN_THE_AIR, Listeners, check, fly
 from uav_bt.app.loading import Mission
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import Site, load_site
@@ -19,6 +19,7 @@ from uav_bt.plugins import make_policy
 from uav_bt.tree.shipped import resolve_tree
 
 __all__ = [
+    "STILL_IN_THE_AIR",
     "ExactSegmenter",
     "Flight",
     "FlightOptions",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,7 @@ from uav_bt.board import MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
-from uav_bt.errors import InputError
+from uav_bt.errors import DroneError, InputError
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Limits
@@ -133,7 +133,9 @@ class Flight(Generic[DroneT]):
             self.mission.setup(self.context)
             yield
         finally:
-            self.drone.disconnect()
+            # The flight is over: whatever goes wrong with saying good-bye changes nothing of it.
+            with suppress(DroneError):
+                self.drone.disconnect()
 
     def runner(self, listeners: Sequence[TickListener]) -> MissionRunner:
         """Return what flies the mission; the drone is connected."""

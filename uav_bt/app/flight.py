@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from types import FrameType
+from typing import Final
 
 from uav_bt.app.assembly import Flight, assemble
+from uav_bt.app.interrupts import landing_on_signals
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, as_file, site_of
 from uav_bt.app.site import Site
-from uav_bt.errors import UavBtError
+from uav_bt.errors import FileError, UavBtError
 from uav_bt.files import check_output
 from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.mission.judge import Outcome, Verdict
@@ -25,6 +26,10 @@ from uav_bt.tree import MissionTree, NodeRegistry
 
 Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
 """Makes what follows a flight tick by tick, once its drone is connected and its tree set up."""
+
+STILL_IN_THE_AIR: Final = (
+    "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
+)
 
 
 def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
@@ -71,7 +76,8 @@ def fly(
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
         DroneError: the drone cannot be reached, or is not ready to take off.
         NodeFailedError: a leaf raised; the drone was landed and the report written, as it is when
-            the drone or a listener raises.
+            the drone raises. A listener or a file that fails ends no flight: it stands in the
+            report's `lost_outputs`.
     """
     options = options or FlightOptions()
     report, record_file = as_file("report", report), as_file("record", options.record)
@@ -89,10 +95,12 @@ def fly(
         if flight.drone.live:
             _check_before_take_off(flight, on_check)
         recorded = [] if record is None else [record.begin]
-        flown = _run(flight, [*recorded, *listeners], report, controls or (lambda _: nullcontext()))
+        keep: dict[str, Callable[[FlightReport], None]] = {}
         if record is not None:
-            record.conclude(flown)
-        return flown
+            keep["record"] = record.conclude
+        if report is not None:
+            keep["report"] = partial(write_report, path=report)
+        return _run(flight, [*recorded, *listeners], keep, controls or (lambda _: nullcontext()))
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
@@ -107,10 +115,17 @@ def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], No
 def _run(
     flight: Flight[Drone],
     listeners: Sequence[Listeners],
-    report_path: Path | None,
+    keep: Mapping[str, Callable[[FlightReport], None]],
     controls: Callable[[MissionRunner], AbstractContextManager[None]],
 ) -> FlightReport:
-    """Fly a connected flight to its end, and report whatever happened."""
+    """Fly a connected flight to its end, and report whatever happened.
+
+    Args:
+        flight: its drone is connected.
+        listeners: make what follows the flight.
+        keep: what writes the report somewhere, by its name.
+        controls: what a person has at hand.
+    """
     log = FlightLog()
     runner = flight.runner([log, *(one for make in listeners for one in make(flight))])
 
@@ -126,45 +141,27 @@ def _run(
             profile=_profile(flight),
             stage_times_s=flight.context.stage_times_s,
             slow_leaves_s=runner.slow_leaves_s,
+            airborne_at_end=runner.descent.airborne,
+            lost_outputs=runner.listeners.lost,
         )
-        if report_path is not None:
-            write_report(result, report_path)
+        for what, write in keep.items():
+            try:
+                write(result)
+            except (FileError, OSError) as fault:  # the result is worth more than one of its files
+                result = replace(result, lost_outputs={**result.lost_outputs, what: str(fault)})
         return result
 
     try:
-        with _landing_on_interrupt(runner), controls(runner):
+        with landing_on_signals(runner), controls(runner):
             verdict = runner.run()
     except Exception as error:
         ours = isinstance(error, UavBtError)
         reason = str(error) if ours else f"{type(error).__name__}: {error}"
-        finish(Verdict(outcome=Outcome.ERROR, reason=reason))
+        flown = finish(Verdict(outcome=Outcome.ERROR, reason=reason))
+        if flown.airborne_at_end:
+            error.add_note(STILL_IN_THE_AIR)
         raise
     return finish(verdict)
-
-
-@contextmanager
-def _landing_on_interrupt(runner: MissionRunner) -> Iterator[None]:
-    """Turn Ctrl-C and SIGTERM into a landing; a second one gets through."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-
-    def restore() -> None:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
-
-    def land(number: int, frame: FrameType | None) -> None:
-        del frame
-        restore()
-        runner.request_abort(f"stopped by {signal.Signals(number).name}")
-
-    for number in previous:
-        signal.signal(number, land)
-    try:
-        yield
-    finally:
-        restore()
 
 
 def _profile(flight: Flight[Drone]) -> str | None:

@@ -222,10 +222,17 @@ class FlightRecord:
         return (self._recorder,)
 
     def conclude(self, report: FlightReport) -> None:
-        """Close the file with how the flight ended."""
-        if self._recorder is not None:
-            end = {"outcome": report.outcome, "reason": report.reason}
-            self._recorder.finish({**end, "report": json.dumps(report.to_json())})
+        """Close the file with how the flight ended.
+
+        Raises:
+            FileError: it could not be written to its end.
+        """
+        if self._recorder is None:
+            return
+        end = {"outcome": report.outcome, "reason": report.reason}
+        losses = self._recorder.finish({**end, "report": json.dumps(report.to_json())})
+        if losses.failure is not None:
+            raise FileError(self._path, losses.failure)
 
     def __enter__(self) -> Self:
         """Return itself; raises MissingDependencyError without the extra `record`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final, Literal
@@ -28,7 +29,7 @@ from uav_bt.cli.options import (
 )
 from uav_bt.display.orders import OrderLines
 from uav_bt.display.status import summary
-from uav_bt.errors import MissionError
+from uav_bt.errors import FileError, MissionError
 from uav_bt.groot import GrootConfig, watched_live
 from uav_bt.mission.judge import Outcome
 from uav_bt.protocols import Drone
@@ -209,17 +210,36 @@ def fly(
         except KeyboardInterrupt as stop:
             when = "again while it landed" if flights else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
-        if filmed is not None:
+        Console().print(summary(flown))
+        lost = dict(flown.lost_outputs)
+        if filmed is not None and "FlightVideo" not in lost:
             filmed.conclude(flown)
-    Console().print(summary(flown))
-    written = {"report": report, "record": record, "video": video, "btlog": btlog}
-    for what, path in written.items():
-        if path is not None:
-            click.echo(f"{what}: {path}")
+        lost |= _closed(stack)
+    _name_files({"report": report, "record": record, "video": video, "btlog": btlog}, lost)
     if viewed is not None and view == "web":
         _wait_for(viewed)
-    if flown.outcome != Outcome.SUCCESS.value:
+    if flown.airborne_at_end:
+        click.secho(app.STILL_IN_THE_AIR, fg="red", bold=True, err=True)
+    if lost or flown.outcome != Outcome.SUCCESS.value:
         ctx.exit(MissionError.exit_code)
+
+
+def _name_files(written: Mapping[str, Path | None], lost: Mapping[str, str]) -> None:
+    """Say what was written and what was not."""
+    for what, path in written.items():
+        if path is not None and path.is_file():
+            click.echo(f"{what}: {path}")
+    for what, why in lost.items():
+        click.echo(f"Error: {what} was lost: {why}", err=True)
+
+
+def _closed(outputs: ExitStack) -> dict[str, str]:
+    """Close what was written beside the flight; return what could not be, and why."""
+    try:
+        outputs.close()
+    except (FileError, OSError) as fault:
+        return {"an output": str(fault)}
+    return {}
 
 
 def _wait_for(viewed: ViewListeners) -> None:

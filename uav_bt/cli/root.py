@@ -118,6 +118,8 @@ class _Root(LazyGroup):
             if ctx.params["debug"]:
                 click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
             click.echo(f"Error: {message}", err=True)
+            for note in getattr(error, "__notes__", ()):
+                click.secho(note, fg="red", bold=True, err=True)
             raise click.exceptions.Exit(code) from error
 
 

@@ -27,7 +27,7 @@ _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time: whoever must act now has no ten
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
 
 
-class _StandardError(Console):
+class StandardError(Console):
     """A console whose reader may go away: that is the listener's end, not the program's."""
 
     def on_broken_pipe(self) -> None:
@@ -59,7 +59,7 @@ class LiveStatus:
         wall_clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._board = board
-        self._console = console or _StandardError(stderr=True)
+        self._console = console or StandardError(stderr=True)
         self._wall_clock_s = wall_clock_s
         self._flown = FlownPath()
         self._began: tuple[float, float] | None = None  # mission and wall time of the first tick

@@ -173,6 +173,8 @@ class FlightLog:
         profile: str | None,
         stage_times_s: Mapping[str, Sequence[float]],
         slow_leaves_s: Mapping[str, float] | None = None,
+        airborne_at_end: bool = False,
+        lost_outputs: Mapping[str, str] | None = None,
     ) -> FlightReport:
         """Return the report of the flight that was listened to.
 
@@ -186,6 +188,8 @@ class FlightLog:
             profile: how imperfect a simulated drone was.
             stage_times_s: seconds that each perception stage took, every time.
             slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
+            airborne_at_end: whether the drone was left in the air.
+            lost_outputs: what followed the flight and failed, and why.
         """
         marks, truth = self._marks, self._last_truth
         start = marks.take_off_s
@@ -221,6 +225,8 @@ class FlightLog:
                 stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
             },
             slow_leaves={path: round(1000.0 * s, 1) for path, s in (slow_leaves_s or {}).items()},
+            airborne_at_end=airborne_at_end,
+            lost_outputs=dict(lost_outputs or {}),
         )
 
 

@@ -299,38 +299,74 @@ def test_leaves_that_block_are_named_in_the_report(
     assert list(report.slow_leaves) == ["Main/Sequence/Land"]
 
 
-@pytest.mark.parametrize(
-    ("fault", "reason"),
-    [(DroneError("no answer"), "no answer"), (OSError("disk full"), "OSError: disk full")],
-)
-def test_a_lost_drone_or_a_broken_listener_leaves_a_report_too(
-    hangar: Hangar, tmp_path: Path, fault: Exception, reason: str
+def test_a_lost_drone_leaves_a_report_and_a_word_about_where_it_is(
+    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(_: Command) -> Command:
+        raise DroneError("no answer")
+
+    def lose(index: int) -> None:
+        if index == 10:
+            monkeypatch.setattr(hangar.drone, "send", lost)
+
+    path = tmp_path / "report.json"
+    with pytest.raises(DroneError, match="no answer") as caught:
+        app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=[doing(lose)])
+    assert app.STILL_IN_THE_AIR in caught.value.__notes__
+    report = json.loads(path.read_text(encoding="utf-8"))
+    assert (report["outcome"], report["reason"]) == ("error", "no answer")
+    assert report["airborne_at_end"] is True
+    assert not hangar.drone.connected
+
+
+def test_a_listener_that_breaks_is_named_and_the_mission_flies_on(
+    hangar: Hangar, tmp_path: Path
 ) -> None:
     def fail(index: int) -> None:
         if index == 10:
-            raise fault
+            raise OSError("disk full")
 
-    path = tmp_path / "report.json"
-    with pytest.raises(type(fault), match=str(fault)):
-        app.fly(tree_file(tmp_path, STAY), SCRIPTED, report=path, listeners=[doing(fail)])
-    told = json.loads(path.read_text(encoding="utf-8"))
-    assert (told["outcome"], told["reason"], told["ticks"]) == ("error", reason, 11)
-    assert hangar.drone.state.flying is FlyingState.LANDED
-    assert not hangar.drone.connected
+    report = app.fly(tree_file(tmp_path, HOP), SCRIPTED, listeners=[doing(fail)])
+    assert report.outcome == "success"
+    assert list(report.lost_outputs.values()) == ["OSError: disk full"]
+    assert not report.airborne_at_end
+
+
+def test_a_report_that_cannot_be_written_hides_no_result(hangar: Hangar, tmp_path: Path) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    report = app.fly(
+        tree_file(tmp_path, HOP),
+        SCRIPTED,
+        report=folder / "report.json",
+        listeners=[doing(lambda index: folder.rmdir() if index == 3 else None)],
+    )
+    assert report.outcome == "success"
+    assert "report.json: cannot be written" in report.lost_outputs["report"]
+
+
+def test_a_drone_that_cannot_say_good_bye_has_flown_all_the_same(
+    hangar: Hangar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise DroneError("already gone")
+
+    monkeypatch.setattr(hangar.drone, "disconnect", fail)
+    assert app.fly(tree_file(tmp_path, HOP), SCRIPTED).outcome == "success"
 
 
 # --- interrupts -----------------------------------------------------------------------------------
 
 
-def interrupt_at(*indices: int) -> app.Listeners:
-    """Return what makes a listener that is a person pressing Ctrl-C at these ticks."""
+def interrupt_at(*indices: int, number: signal.Signals = signal.SIGINT) -> app.Listeners:
+    """Return what makes a listener that sends a signal at these ticks, Ctrl-C's by default."""
 
     def press(index: int) -> None:
-        if index in indices:
+        for _ in range(indices.count(index)):
             # As the interpreter would: a real signal may hit the test runner instead.
-            handler = signal.getsignal(signal.SIGINT)
+            handler = signal.getsignal(number)
             assert callable(handler)
-            handler(signal.SIGINT, None)
+            handler(number, None)
 
     return doing(press)
 
@@ -343,8 +379,8 @@ def _interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def handlers() -> tuple[object, object]:
-    return signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+def handlers() -> tuple[object, ...]:
+    return tuple(map(signal.getsignal, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)))
 
 
 def test_an_interrupt_lands_the_drone_reports_and_gives_the_handlers_back(
@@ -361,15 +397,45 @@ def test_an_interrupt_lands_the_drone_reports_and_gives_the_handlers_back(
     assert handlers() == before
 
 
-def test_a_second_interrupt_gets_through_and_the_drone_still_lands(
-    hangar: Hangar, tmp_path: Path
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_the_first_signal_lands_and_the_second_does_not_wait(
+    hangar: Hangar, tmp_path: Path, number: signal.Signals
 ) -> None:
+    """A closed terminal is one of them; the report comes either way."""
+    before = handlers()
+    path = tmp_path / "report.json"
+    report = app.fly(
+        tree_file(tmp_path, STAY),
+        SCRIPTED,
+        report=path,
+        listeners=[interrupt_at(20, 21, number=number)],
+    )
+    assert (report.outcome, report.reason) == ("aborted", f"stopped by {number.name}")
+    assert report.airborne_at_end
+    assert report.ticks <= 23
+    assert json.loads(path.read_text(encoding="utf-8"))["airborne_at_end"] is True
+    assert hangar.drone.commands[-1] == Command(movement=Land())
+    assert handlers() == before
+
+
+def test_the_third_signal_ends_a_program_that_hangs(hangar: Hangar, tmp_path: Path) -> None:
     before = handlers()
     with pytest.raises(KeyboardInterrupt):
-        app.fly(tree_file(tmp_path, STAY), SCRIPTED, listeners=[interrupt_at(20, 21)])
-    assert hangar.drone.state.flying is FlyingState.LANDED
+        app.fly(tree_file(tmp_path, STAY), SCRIPTED, listeners=[interrupt_at(20, 20, 20)])
     assert not hangar.drone.connected
     assert handlers() == before
+
+
+def test_whoever_ignores_a_signal_means_it(hangar: Hangar, tmp_path: Path) -> None:
+    """With nohup a mission outlives its terminal."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    within: list[object] = []
+    look = doing(lambda _: within.append(signal.getsignal(signal.SIGHUP)))
+    try:
+        app.fly(tree_file(tmp_path, HOP), SCRIPTED, listeners=[look])
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert set(within) == {signal.SIG_IGN}
 
 
 def test_a_flight_leaves_the_handlers_as_they_were(hangar: Hangar, tmp_path: Path) -> None:
@@ -379,7 +445,7 @@ def test_a_flight_leaves_the_handlers_as_they_were(hangar: Hangar, tmp_path: Pat
         SCRIPTED,
         listeners=[doing(lambda _index: within.append(handlers()))],
     )
-    assert all(now[0] is not before[0] and now[1] is not before[1] for now in within)
+    assert all(not set(now) & set(before) for now in within)
     assert handlers() == before
 
 

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -233,7 +234,7 @@ def test_without_opengl_it_says_what_to_install(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_lands_the_drone_and_writes_the_report(
     number: signal.Signals, tmp_path: Path
 ) -> None:
@@ -258,6 +259,53 @@ def test_an_interrupt_lands_the_drone_and_writes_the_report(
     assert told["outcome"] == "aborted"
     assert number.name in told["reason"]
     assert told["duration_s"] < 100.0
+
+
+def fly_in_a_process(tmp_path: Path, *options: object, limit_bytes: int) -> Any:
+    """Fly where no file can become larger than a limit, as on a full disk."""
+    tree = tree_file(tmp_path, HOP)
+    code = (
+        "import resource, sys; from uav_bt.cli import main; "
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit_bytes}, {limit_bytes})); main()"
+    )
+    arguments = ["fly", str(tree), *SMALL, *map(str, options)]
+    return subprocess.run(  # noqa: S603  # our own interpreter and arguments
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
+    )
+
+
+def test_a_disk_that_fills_up_hides_no_result(tmp_path: Path) -> None:
+    record, report = tmp_path / "flight.mcap", tmp_path / "report.json"
+    done = fly_in_a_process(tmp_path, "--record", record, "--report", report, limit_bytes=20_000)
+    assert done.returncode == 1
+    assert "success" in done.stdout
+    assert "Error: record was lost: " in done.stderr
+    assert "Traceback" not in done.stderr
+    assert json.loads(report.read_text())["outcome"] == "success"
+
+
+def test_a_reader_that_goes_away_does_not_end_the_flight(tmp_path: Path) -> None:
+    report = tmp_path / "report.json"
+    arguments = ["fly", str(tree_file(tmp_path, HOP)), *SMALL, "--report", str(report)]
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
+        [sys.executable, "-m", "uav_bt.cli", *arguments], stdout=write, stderr=write, check=False
+    )
+    os.close(write)
+    assert done.returncode == 1  # what was asked for could not be shown
+    assert json.loads(report.read_text())["outcome"] == "success"
+
+
+def test_a_drone_left_in_the_air_is_the_last_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    report = app.fly(tree_file(tmp_path, HOP), app.FlightOptions(image_size_px=(160, 90)))
+    left = replace(report, outcome="aborted", airborne_at_end=True)
+    monkeypatch.setattr(app, "fly", lambda *_, **__: left)
+    result = run("fly", "land_only")
+    assert result.exit_code == 1
+    assert result.stderr.splitlines()[-1] == app.STILL_IN_THE_AIR
 
 
 # --- logs and Groot2 ------------------------------------------------------------------------------

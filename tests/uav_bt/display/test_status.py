@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from tests.uav_bt.display.display_world import World, flight_report
-from uav_bt.display.status import LiveStatus, summary
+from uav_bt.display.status import LiveStatus, StandardError, summary
 from uav_bt.mission.flight_report import FlightReport, Percentiles
 from uav_bt.mission.safety import Override
 from uav_bt.types import Pose
@@ -74,6 +74,44 @@ def test_on_a_terminal_the_line_is_redrawn_no_faster_than_it_is_read() -> None:
             wall.now_s += 0.01
     redrawn = out.getvalue().count("height 1.50 m")
     assert 4 <= redrawn <= 7, "five times in this second, and once for taking it away"
+
+
+def test_a_drone_that_is_brought_down_is_shown_with_the_reason() -> None:
+    world = World()
+    status, out, wall = watch(world, terminal=False)
+    state = world.tick().observation.state
+    for _ in range(61):
+        status.on_descent(state, "nothing heard for 10 s; take it over")
+        wall.now_s += 0.1
+    assert (
+        out.getvalue().splitlines()
+        == [f"landing ({state.flying.value}): nothing heard for 10 s; take it over"] * 2
+    )
+    status.on_descent(None, "lost")  # before the first telemetry
+
+
+def test_on_a_terminal_the_landing_takes_the_place_of_the_line() -> None:
+    world = World()
+    status, out, _ = watch(world, terminal=True)
+    with status:
+        status.on_tick(world.tick())
+        status.on_descent(None, "no link")
+    assert "landing (not heard): no link" in out.getvalue()
+
+
+class Gone(io.StringIO):
+    """A pipe that nobody reads any more."""
+
+    def write(self, text: str) -> int:
+        raise BrokenPipeError(text)
+
+
+def test_a_reader_that_went_away_ends_the_display_and_not_the_program() -> None:
+    world = World()
+    status = LiveStatus(world.board, console=StandardError(file=Gone()))
+    with pytest.raises(BrokenPipeError):  # Rich alone would raise SystemExit
+        status.on_tick(world.tick())
+    status.close()
 
 
 def test_the_cursor_comes_back_when_the_flight_fails() -> None:

@@ -314,6 +314,8 @@ FIELDS = {
     "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
     "time_to_land_s", "landing_error_m", "min_clearance_m", "ticks", "tick_ms", "perception_ms",
     "slow_leaves",
+    "airborne_at_end",
+    "lost_outputs",
 }  # fmt: skip
 
 
