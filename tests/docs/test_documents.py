@@ -20,7 +20,7 @@ from tests.docs.documents import INDENTED, INLINE, ROOT, check_inline, prose
 from tests.docs.reader import Reader
 
 PAGES: Final = (
-    *("README.md", "CONTRIBUTING.md"),
+    *("README.md", "CONTRIBUTING.md", "examples/README.md"),
     *sorted(f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")),
 )
 
@@ -64,6 +64,7 @@ NOT_HERE: Final = {
     "dask": "serves until Ctrl-C",
     "mcap": "is another project's tool",
     "python benchmarks": "minutes to hours",
+    "python examples": "tests/docs/test_examples.py runs them",
     "pytest -n 2": "runs other tests",
     "pytest -m slow": "runs this test",
     "python3.11 -m venv": "makes another environment",
@@ -89,7 +90,7 @@ def _reason(page: str, command: str, *, slow: bool) -> str | None:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Return the working folder, with what of the checkout the pages name; forget its modules."""
-    for name in ("trees", "benchmarks", "constraints.txt"):
+    for name in ("trees", "benchmarks", "examples", "constraints.txt"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)

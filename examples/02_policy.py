@@ -1,0 +1,61 @@
+"""A leaf policy: where to go next, decided on one view. It is given to a node as an object."""
+
+import math
+
+import numpy as np
+
+from uav_bt import app
+from uav_bt.classes import GROUP_CARPET, group_of
+from uav_bt.protocols import Decision, PolicyView
+
+MISSION = """
+<root BTCPP_format="4">
+  <BehaviorTree ID="Look">
+    <ReactiveSequence>
+      <Segment model="unet"/>
+      <FindHelipad/>
+      <RememberObstacles/>
+      <Sequence>
+        <TakeOff height_m="1.5" gimbal_deg="-30"/>
+        <ForceSuccess>
+          <Timeout msec="15000">
+            <KeepRunningUntilFailure>
+              <Fallback>
+                <Explore/>
+                <Avoid/>
+              </Fallback>
+            </KeepRunningUntilFailure>
+          </Timeout>
+        </ForceSuccess>
+        <ReturnToBase/>
+        <HelipadCenter/>
+        <Land/>
+      </Sequence>
+    </ReactiveSequence>
+  </BehaviorTree>
+</root>
+"""
+
+
+class FollowTheCarpet:
+    """Fly on over carpet; else turn to the side that shows more of it."""
+
+    def decide(self, view: PolicyView) -> Decision:
+        carpet = group_of(view.class_map.ids) == GROUP_CARPET
+        near = carpet[carpet.shape[0] // 2 :]
+        left, middle, right = (part.mean() for part in np.array_split(near, 3, axis=1))
+        if middle > 0.95:
+            return Decision(forward_m=0.3, reason="carpet")
+        clockwise = 1 if right > left else -1
+        return Decision(yaw_rad=clockwise * math.radians(30), reason="no carpet")
+
+
+if __name__ == "__main__":
+    options = app.FlightOptions(
+        scene="train-b",
+        policies={"Explore": FollowTheCarpet(), "Avoid": FollowTheCarpet()},
+        exact_masks=True,  # the simulator's class maps in place of a network's: quicker
+        image_size_px=(320, 180),
+    )
+    report = app.fly(MISSION, options)
+    print(report.outcome, f"{report.total_distance_m:.1f} m flown")

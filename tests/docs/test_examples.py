@@ -1,0 +1,55 @@
+"""The examples run as they stand; what they print is what their idea promises."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from tests.docs.documents import ROOT
+
+EXAMPLES: Final = ROOT / "examples"
+PRINTED: Final = {
+    "01_leaf.py": "success",
+    "02_policy.py": "m flown",
+    "03_drone.py": "yaw_rad=1.57",
+    "04_landing.py": "from the middle of the pad",
+    "06_notebook.py": "ticks",
+}
+
+
+def run(folder: Path, *words: str) -> str:
+    """Run Python in a folder and return what it prints."""
+    result = subprocess.run(  # noqa: S603  # our own interpreter and files
+        [sys.executable, *words],
+        env={**os.environ, "MPLBACKEND": "agg"},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+@pytest.mark.parametrize(("name", "printed"), PRINTED.items())
+def test_an_example_flies(name: str, printed: str, tmp_path: Path) -> None:
+    output = run(tmp_path, str(EXAMPLES / name))
+    assert output.startswith("success"), output
+    assert printed in output
+
+
+def test_the_example_of_a_test_passes(tmp_path: Path) -> None:
+    example = str(EXAMPLES / "test_05_mission.py")
+    assert "2 passed" in run(tmp_path, "-m", "pytest", "-p", "no:cacheprovider", example)
+
+
+def test_the_page_lists_every_example() -> None:
+    page = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    files = sorted(path.name for path in EXAMPLES.glob("*.py"))
+    assert files == sorted([*PRINTED, "test_05_mission.py"])
+    assert [name for name in files if f"[{name}]({name})" not in page] == []
