@@ -92,6 +92,23 @@ class TwinDrone:
         """
         return self._connected().simulation
 
+    def disturb(
+        self,
+        *,
+        wind_mps2: tuple[float, float] = (0.0, 0.0),
+        drift_mps: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Disturb the flight steadily from now on; tests do it. Without arguments, no longer.
+
+        Args:
+            wind_mps2: what a wind accelerates it by, world x and y.
+            drift_mps: how fast it drifts without noticing, world x and y.
+
+        Raises:
+            DroneError: not connected.
+        """
+        self.simulation.disturb(wind_mps2=wind_mps2, drift_mps=drift_mps)
+
     def connect(self) -> None:
         """Build the lab and the renderer; the drone stands at its start.
 

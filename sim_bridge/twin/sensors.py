@@ -57,6 +57,7 @@ class Sensors:
         self._altitude.value = 0.0
         self._lost_x_m = 0.0
         self._lost_y_m = 0.0
+        self.drift_mps = (0.0, 0.0)  # steady error of the optical flow, world x and y
 
     def estimate(self, motion: Motion, *, airborne: bool) -> Estimate:
         """Move the errors on by one control step and return what the autopilot believes.
@@ -67,7 +68,8 @@ class Sensors:
         """
         flow_x = flow_y = 0.0
         if airborne:
-            flow_x, flow_y = self._flow_x.step(), self._flow_y.step()
+            flow_x = self._flow_x.step() - self.drift_mps[0]
+            flow_y = self._flow_y.step() - self.drift_mps[1]
             self._lost_x_m += flow_x * CONTROL_STEP_S
             self._lost_y_m += flow_y * CONTROL_STEP_S
             self._altitude.step()

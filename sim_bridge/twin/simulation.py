@@ -67,6 +67,7 @@ class Simulation:
             )
             for _ in range(3)
         ]
+        self._breeze = (0.0, 0.0)  # m/s2, steady, world x and y
         self._exposure = OrnsteinUhlenbeck(
             std=profile.exposure_std,
             time_s=profile.exposure_time_s,
@@ -101,6 +102,11 @@ class Simulation:
         if value and not self._pilot:
             self._autopilot.take_over()
         self._pilot = value
+
+    def disturb(self, *, wind_mps2: tuple[float, float], drift_mps: tuple[float, float]) -> None:
+        """Let a steady wind blow and the autopilot's estimate miss a steady drift, from now on."""
+        self._breeze = wind_mps2
+        self._sensors.drift_mps = drift_mps
 
     def enqueue(self, command: Command) -> None:
         """Send a command; it takes effect after computing and transmission."""
@@ -144,7 +150,8 @@ class Simulation:
         if demand is None:
             self.airframe.drop()
         else:
-            wind = (self._wind[0].step(), self._wind[1].step(), self._wind[2].step())
+            (x, y), (gust_x, gust_y, gust_z) = self._breeze, (each.step() for each in self._wind)
+            wind = (gust_x + x, gust_y + y, gust_z)
             self.airframe.fly(
                 self.motion, demand.acceleration_mps2, demand.yaw_acceleration_radps2, wind
             )

@@ -1,4 +1,4 @@
-"""The test kit: benches for leaves and trees, a scripted drone, a hand clock, a pytest plug-in.
+"""The test kit: benches, a scripted drone, faults for any drone, a hand clock, a pytest plug-in.
 
 Names are imported when they are first used: the plug-in is loaded by every pytest run on a machine
 where the package is installed, and must cost nothing there.
@@ -15,13 +15,19 @@ if TYPE_CHECKING:
     from uav_bt.testing.board import BenchBoard, StrictBlackboard
     from uav_bt.testing.drone import ScriptedDrone, ScriptedDroneConfig, blank_frame, pinhole
     from uav_bt.testing.events import Event, EventLog
+    from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError
     from uav_bt.testing.tree_bench import TickOutcome, TreeBench, load_tree, parse_tree
     from uav_bt.tree.observer import NodeEvent
 
 __all__ = [
+    "FAULTS",
     "BenchBoard",
     "Event",
     "EventLog",
+    "Fault",
+    "FaultKind",
+    "FaultyDrone",
+    "InjectedError",
     "LeafBench",
     "ManualClock",
     "NodeEvent",
@@ -36,7 +42,7 @@ __all__ = [
     "pinhole",
 ]
 
-_MODULES: Final = ("bench", "board", "drone", "events", "tree_bench")
+_MODULES: Final = ("bench", "board", "drone", "events", "faults", "tree_bench")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,387 @@
+"""Faults: when they begin and end, and what each kind does to what is observed and sent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim_bridge.twin import TwinConfig
+from tests.sim_bridge.olympe.fake_olympe import FakeWorld, bridge
+from uav_bt.errors import InputError, UnknownNameError, ValueRangeError
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.testing import FAULTS, Fault, FaultKind, FaultyDrone, InjectedError, ScriptedDrone
+from uav_bt.tree import Status
+from uav_bt.types import (
+    Command,
+    CutMotors,
+    FlyingState,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    MovementState,
+    Observation,
+    Release,
+    TakeOff,
+    Velocity,
+)
+
+
+class World(ScriptedDrone):
+    """A scripted drone whose images differ, at a height that is known."""
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        assert seen.frame is not None
+        image = np.full_like(seen.frame.image, 10 + seen.frame.index)
+        return replace(seen, frame=replace(seen.frame, image=image))
+
+
+def faulty(text: str) -> tuple[FaultyDrone, World]:
+    world = World()
+    drone = FaultyDrone(world, Fault.parse(text))
+    drone.connect()
+    return drone, world
+
+
+def ticks(drone: FaultyDrone, world: World, *commands: Command) -> list[Observation]:
+    """Observe and send, a tick for each command."""
+    seen = []
+    for command in commands:
+        seen.append(drone.observe())
+        drone.send(command)
+        world.clock.advance(0.1)
+    return seen
+
+
+def go(*movements: Any) -> list[Command]:
+    return [Command(movement=movement) for movement in movements]
+
+
+def tick_of(phase: str, observation: Observation, time_s: float) -> TickRecord:
+    return TickRecord(
+        index=0,
+        time_s=time_s,
+        observation=observation,
+        tree_status=Status.RUNNING,
+        phase=phase,
+        active=(),
+        command=Command(movement=Hover()),
+        proposed_by=None,
+        override=None,
+        compute_s=0.0,
+        truth=None,
+    )
+
+
+def last(text: str) -> Observation:
+    """Return what is observed in the second tick after the fault began, in its fourth tick."""
+    drone, world = faulty(text)
+    return ticks(drone, world, *go(TakeOff(), Hover(), Hover(), Hover()))[-1]
+
+
+# --- text and time --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["black@start", "late=0.7@explore+1~30", "height-nan@emergency landing", "slow@land~0.5"],
+)
+def test_a_fault_is_written_as_it_was_read(text: str) -> None:
+    assert str(Fault.parse(text)) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "said"),
+    [
+        ("blakc", UnknownNameError, "did you mean 'black'"),
+        ("late=old", ValueRangeError, "fault 'late=old': could not convert"),
+        ("late@", ValueRangeError, r"is written KIND\[=LEVEL\]"),
+        ("late~-1", ValueRangeError, "must not be negative"),
+        ("late@explore+nan", ValueRangeError, "must not be negative"),
+        ("late~nan", ValueRangeError, "must not be negative"),
+        ("black=3", ValueRangeError, "takes no level, got 3"),
+    ],
+)
+def test_other_texts_are_refused(text: str, error: type[Exception], said: str) -> None:
+    with pytest.raises(error, match=said):
+        Fault.parse(text)
+
+
+def test_a_fault_begins_and_ends_by_the_clock() -> None:
+    drone, world = faulty("battery-low@start+0.2~0.2")
+    seen = ticks(drone, world, *go(Hover(), Hover(), Hover(), Hover(), Hover(), Hover()))
+    assert [each.state.battery for each in seen] == [1.0, 1.0, 0.05, 0.05, 1.0, 1.0]
+    assert drone.began_s == pytest.approx(0.2)
+
+
+def test_a_fault_waits_for_its_phase() -> None:
+    drone, world = faulty("battery-low@explore+0.1")
+    for phase in ("take-off", "explore", "explore", "land"):
+        seen = drone.observe()
+        assert seen.state.battery == 1.0 or phase == "land"
+        drone.on_tick(tick_of(phase, seen, world.clock.now()))
+        world.clock.advance(0.05)
+    assert drone.observe().state.battery == 0.05
+
+
+# --- what is observed -----------------------------------------------------------------------------
+
+
+def test_a_frozen_image_has_fresh_stamps() -> None:
+    seen = last("frozen@start+0.2")
+    assert seen.frame is not None
+    assert seen.frame.image.max() == 11  # of the second tick
+    assert (seen.frame.index, seen.frame.captured_s) == (3, pytest.approx(0.3))
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high"),
+    [("black", 0, 0), ("white", 255, 255), ("covered=0.5", 6, 6), ("noise=5", 0, 40)],
+)
+def test_images_change(text: str, low: int, high: int) -> None:
+    frame = last(text).frame
+    assert frame is not None
+    assert low <= frame.image.min() <= frame.image.max() <= high
+    assert frame.image.shape == (36, 64, 3)
+    assert (frame.image != 13).any()
+
+
+def test_noise_is_the_same_for_the_same_frame() -> None:
+    first, second = last("noise").frame, last("noise").frame
+    assert first is not None
+    assert second is not None
+    assert np.array_equal(first.image, second.image)
+    assert first.image.std() > 20
+
+
+@pytest.mark.parametrize(
+    ("text", "index"),
+    [("late=0.2", 1), ("late=9", 0), ("slow=5@start", 2), ("video-lost@start+0.2", 1)],
+)
+def test_frames_come_late(text: str, index: int) -> None:
+    seen = last(text)
+    assert seen.frame is not None
+    assert seen.frame.index == index
+    assert seen.frame.captured_s == pytest.approx(0.1 * index)
+    assert seen.state.captured_s == pytest.approx(0.3)
+
+
+def test_frames_lose_their_form() -> None:
+    assert last("no-frame").frame is None
+    shapes = {
+        kind: frame.image.shape
+        for kind in ("half-size", "empty-image")
+        if (frame := last(kind).frame) is not None
+    }
+    assert shapes == {"half-size": (18, 32, 3), "empty-image": (0, 0, 3)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "what", "expected"),
+    [
+        ("height-nan", "height_above_carpet_m", math.nan),
+        ("height-absurd", "height_m", 1e4),
+        ("height-bias=0.2", "altitude_m", 0.2),
+        ("attitude-nan", "attitude.yaw_rad", math.nan),
+        ("attitude-absurd", "attitude.roll_rad", 100.0),
+        ("yaw-jump=0.5", "attitude.yaw_rad", 0.5),
+        ("yaw-drift=1@start+0.2", "attitude.yaw_rad", 0.1),
+        ("gimbal-nan", "gimbal_pitch_rad", math.nan),
+        ("gimbal-absurd", "gimbal_pitch_rad", 50.0),
+        ("time-jump", "captured_s", 5.3),
+    ],
+)
+def test_telemetry_of_state_and_frame_change_alike(kind: str, what: str, expected: float) -> None:
+    seen = last(kind)
+    for value in (seen.state, seen.frame):
+        told: Any = value
+        for name in what.split("."):
+            told = getattr(told, name)
+        assert told == pytest.approx(expected, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "what", "expected"),
+    [
+        ("velocity-nan", "velocity.down_mps", math.nan),
+        ("velocity-absurd", "velocity.right_mps", 500.0),
+        ("velocity-bias=0.4", "velocity.forward_mps", 0.4),
+        ("position-jump@start+0.3", "velocity.forward_mps", 10.0),
+        ("position-jump@start+0.2", "velocity.forward_mps", 0.0),
+        ("battery-nan", "battery", math.nan),
+        ("battery-drains=2@start+0.2", "battery", 0.8),
+        ("no-telemetry@start+0.2", "captured_s", 0.1),
+        ("link-lost@start+0.2", "captured_s", 0.1),
+        ("emergency-state", "flying", FlyingState.EMERGENCY),
+        ("landed-state", "flying", FlyingState.LANDED),
+        ("pilot", "pilot_has_control", True),
+    ],
+)
+def test_the_state_changes(kind: str, what: str, expected: object) -> None:
+    told: Any = last(kind).state
+    for name in what.split("."):
+        told = getattr(told, name)
+    if isinstance(expected, float):
+        assert told == pytest.approx(expected, nan_ok=True)
+    else:
+        assert told is expected
+
+
+# --- what is sent ---------------------------------------------------------------------------------
+
+TURN = MoveBy(id=7, forward_m=0.2, yaw_rad=0.5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sent", "arrives"),
+    [
+        ("deaf", Land(), Release()),
+        ("link-lost", Velocity(forward_mps=0.3), Release()),
+        ("no-take-off", TakeOff(), Release()),
+        ("no-take-off", Land(), Land()),
+        ("no-landing", Land(), Hover()),
+        ("no-landing", TakeOff(), TakeOff()),
+        ("interrupted", TURN, Hover()),
+        ("yaw-ignored", TURN, replace(TURN, yaw_rad=0.0)),
+        ("yaw-ignored", Velocity(forward_mps=0.1, yaw_rate_radps=1.0), Velocity(forward_mps=0.1)),
+        ("motors-cut", Hover(), CutMotors()),
+        ("motors-cut~9@start", Hover(), CutMotors()),
+    ],
+)
+def test_another_movement_arrives_than_was_sent(kind: str, sent: Any, arrives: Any) -> None:
+    kind = kind.partition("~")[0]
+    drone, world = faulty(kind)
+    drone.observe()
+    meant = Command(movement=sent)
+    assert drone.send(meant) == meant
+    assert world.commands == [Command(movement=arrives)]
+
+
+def test_a_stuck_gimbal_hears_nothing() -> None:
+    drone, world = faulty("gimbal-stuck")
+    drone.observe()
+    drone.send(Command(movement=Hover(), gimbal=GimbalTo(pitch_rad=-0.5)))
+    assert world.commands == [Command(movement=Hover())]
+
+
+def test_motors_are_cut_once() -> None:
+    drone, world = faulty("motors-cut")
+    ticks(drone, world, *go(*[Hover()] * 7))
+    cuts = [isinstance(command.movement, CutMotors) for command in world.commands]
+    assert cuts == [True] * 5 + [False] * 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "state"),
+    [("never-done", MovementState.RUNNING), ("interrupted", MovementState.INTERRUPTED)],
+)
+def test_movements_do_not_end_as_they_should(kind: str, state: MovementState) -> None:
+    drone, world = faulty(kind)
+    ticks(drone, world, *go(*[TakeOff()] * 12, *[TURN] * 12))
+    moving = drone.observe().state.movement
+    assert moving is not None
+    assert (moving.id, moving.state) == (TURN.id, state)
+
+
+# --- what raises ----------------------------------------------------------------------------------
+
+
+def test_drones_and_listeners_raise() -> None:
+    with pytest.raises(InjectedError):
+        faulty("observe-raises")[0].observe()
+    drone = faulty("send-raises")[0]
+    seen = drone.observe()
+    with pytest.raises(InjectedError):
+        drone.send(Command(movement=Land()))
+    drone = faulty("listener-raises")[0]
+    drone.observe()
+    drone.send(Command(movement=Land()))
+    with pytest.raises(InjectedError):
+        drone.on_tick(tick_of("land", seen, 0.0))
+
+
+# --- with an ANAFI --------------------------------------------------------------------------------
+
+
+def test_the_driver_of_an_anafi_flies_with_faults() -> None:
+    world = FakeWorld()
+    drone = FaultyDrone(bridge(world), Fault.parse("no-landing"))
+    drone.connect()
+    world.drone.event("ardrone3.PilotingState.FlyingStateChanged", state="hovering")
+    world.drone.sent.clear()
+    drone.observe()
+    assert drone.send(Command(movement=Land())) == Command(movement=Land())
+    assert not any("Landing" in name for name in world.drone.names())
+    drone.disconnect()
+
+
+# --- with the twin --------------------------------------------------------------------------------
+
+
+def test_faults_of_the_air_need_a_drone_that_is_in_it() -> None:
+    with pytest.raises(InputError, match="'wind' needs a drone with a method 'disturb'"):
+        faulty("wind")
+
+
+def hovering_off_m(text: str | None) -> tuple[float, float]:
+    """Return how far the twin is from its take-off after six seconds, truly and as it believes."""
+    drone: Drone = TwinConfig(profile="ideal", image_size_px=(160, 90)).create()
+    if text is not None:
+        drone = FaultyDrone(drone, Fault.parse(text))
+    drone.connect()
+    assert drone.referee is not None
+    start, believed_m = drone.referee.truth().pose.x_m, 0.0
+    for movement in [TakeOff(), *[Hover()] * 99]:
+        state = drone.observe().state
+        world_x_mps = state.velocity.forward_mps * math.cos(state.attitude.yaw_rad)
+        world_x_mps -= state.velocity.right_mps * math.sin(state.attitude.yaw_rad)
+        believed_m += 0.1 * world_x_mps
+        drone.send(Command(movement=movement))
+        drone.clock.sleep_until(drone.clock.now() + 0.1)
+    moved_m = drone.referee.truth().pose.x_m - start
+    drone.disconnect()
+    return moved_m, believed_m
+
+
+def test_wind_pushes_and_drift_is_not_noticed() -> None:
+    calm, wind, drift = map(hovering_off_m, (None, "wind=0.8@start+4", "drift=0.2@start+4"))
+    assert calm[0] == pytest.approx(0.0, abs=0.02)
+    assert wind[0] == pytest.approx(0.2, abs=0.05)  # it leans against it
+    assert drift[0] == pytest.approx(1.2, abs=0.15)
+    assert drift[1] == pytest.approx(0.0, abs=0.1)
+
+
+def test_exact_masks_are_of_what_a_frame_shows() -> None:
+    twin = TwinConfig(image_size_px=(160, 90)).create()
+    drone = FaultyDrone(twin, Fault.parse("frozen@start+4"))
+    drone.connect()
+    assert drone.referee is not None
+    masks = []
+    for number in range(100):
+        frame = drone.observe().frame
+        if number in {39, 99}:
+            assert frame is not None
+            masks.append(drone.referee.class_ids(frame, 80, 45))
+        turn = Velocity(yaw_rate_radps=0.8) if number > 45 else TakeOff()
+        drone.send(Command(movement=turn))
+        drone.clock.sleep_until(drone.clock.now() + 0.1)
+    assert twin.observe().frame is not None
+    true = twin.referee.class_ids(twin.observe().frame, 80, 45)  # type: ignore[union-attr,arg-type]
+    drone.disconnect()
+    assert np.array_equal(masks[0], masks[1])
+    assert not np.array_equal(masks[1], true)
+
+
+def test_every_kind_has_words_and_an_effect() -> None:
+    for name, kind in FAULTS.items():
+        assert name == kind.name
+        assert kind.what
+        assert kind != FaultKind(
+            name=name, what=kind.what, level=kind.level, in_image=kind.in_image
+        )

@@ -1,0 +1,204 @@
+"""A drone that something goes wrong with: any drone, with one fault from a phase of the mission on.
+
+Fly it in place of the drone that it wraps, and let it follow the flight, so that it knows the
+phase::
+
+    drone = FaultyDrone(twin, Fault.parse("video-lost@explore+1~30"))
+    app.fly(tree, app.FlightOptions(drone=drone), listeners=[lambda _: [drone]])
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import InputError
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Clock, Drone, Referee, Scene
+from uav_bt.testing.faults.fault import START, Fault
+from uav_bt.testing.faults.kind import FaultMoment
+from uav_bt.types import CameraModel, Command, Frame, Observation, Truth
+
+_PAST: Final = 64  # observations that late frames are taken from: 6 s at the usual tick
+
+
+@runtime_checkable
+class Disturbed(Protocol):
+    """A simulated drone that can be pushed about."""
+
+    def disturb(
+        self,
+        *,
+        wind_mps2: tuple[float, float] = (0.0, 0.0),
+        drift_mps: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Let a steady wind push it, or its own estimate drift, from now on; world x and y."""
+        ...
+
+
+class FaultyDrone:
+    """Flies another drone with one fault.
+
+    Args:
+        drone: what flies; not connected yet.
+        fault: what goes wrong.
+
+    Raises:
+        InputError: the fault is one of the air, and the drone knows none.
+    """
+
+    def __init__(self, drone: Drone, fault: Fault) -> None:
+        if fault.kind.disturb is not None and not isinstance(drone, Disturbed):
+            raise InputError(
+                f"fault '{fault.kind.name}' needs a drone with a method 'disturb', such as the "
+                f"twin; {type(drone).__name__} has none"
+            )
+        self.fault = fault
+        self.began_s: float | None = None  # mission time of its first effect; None before
+        self._drone = drone
+        self._phase_s: float | None = None
+        self._before: Observation | None = None
+        self._past: deque[Observation] = deque(maxlen=_PAST)
+        self._command: Command | None = None
+        self._shown: tuple[Frame, Frame] | None = None  # as delivered, and what it truly shows
+
+    @property
+    def clock(self) -> Clock:
+        """The inner drone's clock."""
+        return self._drone.clock
+
+    @property
+    def camera(self) -> CameraModel:
+        """The inner drone's camera."""
+        return self._drone.camera
+
+    @property
+    def referee(self) -> Referee | None:
+        """The inner drone's referee; its masks and depths are of what a frame shows."""
+        inner = self._drone.referee
+        return None if inner is None else _FaultyReferee(inner, self)
+
+    @property
+    def scene(self) -> Scene | None:
+        """The inner drone's scene."""
+        return self._drone.scene
+
+    @property
+    def live(self) -> bool:
+        """Whether the inner drone is a real one."""
+        return self._drone.live
+
+    @property
+    def tick_s(self) -> float | None:
+        """The inner drone's tick."""
+        return self._drone.tick_s
+
+    def connect(self) -> None:
+        """Connect the inner drone.
+
+        Raises:
+            DroneError: it cannot be reached.
+        """
+        self._drone.connect()
+        if self.fault.phase == START:
+            self._phase_s = self.clock.now()
+
+    def observe(self) -> Observation:
+        """Return what the inner drone observes, as the fault changes it.
+
+        Raises:
+            InjectedError: that is what the fault does.
+        """
+        seen = self._drone.observe()
+        self._past.append(seen)
+        at, kind = self._moment(), self.fault.kind
+        if kind.disturb is not None and isinstance(self._drone, Disturbed):
+            self._drone.disturb(**({} if at is None else kind.disturb(at.level)))
+        shown = seen
+        if at is None:
+            self._before = seen
+        elif kind.observe is not None:
+            shown = kind.observe(seen, at)
+        self._shown = None if shown.frame is None else (shown.frame, self._source(shown.frame))
+        return shown
+
+    def send(self, command: Command) -> Command:
+        """Send a command as the fault changes it; return it as the mission meant it.
+
+        Raises:
+            InjectedError: that is what the fault does.
+        """
+        self._command = command
+        at, kind = self._moment(), self.fault.kind
+        if at is None or kind.send is None:
+            return self._drone.send(command)
+        changed = kind.send(command, at)
+        sent = self._drone.send(changed)
+        return sent if changed == command else command
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Follow the flight's phase.
+
+        Raises:
+            InjectedError: that is what the fault does.
+        """
+        if self._phase_s is None and record.phase == self.fault.phase:
+            self._phase_s = record.time_s
+        at, kind = self._moment(), self.fault.kind
+        if at is not None and kind.follow is not None:
+            kind.follow()
+
+    def disconnect(self) -> None:
+        """Disconnect; safe to call twice."""
+        self._drone.disconnect()
+
+    def source_of(self, frame: Frame) -> Frame:
+        """Return the camera's own frame whose view a delivered frame shows."""
+        return self._shown[1] if self._shown is not None and self._shown[0] is frame else frame
+
+    def _source(self, shown: Frame) -> Frame:
+        frames = [past.frame for past in self._past if past.frame is not None]
+        if self._before is not None and self._before.frame is not None:
+            frames.append(self._before.frame)
+        same = (frame for frame in frames if frame.image is shown.image)
+        return next(same, self._past[-1].frame or shown)
+
+    def _moment(self) -> FaultMoment | None:
+        """Return what the fault's effect depends on, None while there is none."""
+        fault, now_s = self.fault, self.clock.now()
+        if self._phase_s is None:
+            return None
+        late_s = now_s - self._phase_s - fault.delay_s
+        if not -1e-6 <= late_s < fault.duration_s or not self._past:
+            return None
+        if self.began_s is None:
+            self.began_s = now_s
+        level = fault.kind.level if fault.level is None else fault.level
+        return FaultMoment(
+            level=math.nan if level is None else level,
+            since_s=now_s - self.began_s,
+            before=self._before or self._past[0],
+            past=tuple(self._past),
+            command=self._command,
+        )
+
+
+class _FaultyReferee:
+    """Knows the truth, and what a delivered frame truly shows."""
+
+    def __init__(self, referee: Referee, drone: FaultyDrone) -> None:
+        self._referee = referee
+        self._drone = drone
+
+    def truth(self) -> Truth:
+        return self._referee.truth()
+
+    def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        return self._referee.class_ids(self._drone.source_of(frame), width_px, height_px)
+
+    def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
+        return self._referee.depth(self._drone.source_of(frame), width_px, height_px)

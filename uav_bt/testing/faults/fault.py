@@ -1,0 +1,76 @@
+"""A fault as a value and as a text: what goes wrong, how badly and when."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Self
+
+from uav_bt.errors import UnknownNameError, ValueRangeError
+from uav_bt.testing.faults.kind import FaultKind
+from uav_bt.testing.faults.table import FAULTS
+
+START: Final = "start"  # in place of a phase: from connecting on
+_TEXT: Final = re.compile(
+    r"(?P<kind>[\w-]+)(=(?P<level>[^@~]+))?"
+    r"(@(?P<phase>[^+~=@]+)(\+(?P<delay>[^~]+))?)?(~(?P<duration>.+))?"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """What goes wrong, how badly and when.
+
+    Raises:
+        ValueRangeError: the delay or the duration is negative, or a kind without a level has one.
+    """
+
+    kind: FaultKind
+    level: float | None = None  # None: the kind's own
+    phase: str = START  # the mission's phase with whose first tick it begins
+    delay_s: float = 0.0  # after the phase's begin
+    duration_s: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0 and self.duration_s >= 0.0):
+            raise ValueRangeError(f"a fault's delay and duration must not be negative: '{self}'")
+        if self.level is not None and self.kind.level is None:
+            raise ValueRangeError(f"fault '{self.kind.name}' takes no level, got {self.level:g}")
+
+    @classmethod
+    def parse(cls, text: str, kinds: Mapping[str, FaultKind] = FAULTS) -> Self:
+        """Return the fault that a text like ``frames-late=0.7@explore+1~30`` describes.
+
+        Args:
+            text: ``KIND[=LEVEL][@PHASE[+DELAY]][~DURATION]``, times in seconds.
+            kinds: by name.
+
+        Raises:
+            UnknownNameError: there is no such kind.
+            ValueRangeError: the text has another form, or a number is out of its range.
+        """
+        found = _TEXT.fullmatch(text)
+        if found is None:
+            raise ValueRangeError(
+                f"a fault is written KIND[=LEVEL][@PHASE[+DELAY]][~DURATION], got '{text}'"
+            )
+        if found["kind"] not in kinds:
+            raise UnknownNameError("fault", found["kind"], kinds)
+        try:
+            return cls(
+                kind=kinds[found["kind"]],
+                level=None if found["level"] is None else float(found["level"]),
+                phase=found["phase"] or START,
+                delay_s=float(found["delay"] or 0.0),
+                duration_s=float(found["duration"] or math.inf),
+            )
+        except ValueError as error:
+            raise ValueRangeError(f"fault '{text}': {error}") from error
+
+    def __str__(self) -> str:
+        level = "" if self.level is None else f"={self.level:g}"
+        delay = f"+{self.delay_s:g}" if self.delay_s else ""
+        duration = f"~{self.duration_s:g}" if math.isfinite(self.duration_s) else ""
+        return f"{self.kind.name}{level}@{self.phase}{delay}{duration}"

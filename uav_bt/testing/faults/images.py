@@ -1,0 +1,63 @@
+"""Faults of images: what they show, and when they come."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.testing.faults.kind import FaultMoment, Observe
+from uav_bt.types import Frame, Observation
+
+Image = NDArray[np.uint8]
+
+
+def image(change: Callable[[Frame, FaultMoment], Image]) -> Observe:
+    """Return an effect that replaces the image and keeps the rest of the frame."""
+
+    def observe(seen: Observation, at: FaultMoment) -> Observation:
+        if seen.frame is None:
+            return seen
+        return replace(seen, frame=replace(seen.frame, image=change(seen.frame, at)))
+
+    return observe
+
+
+def frozen(frame: Frame, at: FaultMoment) -> Image:
+    """Return the image from before the fault."""
+    return frame.image if at.before.frame is None else at.before.frame.image
+
+
+def noisy(frame: Frame, at: FaultMoment) -> Image:
+    """Return the image with white noise, the same for the same frame."""
+    noise = np.random.default_rng(frame.index).normal(0.0, at.level, frame.image.shape)
+    return np.clip(frame.image + noise, 0, 255).astype(np.uint8)
+
+
+def covered(frame: Frame, at: FaultMoment) -> Image:
+    """Return the image dark and blurred."""
+    import cv2  # noqa: PLC0415 - few faults need it
+
+    blurred = cv2.GaussianBlur(frame.image, (0, 0), frame.image.shape[1] / 10)
+    return (at.level * blurred).astype(np.uint8)
+
+
+def _newest(seen: Observation, at: FaultMoment, limit_s: float) -> Observation:
+    frames = [past.frame for past in at.past if past.frame is not None]
+    old = [frame for frame in frames if frame.captured_s <= limit_s + 1e-6]
+    return replace(seen, frame=(old or frames)[-1 if old else 0])
+
+
+def late(seen: Observation, at: FaultMoment) -> Observation:
+    """Show the newest frame that is old enough; the oldest remembered where none is."""
+    return seen if seen.frame is None else _newest(seen, at, seen.frame.captured_s - at.level)
+
+
+def slow(seen: Observation, at: FaultMoment) -> Observation:
+    """Show so many frames a second."""
+    if seen.frame is None:
+        return seen
+    return _newest(seen, at, math.floor(seen.frame.captured_s * at.level) / at.level)

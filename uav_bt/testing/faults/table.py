@@ -1,0 +1,224 @@
+"""The kinds of faults: one table, a few lines for each; kinds of your own are more such values.
+
+A kind without a level has no degrees: its effects get NaN, which is what those named so show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from uav_bt.testing.faults import images, movements, telemetry
+from uav_bt.testing.faults.images import image
+from uav_bt.testing.faults.kind import FaultKind
+from uav_bt.testing.faults.movements import instead
+from uav_bt.testing.faults.telemetry import both, of_state
+from uav_bt.types import FlyingState, Hover, Land, MoveBy, Release, TakeOff
+
+_KINDS: Final = (
+    FaultKind(
+        name="frozen",
+        what="the image stands still, with fresh stamps and telemetry",
+        observe=image(images.frozen),
+    ),
+    FaultKind(
+        name="black",
+        what="black images",
+        observe=image(lambda frame, _: np.zeros_like(frame.image)),
+        in_image=True,
+    ),
+    FaultKind(
+        name="white",
+        what="overexposed images",
+        observe=image(lambda frame, _: np.full_like(frame.image, 255)),
+        in_image=True,
+    ),
+    FaultKind(
+        name="noise",
+        what="noise of so many grey levels",
+        level=80.0,
+        observe=image(images.noisy),
+        in_image=True,
+    ),
+    FaultKind(
+        name="covered",
+        what="a covered lens: blurred, and so much of the light",
+        level=0.08,
+        observe=image(images.covered),
+        in_image=True,
+    ),
+    FaultKind(name="late", what="frames so many seconds old", level=1.0, observe=images.late),
+    FaultKind(name="slow", what="so many frames a second", level=4.0, observe=images.slow),
+    FaultKind(
+        name="video-lost",
+        what="no new frame comes",
+        observe=lambda seen, at: replace(seen, frame=at.before.frame),
+    ),
+    FaultKind(
+        name="no-frame", what="there is no frame", observe=lambda seen, _: replace(seen, frame=None)
+    ),
+    FaultKind(
+        name="half-size",
+        what="images of half the size",
+        observe=image(lambda frame, _: np.ascontiguousarray(frame.image[::2, ::2])),
+        in_image=True,
+    ),
+    FaultKind(
+        name="empty-image",
+        what="images without a pixel",
+        observe=image(lambda frame, _: frame.image[:0, :0]),
+        in_image=True,
+    ),
+    FaultKind(
+        name="no-telemetry",
+        what="no new telemetry comes",
+        observe=lambda seen, at: replace(seen, state=at.before.state),
+    ),
+    FaultKind(
+        name="link-lost",
+        what="nothing comes and nothing arrives",
+        observe=lambda _, at: at.before,
+        send=movements.unheard,
+    ),
+    FaultKind(name="height-nan", what="heights NaN", observe=both(telemetry.height)),
+    FaultKind(
+        name="height-absurd",
+        what="heights of so many metres",
+        level=1.0e4,
+        observe=both(telemetry.height),
+    ),
+    FaultKind(
+        name="height-bias",
+        what="heights so many metres too great",
+        level=0.3,
+        observe=both(telemetry.raised),
+    ),
+    FaultKind(name="attitude-nan", what="attitude NaN", observe=both(telemetry.tilted)),
+    FaultKind(
+        name="attitude-absurd",
+        what="all angles of so many radians",
+        level=100.0,
+        observe=both(telemetry.tilted),
+    ),
+    FaultKind(
+        name="yaw-jump",
+        what="the heading off by so many radians",
+        level=0.8,
+        observe=both(telemetry.turned),
+    ),
+    FaultKind(
+        name="yaw-drift",
+        what="the heading wanders by so many radians a second",
+        level=0.035,
+        observe=both(telemetry.turned, lambda at: at.level * at.since_s),
+    ),
+    FaultKind(name="velocity-nan", what="velocity NaN", observe=of_state(telemetry.velocity)),
+    FaultKind(
+        name="velocity-absurd",
+        what="so many metres a second",
+        level=500.0,
+        observe=of_state(telemetry.velocity),
+    ),
+    FaultKind(
+        name="velocity-bias",
+        what="so many metres a second too fast forward",
+        level=-0.2,
+        observe=of_state(lambda state, at: telemetry.faster(state, at.level)),
+    ),
+    FaultKind(
+        name="position-jump",
+        what="dead reckoning jumps so many metres forward, once",
+        level=1.0,
+        observe=of_state(telemetry.jumped),
+    ),
+    FaultKind(
+        name="time-jump",
+        what="all stamps so many seconds later",
+        level=5.0,
+        observe=both(telemetry.dated),
+    ),
+    FaultKind(
+        name="gimbal-nan",
+        what="the camera's pitch NaN",
+        observe=both(telemetry.pointed),
+    ),
+    FaultKind(
+        name="gimbal-absurd",
+        what="a camera's pitch of so many radians",
+        level=50.0,
+        observe=both(telemetry.pointed),
+    ),
+    FaultKind(
+        name="gimbal-stuck",
+        what="the camera stays where it points",
+        send=lambda command, _: replace(command, gimbal=None),
+    ),
+    FaultKind(
+        name="battery-nan",
+        what="a charge of NaN",
+        observe=of_state(lambda state, at: replace(state, battery=at.level)),
+    ),
+    FaultKind(
+        name="battery-low",
+        what="so much charge left",
+        level=0.05,
+        observe=of_state(lambda state, at: replace(state, battery=at.level)),
+    ),
+    FaultKind(
+        name="battery-drains",
+        what="so much charge lost a second",
+        level=0.1,
+        observe=of_state(telemetry.drained),
+    ),
+    FaultKind(name="yaw-ignored", what="the drone does not turn", send=movements.unturned),
+    FaultKind(
+        name="never-done",
+        what="no movement is reported done",
+        observe=of_state(movements.never_done),
+    ),
+    FaultKind(
+        name="interrupted",
+        what="every movement is interrupted at once",
+        observe=of_state(movements.interrupted),
+        send=instead(MoveBy, Hover()),
+    ),
+    FaultKind(name="no-take-off", what="take-off is refused", send=instead(TakeOff, Release())),
+    FaultKind(name="no-landing", what="landing is refused", send=instead(Land, Hover())),
+    FaultKind(name="deaf", what="no command arrives", send=movements.unheard),
+    FaultKind(name="motors-cut", what="the drone stops its motors", send=movements.cut),
+    FaultKind(
+        name="emergency-state",
+        what="the drone says that its motors were cut",
+        observe=telemetry.flying(FlyingState.EMERGENCY),
+    ),
+    FaultKind(
+        name="landed-state",
+        what="the drone says that it stands on the ground",
+        observe=telemetry.flying(FlyingState.LANDED),
+    ),
+    FaultKind(
+        name="pilot",
+        what="a pilot has control",
+        observe=of_state(lambda state, _: replace(state, pilot_has_control=True)),
+    ),
+    FaultKind(
+        name="wind",
+        what="a steady wind of so many m/s2, towards world x",
+        level=0.6,
+        disturb=lambda level: {"wind_mps2": (level, 0.0)},
+    ),
+    FaultKind(
+        name="drift",
+        what="so many m/s towards world x that its own estimate misses",
+        level=0.1,
+        disturb=lambda level: {"drift_mps": (level, 0.0)},
+    ),
+    FaultKind(name="observe-raises", what="observing raises", observe=movements.raises),
+    FaultKind(name="send-raises", what="sending raises", send=movements.raises),
+    FaultKind(name="listener-raises", what="a listener raises", follow=movements.listener_raises),
+)
+
+FAULTS: Final[Mapping[str, FaultKind]] = {kind.name: kind for kind in _KINDS}

@@ -1,0 +1,110 @@
+"""Faults of telemetry: of the state, and of what frames carry of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol, TypeVar
+
+from uav_bt.testing.faults.kind import FaultMoment, Observe
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    DroneState,
+    FlyingState,
+    Frame,
+    Observation,
+    wrap_angle,
+)
+
+Told = TypeVar("Told", DroneState, Frame)
+
+
+def height(told: Told, height_m: float) -> Told:
+    """Return a height in place of all heights."""
+    return replace(told, altitude_m=height_m, height_m=height_m, height_above_carpet_m=height_m)
+
+
+def raised(told: Told, by_m: float) -> Told:
+    """Return telemetry from higher up."""
+    return replace(
+        told,
+        altitude_m=told.altitude_m + by_m,
+        height_m=told.height_m + by_m,
+        height_above_carpet_m=told.height_above_carpet_m + by_m,
+    )
+
+
+def turned(told: Told, by_rad: float) -> Told:
+    """Return telemetry with another heading."""
+    yaw_rad = wrap_angle(told.attitude.yaw_rad + by_rad)
+    return replace(told, attitude=replace(told.attitude, yaw_rad=yaw_rad))
+
+
+def tilted(told: Told, angle_rad: float) -> Told:
+    """Return telemetry with one angle for all of attitude."""
+    attitude = Attitude(roll_rad=angle_rad, pitch_rad=angle_rad, yaw_rad=angle_rad)
+    return replace(told, attitude=attitude)
+
+
+def pointed(told: Told, pitch_rad: float) -> Told:
+    """Return telemetry with another pitch of the camera."""
+    return replace(told, gimbal_pitch_rad=pitch_rad)
+
+
+def dated(told: Told, later_s: float) -> Told:
+    """Return telemetry with a later stamp."""
+    return replace(told, captured_s=told.captured_s + later_s)
+
+
+class Change(Protocol):
+    """Changes the telemetry of states and of frames alike."""
+
+    def __call__(self, told: Told, by: float, /) -> Told:
+        """Return it changed."""
+        ...
+
+
+def both(change: Change, amount: Callable[[FaultMoment], float] = lambda at: at.level) -> Observe:
+    """Return an effect on the state and on what frames carry of it."""
+
+    def observe(seen: Observation, at: FaultMoment) -> Observation:
+        by = amount(at)
+        frame = None if seen.frame is None else change(seen.frame, by)
+        return Observation(frame=frame, state=change(seen.state, by))
+
+    return observe
+
+
+def of_state(change: Callable[[DroneState, FaultMoment], DroneState]) -> Observe:
+    """Return an effect on the state alone."""
+    return lambda seen, at: replace(seen, state=change(seen.state, at))
+
+
+def velocity(state: DroneState, at: FaultMoment) -> DroneState:
+    """Return a velocity in place of all velocities."""
+    speed = at.level
+    same = BodyVelocity(forward_mps=speed, right_mps=speed, down_mps=speed)
+    return replace(state, velocity=same)
+
+
+def faster(state: DroneState, by_mps: float) -> DroneState:
+    """Return the state with more forward velocity."""
+    forward_mps = state.velocity.forward_mps + by_mps
+    return replace(state, velocity=replace(state.velocity, forward_mps=forward_mps))
+
+
+def jumped(state: DroneState, at: FaultMoment) -> DroneState:
+    """One sample so fast that dead reckoning over a tick of 0.1 s is off by the level."""
+    return faster(state, at.level / 0.1) if at.since_s == 0.0 else state
+
+
+def drained(state: DroneState, at: FaultMoment) -> DroneState:
+    """Return the state with the charge of a battery that runs empty."""
+    left = at.before.state.battery - at.level * at.since_s
+    return replace(state, battery=max(0.0, left))
+
+
+def flying(flying: FlyingState) -> Observe:
+    """Return an effect that reports a flying state."""
+    return of_state(lambda state, _: replace(state, flying=flying))
