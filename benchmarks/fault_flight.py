@@ -1,0 +1,235 @@
+"""One flight with one fault, watched from outside: what happened, and whether it was right."""
+
+from __future__ import annotations
+
+import json
+import logging
+import resource
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.fault_reactions import Facts
+from uav_bt import app
+from uav_bt.errors import InputError
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
+from uav_bt.types import FlyingState, MissionPhase, Observation
+
+_AFTER_S: Final = 3.0  # what the drone does when the program has ended counts, too
+
+
+def _fill_disk() -> None:
+    """Let no file of this process grow; writing fails as it does on a full disk."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+
+
+_DISK_FULL: Final = FaultKind(
+    name="disk-full", what="nothing more can be written", follow=_fill_disk
+)
+KINDS: Final[Mapping[str, FaultKind]] = {**FAULTS, _DISK_FULL.name: _DISK_FULL}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """A flight to fly; equal cases give equal flights of the twin."""
+
+    fault: str
+    tree: str  # a file
+    scene: str = "train-a"
+    seed: int = 1
+    drone: str = "twin"
+    networks: bool = False  # masks of the tree's network instead of exact ones
+    time_limit_s: float = 120.0
+    on_pad: bool = True  # whether the mission is to end on the helipad
+
+    @property
+    def parsed(self) -> Fault:
+        """The fault as a value."""
+        return Fault.parse(self.fault, KINDS)
+
+    @property
+    def exact_masks(self) -> bool:
+        """Whether it is flown on exact masks, and on small images then."""
+        return not (self.networks or self.parsed.kind.in_image)
+
+    def make_drone(self) -> WatchedDrone:
+        """Return the drone with its fault, unconnected.
+
+        Raises:
+            InputError: drone, scene or seed cannot be used.
+        """
+        options = app.FlightOptions(
+            drone=self.drone,
+            scene=self.scene if self.drone == "twin" else None,
+            seed=self.seed,
+            image_size_px=(160, 90) if self.exact_masks else (320, 180),
+        )
+        return WatchedDrone(app.make_drone(options), self.parsed)
+
+
+class WatchedDrone(FaultyDrone):
+    """Knows what becomes of a drone, also when nobody follows the flight any more."""
+
+    def __init__(self, drone: Drone, fault: Fault) -> None:
+        super().__init__(drone, fault)
+        self.events: dict[str, None] = {}  # in the order of their first time
+        self.phases: set[str] = set()
+        self.touched: set[str] = set()
+        self.left_carpet = False
+        self.ended_s = 0.0
+        self.motors_on = False
+        self.height_m = 0.0
+        self.on_helipad: bool | None = None
+
+    def observe(self) -> Observation:
+        """Look at the truth, too."""
+        self._look()
+        return super().observe()
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Note overrides and phases."""
+        self.phases.add(record.phase)
+        if record.override is not None:
+            self.events[record.override.value] = None
+        if self.referee is None:
+            self.motors_on = record.observation.state.flying is not FlyingState.LANDED
+            self.height_m = record.observation.state.height_above_carpet_m
+        super().on_tick(record)
+
+    def disconnect(self) -> None:
+        """Look at what the drone does when it is left alone."""
+        if self.referee is not None:
+            self.ended_s = self.clock.now()
+            while self.clock.now() < self.ended_s + _AFTER_S:
+                self.clock.sleep_until(self.clock.now() + 0.1)
+                self._look()
+        super().disconnect()
+
+    def _look(self) -> None:
+        if self.referee is None:
+            return
+        truth = self.referee.truth()
+        surfaces = JudgeConfig().landing_surfaces
+        self.touched.update(name for name in truth.contacts if not name.startswith(surfaces))
+        self.left_carpet |= not truth.inside_carpet
+        self.motors_on, self.height_m = truth.motors_on, truth.pose.z_m
+        self.on_helipad = truth.on_helipad
+
+
+def fly(case: Case, folder: Path) -> dict[str, Any]:
+    """Fly a case and return its line: the case, and what happened.
+
+    Args:
+        case: what to fly.
+        folder: where the report goes, and the record of a flight with a full disk.
+
+    Raises:
+        InputError: it cannot be flown.
+    """
+    fault, drone = case.parsed, case.make_drone()
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{fault}-{case.scene}-{case.seed}.json".replace(" ", "_")
+    path.unlink(missing_ok=True)
+    record = path.with_suffix(".mcap") if fault.kind is _DISK_FULL else None
+    options = app.FlightOptions(
+        drone=drone,
+        seed=case.seed,
+        exact_masks=case.exact_masks,
+        record=record,
+        judge=JudgeConfig(time_limit_s=case.time_limit_s, must_land_on_pad=case.on_pad),
+    )
+    report, error, began_s = None, None, time.perf_counter()
+    with _warnings(drone.events), _unlimited_files():
+        try:
+            report = app.fly(case.tree, options, report=path, listeners=[lambda _: [drone]])
+        except Exception as raised:
+            if isinstance(raised, InputError) and not drone.phases:
+                raise  # nothing was flown: the case is wrong, not the reaction
+            error = f"{type(raised).__name__}: {raised}"
+    written = _read(path)
+    facts = Facts(
+        began_s=drone.began_s,
+        ended_s=round(drone.ended_s, 2),
+        outcome=_text(written, report, "outcome"),
+        reason=_text(written, report, "reason"),
+        error=error,
+        events=tuple(drone.events),
+        touched=tuple(sorted(drone.touched)),
+        left_carpet=drone.left_carpet,
+        emergency_landing=MissionPhase.EMERGENCY_LANDING in drone.phases,
+        motors_on=drone.motors_on,
+        on_helipad=drone.on_helipad if case.on_pad else None,
+        height_m=round(drone.height_m, 2),
+        report_whole=written is not None and (report is None or written == _plain(report)),
+    )
+    wall_s = round(time.perf_counter() - began_s, 2)
+    return {"case": asdict(case), "facts": asdict(facts), "wall_s": wall_s}
+
+
+def died(case: Case) -> dict[str, Any]:
+    """Return the line of a flight whose process was killed, or killed itself."""
+    facts = Facts(
+        began_s=0.0,
+        ended_s=0.0,
+        outcome=None,
+        reason=None,
+        error="the process died",
+        events=(),
+        touched=(),
+        left_carpet=False,
+        emergency_landing=False,
+        motors_on=True,
+        on_helipad=None,
+        height_m=0.0,
+        report_whole=False,
+    )
+    return {"case": asdict(case), "facts": asdict(facts), "wall_s": 0.0}
+
+
+@contextmanager
+def _warnings(events: dict[str, None]) -> Iterator[None]:
+    """Note what is logged as a warning or worse."""
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda record: events.setdefault(record.getMessage())  # type: ignore[method-assign]
+    root = logging.getLogger()
+    root.addHandler(handler)
+    try:
+        yield
+    finally:
+        root.removeHandler(handler)
+
+
+@contextmanager
+def _unlimited_files() -> Iterator[None]:
+    """Take back what a full disk did."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        read: dict[str, Any] = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return None
+    return read
+
+
+def _plain(report: FlightReport) -> dict[str, Any]:
+    plain: dict[str, Any] = json.loads(json.dumps(report.to_json()))
+    return plain
+
+
+def _text(written: dict[str, Any] | None, report: FlightReport | None, name: str) -> str | None:
+    if report is not None:
+        return str(getattr(report, name))
+    return None if written is None else str(written.get(name))

@@ -1,0 +1,141 @@
+"""What a right reaction to each kind of fault is: one table, and the verdict on a flight.
+
+A reaction is right when nothing but the ground was touched, the drone stayed above the carpet, its
+motors stand still at the end, the report is written and whole, and its reason (or an override, or a
+warning) names the fault. The table says where less is asked for: where a mission may fly on as if
+nothing was, and where nobody could have landed the drone.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from uav_bt.mission.judge import Outcome
+from uav_bt.types import MissionPhase
+
+
+@dataclass(frozen=True, kw_only=True)
+class Expected:
+    """What is asked of the reaction to one kind of fault."""
+
+    named: str  # a regular expression of its names in reasons and warnings, from a word's begin
+    bearable: bool = False  # a mission that ends on the helipad all the same is right
+    may_fly: bool = False  # no command can land it: it may hover at the end
+    may_fall: bool = False  # its motors stop anywhere: it may touch what stands there
+    reported: bool = True  # False: no report can be written
+
+
+@dataclass(frozen=True, kw_only=True)
+class Facts:
+    """What happened in one flight; what could not be known is None."""
+
+    began_s: float | None  # when the fault had its first effect, mission time
+    ended_s: float  # mission time
+    outcome: str | None  # of the report
+    reason: str | None
+    error: str | None  # what flying raised
+    events: tuple[str, ...]  # overrides and logged warnings
+    touched: tuple[str, ...]  # but for the landing surfaces
+    left_carpet: bool
+    emergency_landing: bool  # whether that phase was reached
+    motors_on: bool  # at the end; 3 s after it, on a simulated drone
+    on_helipad: bool | None  # None also where the mission need not end there
+    height_m: float  # above the carpet, at the end
+    report_whole: bool
+
+
+_IMAGE: Final = r"image|frame|video|camera|blind|dark|frozen|stands still|bright"
+_SHAPE: Final = r"(image|frame).*(size|shape|empty|\d+x\d+)"
+_TELEMETRY: Final = r"telemetry|link|nothing (was )?heard"
+_RAISED: Final = r"fell over"
+
+EXPECTED: Final = {
+    "frozen": Expected(named=_IMAGE),
+    "black": Expected(named=_IMAGE),
+    "white": Expected(named=_IMAGE),
+    "noise": Expected(named=_IMAGE, bearable=True),
+    "covered": Expected(named=_IMAGE),
+    "late": Expected(named=_IMAGE, bearable=True),
+    "slow": Expected(named=_IMAGE, bearable=True),
+    "video-lost": Expected(named=_IMAGE),
+    "no-frame": Expected(named=_IMAGE),
+    "half-size": Expected(named=_SHAPE),
+    "empty-image": Expected(named=_SHAPE),
+    "no-telemetry": Expected(named=_TELEMETRY),
+    "link-lost": Expected(named=_TELEMETRY, may_fly=True),
+    "height-nan": Expected(named="height|altitude"),
+    "height-absurd": Expected(named="height|altitude"),
+    "height-bias": Expected(named="height|altitude", bearable=True),
+    "attitude-nan": Expected(named="attitude|heading|yaw|roll"),
+    "attitude-absurd": Expected(named="attitude|heading|yaw|roll"),
+    "yaw-jump": Expected(named="heading|yaw|turn", bearable=True),
+    "yaw-drift": Expected(named="heading|yaw|turn", bearable=True),
+    "velocity-nan": Expected(named="velocity|speed|m/s"),
+    "velocity-absurd": Expected(named="velocity|speed|m/s"),
+    "velocity-bias": Expected(named="velocity|speed|odometry", bearable=True),
+    "position-jump": Expected(named="velocity|speed|position|odometry", bearable=True),
+    "time-jump": Expected(named="time|clock|stamp|future|nothing heard", bearable=True),
+    "gimbal-nan": Expected(named="gimbal|camera"),
+    "gimbal-absurd": Expected(named="gimbal|camera"),
+    "gimbal-stuck": Expected(named="gimbal|camera", bearable=True),
+    "battery-nan": Expected(named="battery"),
+    "battery-low": Expected(named="battery"),
+    "battery-drains": Expected(named="battery"),
+    "yaw-ignored": Expected(named="turn|yaw|heading", bearable=True),
+    "never-done": Expected(named="movement|obey|not done", bearable=True),
+    "interrupted": Expected(named="movement|interrupted", bearable=True),
+    "no-take-off": Expected(named="take.?off"),
+    "no-landing": Expected(named="still (flies|in the air)|not land|landing", may_fly=True),
+    "deaf": Expected(named="still (flies|in the air)|not land|obey|command", may_fly=True),
+    "motors-cut": Expected(named="motors|emergency", may_fall=True),
+    "emergency-state": Expected(named="motors|emergency"),
+    "landed-state": Expected(named="has landed.*motors|still (flies|in the air)"),
+    "pilot": Expected(named="pilot|manual", may_fly=True),
+    "wind": Expected(named="wind|drift|pushed", bearable=True),
+    "drift": Expected(named="wind|drift|pushed", bearable=True),
+    "observe-raises": Expected(named=_RAISED),
+    "send-raises": Expected(named=_RAISED, may_fly=True),
+    "listener-raises": Expected(named=_RAISED, bearable=True),
+    "disk-full": Expected(named=r"written|space|File too large", reported=False),
+}
+
+
+def flown_through(expected: Expected, phase: str, facts: Facts) -> bool:
+    """Return whether the mission ended as if nothing was, where that is right."""
+    bearable = expected.bearable or (phase == MissionPhase.LAND and not expected.may_fall)
+    landed = not facts.motors_on and facts.on_helipad is not False
+    done = facts.outcome == Outcome.SUCCESS.value and not facts.emergency_landing
+    return bearable and landed and done
+
+
+def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
+    """Return what is wrong with a reaction, a few words each; nothing when it is right.
+
+    Args:
+        expected: of the fault's kind.
+        phase: in which the fault began.
+        facts: what happened.
+    """
+    success = facts.outcome == Outcome.SUCCESS.value
+    told = "\n".join([*facts.events, facts.error or "", "" if success else facts.reason or ""])
+    words = re.sub(r"\S*/\S*", "", told)  # paths of nodes and files name no fault
+    named = re.search(rf"\b(?:{expected.named})", words, re.IGNORECASE) is not None
+    wrong = {
+        f"touched {', '.join(facts.touched)}": bool(facts.touched) and not expected.may_fall,
+        "left the carpet": facts.left_carpet,
+        f"left flying at {facts.height_m:.1f} m": facts.motors_on and not expected.may_fly,
+        "a success, in the air": success and facts.motors_on,
+        "a success, by an emergency landing": success and facts.emergency_landing,
+        "no whole report": expected.reported and not facts.report_whole,
+        f"not named: {facts.outcome}: {facts.reason}": not (
+            named or flown_through(expected, phase, facts)
+        ),
+    }
+    return tuple(text for text, holds in wrong.items() if holds)
+
+
+def survived(facts: Facts) -> bool:
+    """Return whether nothing was touched and the carpet was not left."""
+    return not facts.touched and not facts.left_carpet

@@ -1,0 +1,185 @@
+"""Reactions to faults that are right, each flown; and what counts as right.
+
+A reaction that is mended gets its line in `RIGHT`. The whole matrix: `benchmarks/faults.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks.fault_flight import KINDS, Case, fly
+from benchmarks.fault_reactions import EXPECTED, Expected, Facts, problems, survived
+from benchmarks.faults import Flown
+
+# Two seconds of steps, and down where it is: a flight of a second.
+TREE = """
+<root BTCPP_format="4">
+  <BehaviorTree ID="Mission">
+    <ReactiveSequence>
+      <Segment/> <FindHelipad/> <RememberObstacles/>
+      <Fallback>
+        <Sequence>
+          <TakeOff height_m="1.2" gimbal_deg="-30"/>
+          <ForceSuccess><Timeout msec="2000"><Repeat num_cycles="-1">
+            <Fallback> <Explore/> <Avoid/> </Fallback>
+          </Repeat></Timeout></ForceSuccess>
+          <Land/>
+        </Sequence>
+        <EmergencyLand/>
+      </Fallback>
+    </ReactiveSequence>
+  </BehaviorTree>
+</root>
+"""
+
+# What ends the mission, or is survived without harm; right on the day its line came here.
+RIGHT = (
+    "battery-low@take-off+1",
+    "battery-low@explore",
+    "battery-low@land",
+    "battery-drains=0.4@explore",
+    "video-lost@take-off+1",
+    "video-lost@explore",
+    "video-lost@explore~3",
+    "no-frame@start",
+    "late@explore",
+    "slow@explore",
+    "no-telemetry@explore",
+    "no-telemetry@explore~2",
+    "link-lost@explore",
+    "no-take-off@start",
+    "motors-cut@take-off+1.5",
+    "motors-cut@explore",
+    "emergency-state@explore",
+    "landed-state@explore",
+    "observe-raises@explore",
+    "observe-raises@explore~0.5",
+    "send-raises@explore",
+    "send-raises@land~0.3",
+    "listener-raises@explore",
+    "disk-full@explore",
+    "pilot@explore~3",
+    "never-done@explore",
+    "wind@explore",
+)
+
+
+def case(tmp_path: Path, fault: str) -> Case:
+    tree = tmp_path / "short.xml"
+    tree.write_text(TREE, encoding="utf-8")
+    return Case(fault=fault, tree=str(tree), time_limit_s=40.0, on_pad=False)
+
+
+@pytest.mark.parametrize("fault", RIGHT)
+def test_the_reaction_is_right(tmp_path: Path, fault: str) -> None:
+    flown = Flown.of(fly(case(tmp_path, fault), tmp_path))
+    assert flown.reaction == "right", str(flown)
+
+
+def test_every_kind_says_what_is_expected() -> None:
+    assert EXPECTED.keys() == KINDS.keys()
+
+
+def test_a_flight_is_watched_to_its_end(tmp_path: Path) -> None:
+    """Landing refused: whatever the report says, the drone still flies."""
+    refused = replace(case(tmp_path, "no-landing@explore"), time_limit_s=9.0)
+    facts = Flown.of(fly(refused, tmp_path)).facts
+    assert facts.began_s is not None
+    assert facts.motors_on
+    assert facts.height_m == pytest.approx(1.2, abs=0.2)
+    assert not facts.touched
+    assert facts.report_whole
+
+
+# --- the rules ------------------------------------------------------------------------------------
+
+LANDED = Facts(
+    began_s=4.0,
+    ended_s=20.0,
+    outcome="aborted",
+    reason="no new frame for 15 s",
+    error=None,
+    events=(),
+    touched=(),
+    left_carpet=False,
+    emergency_landing=False,
+    motors_on=False,
+    on_helipad=False,
+    height_m=0.05,
+    report_whole=True,
+)
+STRICT = Expected(named="frame")
+SUCCESS = replace(LANDED, outcome="success", reason="landed", on_helipad=True)
+
+
+def test_landed_and_named_is_right() -> None:
+    assert problems(STRICT, "explore", LANDED) == ()
+    assert survived(LANDED)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"touched": ("box-3", "wall-west")}, "touched box-3, wall-west"),
+        ({"left_carpet": True}, "left the carpet"),
+        ({"motors_on": True, "height_m": 1.44}, "left flying at 1.4 m"),
+        ({"report_whole": False}, "no whole report"),
+        ({"reason": "not over after 300 s"}, "not named: aborted: not over after 300 s"),
+    ],
+)
+def test_each_harm_is_wrong(change: dict[str, object], said: str) -> None:
+    assert problems(STRICT, "explore", replace(LANDED, **change)) == (said,)  # type: ignore[arg-type]
+
+
+def test_an_event_or_an_error_names_a_fault_too() -> None:
+    silent = replace(LANDED, reason="the tree failed; landed")
+    assert problems(STRICT, "explore", silent) != ()
+    assert problems(STRICT, "explore", replace(silent, events=("stale frame",))) == ()
+    assert problems(STRICT, "explore", replace(silent, error="DroneError: no frame")) == ()
+
+
+@pytest.mark.parametrize(
+    ("reason", "named"),
+    [
+        ("no frames", True),
+        ("node 'Mission/frame' failed: error: /io/modules/frame/x.cpp", False),
+        ("mainframe lost", False),
+    ],
+)
+def test_only_words_name_a_fault(reason: str, *, named: bool) -> None:
+    """Paths do not, and no word's end: 'returns' is no turn."""
+    assert (problems(STRICT, "explore", replace(LANDED, reason=reason)) == ()) is named
+
+
+def test_a_success_must_be_one() -> None:
+    unnoticed = "not named: success: landed"
+    bearable = replace(STRICT, bearable=True)
+    assert problems(STRICT, "explore", SUCCESS) == (unnoticed,)
+    assert problems(bearable, "explore", SUCCESS) == ()
+    assert problems(STRICT, "land", SUCCESS) == ()  # it was landing already
+    assert problems(replace(STRICT, may_fall=True), "land", SUCCESS) == (unnoticed,)
+    assert problems(bearable, "explore", replace(SUCCESS, on_helipad=False)) == (unnoticed,)
+    assert problems(bearable, "explore", replace(SUCCESS, on_helipad=None)) == ()
+    assert problems(bearable, "explore", replace(SUCCESS, emergency_landing=True)) == (
+        "a success, by an emergency landing",
+        unnoticed,
+    )
+    assert problems(bearable, "explore", replace(SUCCESS, motors_on=True)) == (
+        "left flying at 0.1 m",
+        "a success, in the air",
+        unnoticed,
+    )
+
+
+def test_less_is_asked_for_where_nobody_could_do_better() -> None:
+    named = replace(LANDED, reason="frame")
+    hovers = replace(named, motors_on=True)
+    falls = replace(named, touched=("box-1",))
+    mute = replace(named, report_whole=False)
+    assert problems(replace(STRICT, may_fly=True), "explore", hovers) == ()
+    assert problems(replace(STRICT, may_fall=True), "explore", falls) == ()
+    assert problems(replace(STRICT, reported=False), "explore", mute) == ()
+    assert not survived(falls)

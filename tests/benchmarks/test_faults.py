@@ -1,0 +1,88 @@
+"""The command `benchmarks/faults.py`: its table, its exit codes, and that it goes on."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.benchmarks.test_fault_reactions import TREE
+
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "faults.py"
+
+
+def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(SCRIPT), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
+
+
+def short(tmp_path: Path, *arguments: str) -> list[str]:
+    tree = tmp_path / "short.xml"
+    tree.write_text(TREE, encoding="utf-8")
+    where = ["--tree", str(tree), "--out", str(tmp_path / "out"), "--explore-s", "20"]
+    return [*where, "--land-anywhere", "--time-limit-s", "9", *arguments]
+
+
+def test_flights_are_tabulated_kept_and_gone_on_with(tmp_path: Path) -> None:
+    wanted = short(tmp_path, "--phase", "explore+0.5", "--kind", "battery-low")
+    done = run(*wanted)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "| battery-low | right |" in done.stdout
+    assert done.stdout.endswith("1 of 1 reactions right, 1 flights survived\n")
+    flights = tmp_path / "out" / "flights.jsonl"
+    first = flights.read_text()
+    flights.write_text(first + '{"case": {"fau')  # killed while it wrote
+
+    more = run(*wanted, "slow")
+    assert more.returncode == 1
+    assert "2 flights, 1 of them are there" in more.stdout
+    assert "| slow | not named: timeout: not over after 9 s |" in more.stdout
+    assert (tmp_path / "out" / "table.md").read_text() in more.stdout
+    lines = flights.read_text().splitlines(keepends=True)
+    assert lines[0] == first
+    assert [json.loads(line)["case"]["fault"] for line in lines] == [
+        "battery-low@explore+0.5",
+        "slow@explore+0.5",
+    ]
+
+
+def test_a_phase_that_does_not_come_is_no_success(tmp_path: Path) -> None:
+    done = run(*short(tmp_path, "--phase", "search", "--kind", "battery-low"))
+    assert done.returncode == 1
+    assert "| battery-low | not reached |" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--kind", "blakc"], "unknown fault 'blakc'; did you mean 'black'?"),
+        (["--kind", "late=soon"], "could not convert string to float: 'soon'"),
+        (["--scene", "moon"], "moon"),
+        (["--tree", "land_only"], 'has no <Timeout msec="...">, which --explore-s would set'),
+        (["--workers", "two"], "invalid int value"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused(tmp_path: Path, arguments: list[str], said: str) -> None:
+    done = run("--out", tmp_path, *arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "flights.jsonl").exists()
+
+
+def test_a_damaged_file_is_named_with_its_line(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "flights.jsonl").write_text("{}\n{}\n")
+    done = run(*short(tmp_path, "--kind", "battery-low", "--phase", "land"))
+    assert done.returncode == 2
+    assert "flights.jsonl:1: damaged" in done.stderr
+
+
+def test_all_kinds_are_listed() -> None:
+    done = run("--list")
+    assert done.returncode == 0
+    assert "disk-full" in done.stdout
+    assert "late              frames so many seconds old [1]" in done.stdout
