@@ -101,8 +101,8 @@ def jumped(state: DroneState, at: FaultMoment) -> DroneState:
 
 def drained(state: DroneState, at: FaultMoment) -> DroneState:
     """Return the state with the charge of a battery that runs empty."""
-    left = at.before.state.battery - at.level * at.since_s
-    return replace(state, battery=max(0.0, left))
+    full = 1.0 if at.before.state.battery is None else at.before.state.battery
+    return replace(state, battery=max(0.0, full - at.level * at.since_s))
 
 
 def flying(flying: FlyingState) -> Observe:
