@@ -5,7 +5,7 @@ import math
 import os
 
 import olympe
-from olympe.messages.ardrone3.Piloting import CancelMoveBy, Landing, TakeOff, moveBy
+from olympe.messages.ardrone3.Piloting import Landing, TakeOff, moveBy
 from olympe.messages.ardrone3.PilotingEvent import moveByEnd
 from olympe.messages.ardrone3.PilotingState import FlyingStateChanged, moveByChanged
 
@@ -34,11 +34,11 @@ second = drone(
 ).wait()
 assert second.success(), second.explain()
 
-# And a movement can be called off.
+# And a movement can be called off, by one of nothing: CancelMoveBy is for other drones.
 called_off = drone(
     moveBy(5.0, 0.0, 0.0, 0.0, _no_expect=True)
     >> FlyingStateChanged(state="flying", _timeout=5)
-    >> CancelMoveBy()
+    >> moveBy(0.0, 0.0, 0.0, 0.0, _no_expect=True)
     >> moveByEnd(error="interrupted", _timeout=5)
 ).wait()
 assert called_off.success(), called_off.explain()

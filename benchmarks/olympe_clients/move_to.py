@@ -6,7 +6,7 @@ import os
 import olympe
 from olympe.messages import rth
 from olympe.messages.ardrone3.GPSSettingsState import GPSFixStateChanged, HomeChanged
-from olympe.messages.ardrone3.Piloting import CancelMoveTo, TakeOff, moveTo
+from olympe.messages.ardrone3.Piloting import TakeOff, moveBy, moveTo
 from olympe.messages.ardrone3.PilotingState import (
     FlyingStateChanged,
     GpsLocationChanged,
@@ -41,7 +41,7 @@ trip = drone(
         max_vertical_speed=1.0,
         max_yaw_rotation_speed=60.0,
     )
-    >> CancelMoveTo()
+    >> moveBy(0.0, 0.0, 0.0, 0.0, _no_expect=True)
     >> FlyingStateChanged(state="hovering", _timeout=5)
 ).wait(_timeout=15)
 assert trip.success(), trip.explain()

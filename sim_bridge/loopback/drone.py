@@ -11,6 +11,7 @@ from sim_bridge.loopback.messages import message_table
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
+from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM
 from sim_bridge.loopback.video.encoder import EncoderConfig
 from sim_bridge.loopback.video.server import VideoServer, serve_video
 from sim_bridge.loopback.video.streamer import VideoStats
@@ -31,6 +32,8 @@ class DroneSetup:
     image_size_px: tuple[int, int] = (640, 360)  # 16:9; what two cores sustain beside a mission
     video_rate_hz: float = 30.0  # frames a second at most, as the ANAFI sends
     video: bool = True
+    media_name: str = DIRECT_MEDIUM  # what the video's only stream is called
+    gps: bool | None = None  # whether it has a fix; None: outdoors it has, in a lab it has not
 
 
 class LoopbackDrone:
@@ -46,13 +49,14 @@ class LoopbackDrone:
 
     def __init__(self, setup: DroneSetup) -> None:
         self._setup = setup
+        gps = setup.scene is None if setup.gps is None else setup.gps
         self._clock = WallClock()
         self.world = TwinWorld(
             setup.scene, profile=setup.profile, seed=setup.seed, clock=self._clock
         )
         table = message_table()
         self._anafi = Anafi(
-            self.world, table, identity=setup.server.identity, battery=setup.battery
+            self.world, table, identity=setup.server.identity, battery=setup.battery, gps=gps
         )
         self._camera = TwinCamera(
             self.world,
@@ -60,6 +64,7 @@ class LoopbackDrone:
             seed=setup.seed,
             clock=self._clock,
             battery=lambda: self._anafi.battery.charge,
+            gps=gps,
         )
         self._server = LoopbackServer(self._anafi, table, setup.server)
         self._video: VideoServer | None = None
@@ -91,6 +96,7 @@ class LoopbackDrone:
                     port=setup.server.ports.rtsp,
                     encoder=encoder,
                     serial=setup.server.identity.serial,
+                    media_name=setup.media_name,
                     now=self._clock.now,
                     finish=self._camera.close,
                 )

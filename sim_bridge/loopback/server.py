@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 from sim_bridge.loopback.codec import WireError, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
@@ -23,13 +22,12 @@ from sim_bridge.loopback.handshake import (
     refused,
 )
 from sim_bridge.loopback.link import Link, LinkTiming
+from sim_bridge.loopback.listener import Listener, Service
 from sim_bridge.loopback.messages import Buffer, MessageTable, MessageType
-from sim_bridge.loopback.web import MAX_HEAD_BYTES, serve_web
+from sim_bridge.loopback.web import serve_web
 from uav_bt.errors import DroneError, InputError
 
 _LOG = logging.getLogger(__name__)
-
-_MAX_CONNECTIONS: Final = 64  # open at once on a port; more are closed at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +49,6 @@ class _Client:
     name: str
 
 
-Service = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
-
-
 class LoopbackServer:
     """One drone's server; start it, wait, close it. Nothing is bound before `start`.
 
@@ -72,8 +67,7 @@ class LoopbackServer:
         self.ports = self._options.ports  # where it really listens, once it is started
         self._client: _Client | None = None
         self._udp: asyncio.DatagramTransport | None = None
-        self._servers: list[asyncio.Server] = []
-        self._open: set[asyncio.Task[None]] = set()
+        self._listeners: list[Listener] = []
         self._timer: asyncio.TimerHandle | None = None
         self._admission = asyncio.Lock()
         self._received = asyncio.Event()
@@ -96,12 +90,17 @@ class LoopbackServer:
             control = await self._listen(wanted.control, "control", self._serve_control)
             discovery = await self._listen(wanted.discovery, "discovery", self._serve_discovery)
             http = await self._listen(wanted.http, "http", serve_web)
+            self._discovery = discovery
             commands = await self._listen_udp(wanted.commands)
         except InputError:
             await self.close()
             raise
         self.ports = Ports(
-            discovery=discovery, control=control, commands=commands, http=http, rtsp=wanted.rtsp
+            discovery=discovery.port,
+            control=control.port,
+            commands=commands,
+            http=http.port,
+            rtsp=wanted.rtsp,
         )
         self._schedule()
 
@@ -121,33 +120,20 @@ class LoopbackServer:
             self._timer.cancel()
             self._timer = None
         self._drop_client("the server stops")
-        for server in self._servers:
-            server.close()
-        tasks = list(self._open)
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-        self._servers.clear()
+        for listener in self._listeners:
+            await listener.close()
+        self._listeners.clear()
         if self._udp is not None:
             self._udp.close()
             self._udp = None
 
     # --- sockets ----------------------------------------------------------------------------------
 
-    async def _listen(self, port: int, what: str, service: Service) -> int:
-        def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            task = asyncio.create_task(self._converse(service, reader, writer))
-            self._open.add(task)
-            task.add_done_callback(self._open.discard)
-
-        try:
-            server = await asyncio.start_server(
-                accept, self._options.address, port, limit=MAX_HEAD_BYTES
-            )
-        except OSError as error:
-            raise port_error(error, self._options.address, port, what) from error
-        self._servers.append(server)
-        return int(server.sockets[0].getsockname()[1])
+    async def _listen(self, port: int, what: str, service: Service) -> Listener:
+        listener = Listener(service)
+        await listener.open(self._options.address, port, what)
+        self._listeners.append(listener)
+        return listener
 
     async def _listen_udp(self, port: int) -> int:
         loop = asyncio.get_running_loop()
@@ -158,20 +144,6 @@ class LoopbackServer:
         except OSError as error:
             raise port_error(error, self._options.address, port, "command") from error
         return int(self._udp.get_extra_info("sockname")[1])
-
-    async def _converse(
-        self, service: Service, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        """Serve one connection; whatever it sends, the server outlives it."""
-        try:
-            if len(self._open) <= _MAX_CONNECTIONS:
-                await service(reader, writer)
-        except (OSError, WireError) as error:
-            _LOG.info("a connection ended: %s", error)
-        finally:
-            writer.close()
-            with contextlib.suppress(OSError):  # it is gone either way
-                await writer.wait_closed()
 
     # --- admission --------------------------------------------------------------------------------
 
@@ -225,6 +197,8 @@ class LoopbackServer:
         link = Link(transmit, self._now(), timing=self._options.timing)
         name = f"{request.controller or 'a client'} at {host}:{request.events_port}"
         self._client = _Client(link=link, address=address, name=name)
+        # A client takes the loss of the connection it found the drone by for the drone's.
+        self._discovery.keep_newest(host)
         _LOG.info("connected: %s", name)
 
         def send(message: MessageType, payload: bytes) -> None:

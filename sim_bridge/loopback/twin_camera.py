@@ -13,7 +13,7 @@ from typing import Final
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
-from sim_bridge.loopback.world import location
+from sim_bridge.loopback.world import GROUND_M, location
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.simulation import Capture
@@ -33,6 +33,7 @@ class TwinCamera:
         seed: of the image noise.
         clock: the world's; maps its time to that of the day.
         battery: returns the charge, 0 to 1.
+        gps: whether frames say where on earth they were captured.
 
     Raises:
         ValueRangeError: the size is not 16:9.
@@ -46,7 +47,9 @@ class TwinCamera:
         seed: int,
         clock: Clock,
         battery: Callable[[], float],
+        gps: bool = True,
     ) -> None:
+        self._gps = gps
         self._camera = anafi_camera(*image_size_px)
         self._world = world
         self._optics = Optics(world.profile, *image_size_px, seed)
@@ -95,7 +98,9 @@ class TwinCamera:
             camera=Attitude(pitch_rad=lens.pitch_rad, yaw_rad=yaw_rad),
             velocity_mps=NorthEastDown(north=north_mps, east=east_mps, down=velocity.down_mps),
             position_m=NorthEastDown(north=north_m, east=east_m, down=-measured.altitude_m),
-            location=location(north_m, east_m, measured.altitude_m),
+            location=(
+                location(north_m, east_m, GROUND_M + measured.altitude_m) if self._gps else None
+            ),
             altitude_m=measured.altitude_m,
             height_m=measured.height_m,
             battery=self._battery(),

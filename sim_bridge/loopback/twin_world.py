@@ -18,6 +18,7 @@ import numpy as np
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.reference import Pace
 from sim_bridge.twin.scene import ROOM_SIZE_M, Helipad, Scene, TakeOffSpec
 from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError
@@ -86,7 +87,7 @@ class TwinWorld:
             ),
         )
         self._clock = clock
-        self._inbox: deque[Command] = deque()
+        self._inbox: deque[tuple[Command, Pace | None]] = deque()
         self._movement: Movement = Hover()
         self._zero = _Zero(z_m=self.start_pose.z_m, altitude_m=0.0)
         self._offset_s = 0.0  # of the clock over the simulation's time
@@ -119,16 +120,22 @@ class TwinWorld:
             raise DroneError(f"the simulation failed: {self._failure}") from self._failure
         return self._state
 
-    def move(self, movement: Movement) -> None:
-        """Order a movement."""
+    def move(self, movement: Movement, pace: Pace | None = None) -> None:
+        """Order a movement.
+
+        Args:
+            movement: the movement.
+            pace: of a `MoveBy`; None flies it as fast as the profile allows.
+        """
         if movement != self._movement:
             self._movement = movement
-            self._inbox.append(Command(movement=movement))
+            self._inbox.append((Command(movement=movement), pace))
 
     def point(self, pitch_rad: float) -> None:
         """Turn the camera."""
         # The movement under way comes along; repeated, it changes nothing.
-        self._inbox.append(Command(movement=self._movement, gimbal=GimbalTo(pitch_rad=pitch_rad)))
+        command = Command(movement=self._movement, gimbal=GimbalTo(pitch_rad=pitch_rad))
+        self._inbox.append((command, None))
 
     def newest_capture(self, age_s: float) -> tuple[Capture, float] | None:
         """Return the newest camera frame that is old enough, and its capture time by the clock.
@@ -152,7 +159,7 @@ class TwinWorld:
             self.lost_s += lag_s
             return
         while self._inbox:
-            simulation.enqueue(self._inbox.popleft())
+            simulation.enqueue(*self._inbox.popleft())
         # Steps are whole: round down, so that simulated time never runs ahead.
         simulation.run_until(target_s - target_s % CONTROL_STEP_S)
         self._state = self._measure()

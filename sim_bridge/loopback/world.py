@@ -10,10 +10,12 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
+from sim_bridge.twin.reference import Pace
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, BodyVelocity, FlyingState, Movement, MovementStatus
 
 SATELLITES: Final = 14  # of its position fix, as clients are shown
+UNKNOWN: Final = 500.0  # ARSDK's value for a latitude, longitude or altitude without a fix
 _EQUATOR_M: Final = 6_378_137.0  # WGS84's semi-major axis
 _ECCENTRICITY_2: Final = 0.00669437999014  # WGS84's first eccentricity, squared
 
@@ -64,8 +66,13 @@ class World(Protocol):
     def state(self) -> WorldState:
         """Return the newest state; never blocks."""
 
-    def move(self, movement: Movement) -> None:
-        """Order a movement; it replaces the one before. A `MoveBy` is ordered once, by its id."""
+    def move(self, movement: Movement, pace: Pace | None = None) -> None:
+        """Order a movement; it replaces the one before. A `MoveBy` is ordered once, by its id.
+
+        Args:
+            movement: the movement.
+            pace: of a `MoveBy`, within the body's limits; None flies it as fast as they allow.
+        """
 
     def point(self, pitch_rad: float) -> None:
         """Turn the camera: 0 level, negative down; within -pi/2 and pi/2."""
@@ -88,6 +95,8 @@ class Location:
             "altitude": self.altitude_m,
         }
 
+
+GROUND_M: Final = 62.0  # of the world's ground above sea level, as GPS has it there
 
 # Where Parrot's simulator Sphinx puts its drones: scripts that name a place were written for it.
 HOME: Final = Location(latitude_deg=48.878900, longitude_deg=2.367780)

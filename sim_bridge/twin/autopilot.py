@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from sim_bridge.twin.airframe import CONTROL_STEP_S
 from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.reference import Reference
+from sim_bridge.twin.reference import Pace, Reference
 from sim_bridge.twin.sensors import Estimate
 from uav_bt.types import (
     CutMotors,
@@ -84,6 +84,11 @@ class Autopilot:
         self._profile = profile
         self._config = config or AutopilotConfig()
         self._reference = Reference(profile, CONTROL_STEP_S)
+        self._full_pace = self._pace = Pace(
+            speed_mps=profile.max_speed_mps,
+            climb_mps=profile.max_climb_mps,
+            yaw_rate_radps=profile.max_yaw_rate_radps,
+        )
         self._mode = Mode.OFF
         self._elapsed_s = 0.0  # in the present mode
         self._settled_s = 0.0
@@ -118,15 +123,16 @@ class Autopilot:
             Mode.FALL: FlyingState.EMERGENCY,
         }[self._mode]
 
-    def obey(self, movement: Movement, estimate: Estimate) -> None:
+    def obey(self, movement: Movement, estimate: Estimate, pace: Pace | None = None) -> None:
         """Take a command that has arrived.
 
         Args:
             movement: the command; what the drone is doing already is not begun again.
             estimate: the drone's estimate of its pose and velocity.
+            pace: of a `MoveBy`; None: as fast as the profile allows.
         """
         if isinstance(movement, MoveBy):
-            self._start_move(movement, estimate)
+            self._start_move(movement, estimate, pace or self._full_pace)
         elif isinstance(movement, Velocity):
             self._steer(movement)
         elif isinstance(movement, TakeOff):
@@ -171,13 +177,14 @@ class Autopilot:
         if self.movement is None or self.movement.id != move.id:
             self.movement = MovementStatus(id=move.id, state=MovementState.REJECTED)
 
-    def _start_move(self, move: MoveBy, estimate: Estimate) -> None:
+    def _start_move(self, move: MoveBy, estimate: Estimate, pace: Pace) -> None:
         if self.movement is not None and self.movement.id == move.id:
             return
         if self._mode not in _FLYING:
             self.refuse(move)
             return
         self._enter(Mode.MOVE)
+        self._pace = pace
         x_m, y_m = estimate.to_world(move.forward_m, -move.right_m)
         self._goal_m = (x_m, y_m, estimate.z_m - move.down_m)
         ahead = self._reference.yaw_error(estimate.yaw_rad)
@@ -213,14 +220,14 @@ class Autopilot:
         """Move the reference as the mode wants."""
         reference, profile, cfg = self._reference, self._profile, self._config
         if self._mode is Mode.CLIMB:
-            there = reference.go_to(self._goal_m, profile.max_climb_mps, CONTROL_STEP_S)
+            there = reference.go_to(self._goal_m, self._full_pace, CONTROL_STEP_S)
             self._arrived_s += CONTROL_STEP_S if there else 0.0
         elif self._mode is Mode.HOLD:
             reference.steer(0.0, 0.0, 0.0, CONTROL_STEP_S)
             reference.spin(0.0, CONTROL_STEP_S)
         elif self._mode is Mode.MOVE:
-            there = reference.go_to(self._goal_m, profile.max_climb_mps, CONTROL_STEP_S)
-            turned = reference.turn_to(self._goal_yaw_rad, CONTROL_STEP_S)
+            there = reference.go_to(self._goal_m, self._pace, CONTROL_STEP_S)
+            turned = reference.turn_to(self._goal_yaw_rad, self._pace, CONTROL_STEP_S)
             self._arrived_s += CONTROL_STEP_S if there and turned else 0.0
         elif self._mode is Mode.VELOCITY:
             order = self._velocity

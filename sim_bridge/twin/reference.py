@@ -10,6 +10,15 @@ from uav_bt.types import wrap_angle
 
 
 @dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How fast a relative movement is flown at most."""
+
+    speed_mps: float  # horizontal
+    climb_mps: float  # up and down
+    yaw_rate_radps: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReferenceConfig:
     """How the point brakes, and when it has arrived."""
 
@@ -93,12 +102,12 @@ class Reference:
         self.velocity[:] = (0.0, 0.0, 0.0)
         self.acceleration[:] = (0.0, 0.0, 0.0)
 
-    def go_to(self, goal: tuple[float, float, float], climb_mps: float, step_s: float) -> bool:
+    def go_to(self, goal: tuple[float, float, float], pace: Pace, step_s: float) -> bool:
         """Move on towards a point in a straight line; True once there.
 
         Args:
             goal: where to, world metres.
-            climb_mps: vertical speed limit.
+            pace: the speed limits.
             step_s: time to move on by.
         """
         cfg = self._config
@@ -111,10 +120,10 @@ class Reference:
         # The limits differ along and across the ground; the line must keep both.
         limit = acceleration = math.inf
         if flat > 1e-9:
-            limit = profile.max_speed_mps * distance / flat
+            limit = pace.speed_mps * distance / flat
             acceleration = profile.max_acceleration_mps2 * distance / flat
         if abs(dz) > 1e-9:
-            limit = min(limit, climb_mps * distance / abs(dz))
+            limit = min(limit, pace.climb_mps * distance / abs(dz))
             rise = profile.max_climb_acceleration_mps2 * distance / abs(dz)
             acceleration = min(acceleration, rise)
         share = self._arrival_speed(distance, limit, acceleration) / distance if distance else 0.0
@@ -147,11 +156,12 @@ class Reference:
             self.acceleration[axis] = change[axis] / step_s
             self.position[axis] += velocity[axis] * step_s
 
-    def turn_to(self, yaw_rad: float, step_s: float) -> bool:
+    def turn_to(self, yaw_rad: float, pace: Pace, step_s: float) -> bool:
         """Turn on towards a heading; True once there.
 
         Args:
             yaw_rad: counter-clockwise, unwrapped, so that long turns are kept.
+            pace: the limit of the rate.
             step_s: time to turn on by.
         """
         error, profile, cfg = yaw_rad - self.yaw_rad, self._profile, self._config
@@ -159,7 +169,7 @@ class Reference:
             self.yaw_rad, self.yaw_rate_radps = yaw_rad, 0.0
             return True
         rate = self._arrival_speed(
-            abs(error), profile.max_yaw_rate_radps, profile.max_yaw_acceleration_radps2
+            abs(error), pace.yaw_rate_radps, profile.max_yaw_acceleration_radps2
         )
         self.spin(math.copysign(rate, error), step_s)
         return False

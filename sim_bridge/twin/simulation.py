@@ -13,6 +13,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.reference import Pace
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
 from uav_bt.types import Command, DroneState, MoveBy, Pose
@@ -52,7 +53,7 @@ class Simulation:
         self._scene = scene
         self._profile = profile
         self._steps = 0
-        self._queue: deque[tuple[float, Command]] = deque()
+        self._queue: deque[tuple[float, Command, Pace | None]] = deque()
         self.airframe = Airframe(lab, lag_s=profile.thrust_lag_s)
         self.airframe.place(start.x_m, start.y_m, start.z_m, start.yaw_rad)
         self._autopilot = Autopilot(profile)
@@ -108,10 +109,15 @@ class Simulation:
         self._breeze = wind_mps2
         self._sensors.drift_mps = drift_mps
 
-    def enqueue(self, command: Command) -> None:
-        """Send a command; it takes effect after computing and transmission."""
+    def enqueue(self, command: Command, pace: Pace | None = None) -> None:
+        """Send a command; it takes effect after computing and transmission.
+
+        Args:
+            command: the command.
+            pace: of a `MoveBy`; None flies it as fast as the profile allows.
+        """
         delay = self._profile.compute_latency_s + self._profile.command_latency_s
-        self._queue.append((self.now_s + delay, command))
+        self._queue.append((self.now_s + delay, command, pace))
 
     def run_until(self, time_s: float) -> None:
         """Let time pass, in control steps; a time that has passed changes nothing."""
@@ -142,7 +148,8 @@ class Simulation:
 
     def _step(self) -> None:
         while self._queue and self._queue[0][0] <= self.now_s + _TIME_SLACK_S:
-            self._obey(self._queue.popleft()[1])
+            _, command, pace = self._queue.popleft()
+            self._obey(command, pace)
         height = self.motion.z_m - self._scene.surface_m(self.motion.x_m, self.motion.y_m)
         demand = self._autopilot.update(
             self._estimate, height_m=height, touching=bool(self._touching)
@@ -160,11 +167,11 @@ class Simulation:
         self._steps += 1
         self._sense()
 
-    def _obey(self, command: Command) -> None:
+    def _obey(self, command: Command, pace: Pace | None) -> None:
         if command.gimbal is not None:
             self._gimbal_target_rad = command.gimbal.pitch_rad
         if not self._pilot:
-            self._autopilot.obey(command.movement, self._estimate)
+            self._autopilot.obey(command.movement, self._estimate, pace)
         elif isinstance(command.movement, MoveBy):
             self._autopilot.refuse(command.movement)
 

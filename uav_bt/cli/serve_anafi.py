@@ -12,6 +12,7 @@ from sim_bridge.loopback.drone import DroneSetup, LoopbackDrone
 from sim_bridge.loopback.firmware.telemetry import BatteryOptions
 from sim_bridge.loopback.handshake import Identity, Ports
 from sim_bridge.loopback.server import ServerOptions
+from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.cli.command import Command
@@ -63,8 +64,19 @@ def _port(name: str, what: str) -> click.Option:
     show_default=True,
     help="The battery's charge at first, per cent.",
 )
+@click.option(
+    "--gps/--no-gps",
+    default=None,
+    help="Whether it has a GPS fix. Without either it has one in the open field, none in a lab.",
+)
+@click.option(
+    "--media-name",
+    default=DIRECT_MEDIUM,
+    show_default=True,
+    help=f"What its video stream is called; behind a remote control '{REMOTE_MEDIUM}' was seen.",
+)
 @click.option("--name", default="ANAFI-loopback", show_default=True, help="Its product name.")
-@click.option("--verbose", is_flag=True, help="Log requests for what is not simulated, too.")
+@click.option("--verbose", is_flag=True, help="Log connections and damaged messages, too.")
 def serve_anafi(
     *,
     scene: str | None,
@@ -75,6 +87,8 @@ def serve_anafi(
     rate_hz: float,
     no_video: bool,
     battery_percent: int,
+    gps: bool | None,
+    media_name: str,
     name: str,
     verbose: bool,
     **ports: int,
@@ -102,6 +116,8 @@ def serve_anafi(
         image_size_px=image_size,
         video_rate_hz=rate_hz,
         video=not no_video,
+        media_name=media_name,
+        gps=gps,
     )
     asyncio.run(_serve(setup))
 

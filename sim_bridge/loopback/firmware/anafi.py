@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from typing import Final
 
 from sim_bridge.loopback.codec import Received
 from sim_bridge.loopback.firmware.camera import Camera, Gimbal
@@ -25,6 +26,15 @@ from uav_bt.types import FlyingState, Hover
 
 _LOG = logging.getLogger(__name__)
 
+# Commands that scripts for the ANAFI try, and that Parrot's documentation gives to other drones.
+_OTHER_DRONES: Final = frozenset(
+    {
+        "ardrone3.Piloting.CancelMoveBy",
+        "ardrone3.Piloting.CancelMoveTo",
+        "ardrone3.Piloting.SmartTakeOffLand",
+    }
+)
+
 
 class Anafi:
     """Handles commands and publishes events; one client at a time.
@@ -34,6 +44,7 @@ class Anafi:
         table: the messages it speaks.
         identity: name and serial number.
         battery: charge, life and thresholds.
+        gps: whether it knows where on earth it is, as it does outdoors.
     """
 
     def __init__(
@@ -43,11 +54,12 @@ class Anafi:
         *,
         identity: Identity | None = None,
         battery: BatteryOptions | None = None,
+        gps: bool = True,
     ) -> None:
         identity = identity or Identity()
         self._world = world
         self._publisher = Publisher(table)
-        publish_identity(self._publisher, identity)
+        publish_identity(self._publisher, identity, gps=gps)
         settings = Settings(self._publisher)
         settings.change("common.SettingsState.ProductNameChanged", name=identity.name)
         self._travel = Travel(world)
@@ -57,7 +69,9 @@ class Anafi:
             settings=settings,
             travel=self._travel,
             interrupt=self._stop_moving,
+            gps=gps,
         )
+        self._warned: set[str] = set()
         flight = Flight(core)
         self.battery = Battery(core, flight, battery or BatteryOptions())
         self._move_to = MoveTo(core)
@@ -106,7 +120,15 @@ class Anafi:
         """Carry a command out; one that is not simulated changes nothing."""
         handler = self._handlers.get(command.type.name)
         if handler is None:
-            _LOG.info("not simulated: %s", command.type.name)
+            name = command.type.name
+            # Clients go on polling; one line for each command shows why they wait in vain.
+            if name not in self._warned:
+                self._warned.add(name)
+                _LOG.warning(
+                    "%s is %s: who waits for its effect waits in vain",
+                    name,
+                    "not a command of the ANAFI" if name in _OTHER_DRONES else "not simulated",
+                )
             return
         handler(command.values, self._world.state())
 

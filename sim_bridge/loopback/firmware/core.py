@@ -11,8 +11,11 @@ from typing import Final
 from sim_bridge.loopback.firmware.publisher import Handler, Publisher
 from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.world import World, WorldState
+from sim_bridge.twin.reference import Pace
 from uav_bt.types import Hover, MoveBy, MovementState, rotate, wrap_angle
 
+# m/s of steady flight at 45 degrees of tilt: at 40 degrees it makes the ANAFI's 15 m/s.
+SPEED_PER_TILT_MPS: Final = 15.0 / math.tan(math.radians(40.0))
 _STUCK_S: Final = 3.0  # s without progress after which something is in the way
 _PROGRESS_M: Final = 0.05
 _PROGRESS_RAD: Final = 0.05
@@ -84,13 +87,14 @@ class Travel:
         """Whether a movement is carried out."""
         return self._ending is not None
 
-    def start(self, step: Step, state: WorldState, ending: Ending) -> None:
+    def start(self, step: Step, state: WorldState, ending: Ending, pace: Pace) -> None:
         """Begin a movement; one that runs is interrupted.
 
         Args:
             step: the movement.
             state: the drone's at present.
             ending: called once, when it is over.
+            pace: how fast it is flown at most.
         """
         self._close(Outcome.INTERRUPTED, state)
         self._count += 1
@@ -98,7 +102,7 @@ class Travel:
         self._start = self._mark = state
         self._turned_rad = self._marked_rad = 0.0
         self._yaw_rad = state.attitude.yaw_rad
-        self._world.move(MoveBy(id=self._count, **asdict(step)))
+        self._world.move(MoveBy(id=self._count, **asdict(step)), pace)
 
     def interrupt(self, state: WorldState, *, hover: bool = False) -> None:
         """End the movement, if one runs.
@@ -169,12 +173,26 @@ class Core:
     settings: Settings
     travel: Travel  # carries relative movements out
     interrupt: Callable[[], None]  # ends whatever moves the drone
+    gps: bool = True  # whether it has a fix
 
     @property
     def ceiling_m(self) -> float:
         """The greatest altitude, m above the take-off point: set by a client, or the world's."""
         highest: float = self.settings.value("ardrone3.PilotingSettingsState.MaxAltitudeChanged")
         return min(highest, self.world.limits.ceiling_m)
+
+    @property
+    def pace(self) -> Pace:
+        """How fast relative movements are flown: as set by a client, within the world's limits."""
+        value, limits = self.settings.value, self.world.limits
+        tilt_rad = math.radians(value("ardrone3.PilotingSettingsState.MaxTiltChanged"))
+        climb_mps = value("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged")
+        turn_radps = math.radians(value("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged"))
+        return Pace(
+            speed_mps=min(SPEED_PER_TILT_MPS * math.tan(tilt_rad), limits.max_speed_mps),
+            climb_mps=min(climb_mps, limits.max_climb_mps),
+            yaw_rate_radps=min(turn_radps, limits.max_yaw_rate_radps),
+        )
 
 
 class Part:

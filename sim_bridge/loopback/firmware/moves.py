@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from typing import Any, Final
 
 from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Step, step_to
 from sim_bridge.loopback.firmware.piloting import AIRBORNE
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.world import WorldState, offset_m
+from sim_bridge.twin.reference import Pace
 from uav_bt.types import FlyingState, wrap_angle
 
 _RESULTS: Final = {  # of moveByChanged and of moveByEnd
@@ -29,17 +30,23 @@ class MoveBy(Part):
         self.handlers = {
             "ardrone3.Piloting.moveBy": self._move_by,
             "move.extended_move_by": self._extended_move_by,
-            "ardrone3.Piloting.CancelMoveBy": self._cancel,
         }
-        self._running = False
 
     def _move_by(self, values: Values, state: WorldState) -> None:
-        self._start(*(values[name] for name in ("dX", "dY", "dZ", "dPsi")), state=state)
+        displacement = [values[name] for name in ("dX", "dY", "dZ", "dPsi")]
+        self._start(*displacement, state=state, pace=self._core.pace)
 
     def _extended_move_by(self, values: Values, state: WorldState) -> None:
-        self._start(*(values[name] for name in ("d_x", "d_y", "d_z", "d_psi")), state=state)
+        displacement = [values[name] for name in ("d_x", "d_y", "d_z", "d_psi")]
+        forward_m, right_m, down_m, yaw_rad = displacement
+        needed = (bool(forward_m or right_m), bool(down_m), bool(yaw_rad))
+        pace = _slowed(self._core.pace, values, needed)
+        if pace is None:
+            self._notify_end(Step(), "unknown")
+        else:
+            self._start(*displacement, state=state, pace=pace)
 
-    def _start(self, *displacement: float, state: WorldState) -> None:
+    def _start(self, *displacement: float, state: WorldState, pace: Pace) -> None:
         if state.flying not in AIRBORNE or not all(map(math.isfinite, displacement)):
             busy = state.flying in (FlyingState.TAKING_OFF, FlyingState.LANDING)
             self._notify_end(Step(), "busy" if busy else "notAvailable")
@@ -49,19 +56,14 @@ class MoveBy(Part):
         self._core.interrupt()
 
         def ended(outcome: Outcome, done: Step, _: WorldState) -> None:
-            self._running = False
             status, error = _RESULTS[outcome]
             self._publish_change(asked, done, status)
             self._notify_end(done, error)
 
-        self._running = True
         self._publish_change(asked, Step(), "RUNNING")
         min_down_m = min(0.0, state.altitude_m - self._core.ceiling_m)
-        self._core.travel.start(replace(asked, down_m=max(down_m, min_down_m)), state, ended)
-
-    def _cancel(self, _values: Values, state: WorldState) -> None:
-        if self._running:
-            self._core.travel.interrupt(state, hover=True)
+        bounded = replace(asked, down_m=max(down_m, min_down_m))
+        self._core.travel.start(bounded, state, ended, pace)
 
     def _publish_change(self, asked: Step, done: Step, status: str) -> None:
         self._core.publisher.refresh(
@@ -78,6 +80,29 @@ class MoveBy(Part):
         self._core.publisher.notify(
             "ardrone3.PilotingEvent.moveByEnd", **_arguments(done), error=error
         )
+
+
+def _slowed(pace: Pace, values: Values, needed: Sequence[bool]) -> Pace | None:
+    """Return a pace within the speeds that an extended movement names.
+
+    Args:
+        pace: as set for all movements.
+        values: the command's.
+        needed: whether it goes along the ground, up or down, and turns.
+
+    Returns:
+        None where a speed that is needed, or each of them, is none.
+    """
+    named = [values[f"max_{name}_speed"] for name in ("horizontal", "vertical", "yaw_rotation")]
+    named[2] = math.radians(named[2])
+    usable = [math.isfinite(speed) and speed > 0.0 for speed in named]
+    if not any(usable) or any(need and not use for need, use in zip(needed, usable, strict=True)):
+        return None
+    speeds = [
+        min(limit, speed) if use else limit
+        for limit, speed, use in zip(astuple(pace), named, usable, strict=True)
+    ]
+    return Pace(speed_mps=speeds[0], climb_mps=speeds[1], yaw_rate_radps=speeds[2])
 
 
 def _arguments(step: Step) -> dict[str, float]:
@@ -101,6 +126,7 @@ class _Goal:
     north_m: float
     east_m: float
     altitude_m: float
+    pace: Pace
 
 
 class MoveTo(Part):
@@ -110,8 +136,7 @@ class MoveTo(Part):
         super().__init__(core)
         self.handlers = {
             "ardrone3.Piloting.moveTo": self._move_to,
-            "move.extended_move_to": self._move_to,
-            "ardrone3.Piloting.CancelMoveTo": self._cancel,
+            "move.extended_move_to": self._extended_move_to,
         }
         self._goal: _Goal | None = None
 
@@ -120,10 +145,18 @@ class MoveTo(Part):
         """Whether a moveTo runs."""
         return self._goal is not None
 
+    def _extended_move_to(self, values: Values, state: WorldState) -> None:
+        # How far it is from a place, and how high, is only known to the drone.
+        self._go(values, state, _slowed(self._core.pace, values, (True, False, False)))
+
     def _move_to(self, values: Values, state: WorldState) -> None:
+        self._go(values, state, self._core.pace)
+
+    def _go(self, values: Values, state: WorldState, pace: Pace | None) -> None:
         numbers = {name: values[name] for name in ("latitude", "longitude", "altitude", "heading")}
         asked = numbers | {"orientation_mode": values["orientation_mode"].upper()}
-        if state.flying not in AIRBORNE or not all(map(math.isfinite, numbers.values())):
+        known = self._core.gps and all(map(math.isfinite, numbers.values()))
+        if state.flying not in AIRBORNE or not known or pace is None:
             self._publish(asked, "ERROR")
             return
         self._goal = None  # a new goal replaces the old one without an event
@@ -134,6 +167,7 @@ class MoveTo(Part):
             north_m=north_m,
             east_m=east_m,
             altitude_m=min(asked["altitude"], self._core.ceiling_m),
+            pace=pace,
         )
         self._publish(asked, "RUNNING")
         turn_rad = self._first_turn(goal, state)
@@ -147,7 +181,7 @@ class MoveTo(Part):
             else:
                 self._end(goal, outcome)
 
-        self._core.travel.start(Step(yaw_rad=turn_rad), state, turned)
+        self._core.travel.start(Step(yaw_rad=turn_rad), state, turned, goal.pace)
 
     def _first_turn(self, goal: _Goal, state: WorldState) -> float | None:
         mode, heading = goal.asked["orientation_mode"], state.attitude.yaw_rad
@@ -163,16 +197,14 @@ class MoveTo(Part):
         if goal.asked["orientation_mode"] == "HEADING_DURING":
             yaw_rad = math.radians(goal.asked["heading"])
         step = step_to(state, goal.north_m, goal.east_m, goal.altitude_m, yaw_rad)
-        self._core.travel.start(step, state, lambda outcome, *_: self._end(goal, outcome))
+        self._core.travel.start(
+            step, state, lambda outcome, *_: self._end(goal, outcome), goal.pace
+        )
 
     def _end(self, goal: _Goal, outcome: Outcome) -> None:
         if self._goal is goal:
             self._goal = None
             self._publish(goal.asked, _STATUS[outcome])
-
-    def _cancel(self, _values: Values, state: WorldState) -> None:
-        if self.running:
-            self._core.travel.interrupt(state, hover=True)
 
     def _publish(self, asked: Mapping[str, Any], status: str) -> None:
         self._core.publisher.refresh("ardrone3.PilotingState.moveToChanged", **asked, status=status)

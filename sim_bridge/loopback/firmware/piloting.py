@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from sim_bridge.loopback.firmware.core import Core, Part
+from sim_bridge.loopback.firmware.core import SPEED_PER_TILT_MPS, Core, Part
 from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.world import WorldLimits, WorldState
@@ -37,7 +37,6 @@ class Flight(Part):
             "ardrone3.Piloting.TakeOff": self._take_off,
             "ardrone3.Piloting.UserTakeOff": self._user_take_off,
             "ardrone3.Piloting.Landing": self._land,
-            "ardrone3.Piloting.SmartTakeOffLand": self._take_off_or_land,
             "ardrone3.Piloting.Emergency": self._stop_motors,
         }
         self._emergency_until_s = 0.0
@@ -74,12 +73,6 @@ class Flight(Part):
         if state.flying not in (FlyingState.LANDED, FlyingState.EMERGENCY):
             self.land()
 
-    def _take_off_or_land(self, values: Values, state: WorldState) -> None:
-        if state.flying is FlyingState.LANDED:
-            self._take_off(values, state)
-        else:
-            self._land(values, state)
-
     def _stop_motors(self, _values: Values, state: WorldState) -> None:
         self._core.interrupt()
         self._core.world.move(CutMotors())
@@ -88,8 +81,6 @@ class Flight(Part):
 
 
 EXPIRY_S: Final = 0.5  # s after which old stick positions count as centred; clients send at 20 Hz
-# m/s of steady flight at 45 degrees of tilt: at 40 degrees it makes the ANAFI's 15 m/s.
-_SPEED_PER_TILT_MPS: Final = 15.0 / math.tan(math.radians(40.0))
 _SPEED: Final = "ardrone3.SpeedSettingsState"
 _TILT: Final = "ardrone3.PilotingSettingsState.MaxTiltChanged"
 
@@ -123,7 +114,7 @@ def velocity_of(sticks: Sticks, settings: Settings, limits: WorldLimits) -> Velo
     tilt_rad = math.radians(settings.value(_TILT))
 
     def speed(percent: int) -> float:
-        return _SPEED_PER_TILT_MPS * math.tan(percent / 100.0 * tilt_rad)
+        return SPEED_PER_TILT_MPS * math.tan(percent / 100.0 * tilt_rad)
 
     forward, right = speed(sticks.pitch), speed(sticks.roll)
     flat = math.hypot(forward, right)

@@ -9,10 +9,9 @@ from typing import Final
 from sim_bridge.loopback.firmware.core import Core, Outcome, Part, Step, step_to
 from sim_bridge.loopback.firmware.piloting import AIRBORNE, Flight
 from sim_bridge.loopback.firmware.publisher import Values
-from sim_bridge.loopback.world import WorldState, location, offset_m
+from sim_bridge.loopback.world import UNKNOWN, WorldState, location, offset_m
 from uav_bt.types import FlyingState
 
-_UNKNOWN: Final = 500.0  # ARSDK's value for an unknown latitude or longitude
 _NEAR_M: Final = 0.5  # so near home it lands without a climb
 # The names of rth.state, in ardrone3's NavigateHomeStateChanged.
 _NAVIGATE_HOME: Final = {
@@ -67,7 +66,8 @@ class ReturnToHome(Part):
         if flying and not self._flying:
             self._take_off_m = (state.north_m, state.east_m)
             self._publish_home()
-            self._publish("available", "enabled")
+            if self._core.gps:
+                self._publish("available", "enabled")
         elif not flying and self._flying and state.flying is not FlyingState.LANDING:
             self._phase = None
             self._publish("unavailable", "disabled")
@@ -79,7 +79,7 @@ class ReturnToHome(Part):
             self._start(state, "connection_lost")
 
     def _start(self, state: WorldState, reason: str) -> None:
-        if state.flying not in AIRBORNE or self._phase is not None:
+        if state.flying not in AIRBORNE or self._phase is not None or not self._core.gps:
             return
         self._core.interrupt()
         self._publish("in_progress", reason)
@@ -108,7 +108,7 @@ class ReturnToHome(Part):
         else:
             altitude_m = min(value("rth.ending_hovering_altitude"), ceiling_m, altitude_m)
         step = step_to(state, *goal_m, altitude_m, yaw_rad)
-        self._core.travel.start(step, state, self._arrived)
+        self._core.travel.start(step, state, self._arrived, self._core.pace)
 
     def _arrived(self, outcome: Outcome, _done: Step, state: WorldState) -> None:
         if self._phase is None:
@@ -155,11 +155,14 @@ class ReturnToHome(Part):
     def _publish_home(self) -> None:
         publish = self._core.publisher.state
         take_off = location(*self._take_off_m).arguments
+        if not self._core.gps:
+            take_off = dict.fromkeys(take_off, UNKNOWN)
         home = take_off if self._custom_m is None else location(*self._custom_m).arguments
         publish("rth.home_type", type="custom" if self._custom_m else "takeoff")
         publish("rth.takeoff_location", **take_off, fixed_before_takeoff=1)
         publish("rth.home_location", **home)
         publish("ardrone3.GPSSettingsState.HomeChanged", **home)
         if self._custom_m is None:
-            publish("rth.custom_location", **dict.fromkeys(home, _UNKNOWN))
-        publish("rth.home_reachability", status="reachable")
+            publish("rth.custom_location", **dict.fromkeys(home, UNKNOWN))
+        reachable = "reachable" if self._core.gps else "unknown"
+        publish("rth.home_reachability", status=reachable)

@@ -61,7 +61,7 @@ _STYLE: Final = ("saturation", "contrast", "sharpness")
 # Bounds and first values are an ANAFI's, as its documentation and its settings page have them.
 SETTINGS: Final = (
     setting(f"{_PILOTING}.MaxAltitude", "current", current=30.0, min=0.5, max=4000.0),
-    setting(f"{_PILOTING}.MaxTilt", "current", current=20.0, min=5.0, max=40.0),
+    setting(f"{_PILOTING}.MaxTilt", "current", current=20.0, min=1.0, max=40.0),
     setting(f"{_PILOTING}.MaxDistance", "current=value", current=100.0, min=10.0, max=4000.0),
     setting(f"{_PILOTING}.MinAltitude", "current", current=0.0, min=0.0, max=0.0),
     setting(f"{_PILOTING}.NoFlyOverMaxDistance", "shouldNotFlyOver", shouldNotFlyOver=0),
@@ -73,8 +73,8 @@ SETTINGS: Final = (
         enabled=1,
     ),
     setting(f"{_SPEED}.MaxVerticalSpeed", "current", current=1.0, min=0.1, max=4.0),
-    setting(f"{_SPEED}.MaxRotationSpeed", "current", current=40.0, min=10.0, max=200.0),
-    setting(f"{_SPEED}.MaxPitchRollRotationSpeed", "current", current=200.0, min=80.0, max=300.0),
+    setting(f"{_SPEED}.MaxRotationSpeed", "current", current=40.0, min=3.0, max=200.0),
+    setting(f"{_SPEED}.MaxPitchRollRotationSpeed", "current", current=200.0, min=40.0, max=300.0),
     setting(f"{_SPEED}.HullProtection", "present", present=0),
     setting(f"{_SPEED}.Outdoor", "outdoor", outdoor=1),
     setting(
@@ -112,7 +112,7 @@ SETTINGS: Final = (
     setting("ardrone3.GPSSettings.ReturnHomeDelay", "delay", delay=60),
     setting("rth.set_min_altitude", "current=altitude", current=20.0, min=20.0, max=100.0),
     setting(
-        "rth.set_ending_hovering_altitude", "current=altitude", current=10.0, min=1.0, max=100.0
+        "rth.set_ending_hovering_altitude", "current=altitude", current=10.0, min=1.0, max=10.0
     ),
     setting("rth.set_ending_behavior", "ending_behavior", ending_behavior="landing"),
     setting("rth.set_auto_trigger_mode", "mode", mode="on"),

@@ -11,7 +11,7 @@ from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.piloting import AIRBORNE, Flight
 from sim_bridge.loopback.firmware.publisher import Publisher
 from sim_bridge.loopback.handshake import Identity
-from sim_bridge.loopback.world import SATELLITES, WorldState, location
+from sim_bridge.loopback.world import GROUND_M, SATELLITES, UNKNOWN, WorldState, location
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import FlyingState, rotate
 
@@ -20,12 +20,13 @@ _CALIBRATED = ("xAxisCalibration", "yAxisCalibration", "zAxisCalibration")
 _FLIGHTS = ("nbFlights", "lastFlightDuration", "totalFlightDuration")
 
 
-def publish_identity(publisher: Publisher, identity: Identity) -> None:
+def publish_identity(publisher: Publisher, identity: Identity, *, gps: bool) -> None:
     """Publish the states that a client reads once.
 
     Args:
         publisher: publishes them.
         identity: name and serial number.
+        gps: whether it has a fix.
     """
     publish = publisher.state
     half = len(identity.serial) // 2
@@ -44,8 +45,9 @@ def publish_identity(publisher: Publisher, identity: Identity) -> None:
     publish(f"{calibration}StartedChanged", started=0)
     publish(f"{calibration}StateChanged", **dict.fromkeys(_CALIBRATED, 1), calibrationFailed=0)
     publish("common.FlightPlanState.AvailabilityStateChanged", AvailabilityState=0)
-    publish("ardrone3.GPSSettingsState.GPSFixStateChanged", fixed=1)
-    publish("ardrone3.GPSState.NumberOfSatelliteChanged", numberOfSatellite=SATELLITES)
+    publish("ardrone3.GPSSettingsState.GPSFixStateChanged", fixed=int(gps))
+    satellites = SATELLITES if gps else 0
+    publish("ardrone3.GPSState.NumberOfSatelliteChanged", numberOfSatellite=satellites)
     publish("ardrone3.SettingsState.ProductGPSVersionChanged", software="1.0", hardware="1.0")
     publish("ardrone3.SettingsState.CPUID", id="loopback")
     publish("ardrone3.SettingsState.MotorErrorStateChanged", motorIds=0, motorError="noError")
@@ -187,9 +189,13 @@ class Telemetry(Part):
         publish(f"{_PILOTING}.SpeedChanged", speedX=north, speedY=east, speedZ=velocity.down_mps)
         publish(f"{_PILOTING}.AltitudeChanged", altitude=state.altitude_m)
         publish(f"{_PILOTING}.AltitudeAboveGroundChanged", altitude=state.height_m)
-        position = location(state.north_m, state.east_m, state.altitude_m).arguments
+        # Above sea level, unlike all other altitudes.
+        position = location(state.north_m, state.east_m, GROUND_M + state.altitude_m).arguments
+        if not self._core.gps:
+            position = dict.fromkeys(position, UNKNOWN)
         publish(f"{_PILOTING}.PositionChanged", **position)
-        accuracies = dict.fromkeys((f"{name}_accuracy" for name in position), 1)
+        accuracy_m = 1 if self._core.gps else -1
+        accuracies = dict.fromkeys((f"{name}_accuracy" for name in position), accuracy_m)
         publish(f"{_PILOTING}.GpsLocationChanged", **position, **accuracies)
 
     def _publish_gimbal(self, state: WorldState) -> None:

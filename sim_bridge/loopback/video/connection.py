@@ -36,6 +36,7 @@ class ServerState:
     streamer: Streamer
     datagrams: DatagramPair
     serial: str  # of the drone
+    media_name: str  # what the stream is called
     sets: ParameterSets
     random: Random
     now: Callable[[], float]  # monotonic, the clock of the frames' times
@@ -73,7 +74,7 @@ class Connection(asyncio.Protocol):
         if peer is None:  # gone already, as port scanners are
             self._transport.abort()
             return
-        if len(self._state.connections) >= MAX_CONNECTIONS:
+        if len(self._state.connections) >= MAX_CONNECTIONS and not self._make_room():
             self._end(RtspError(453, f"at most {MAX_CONNECTIONS} clients are served at once"))
             return
         self._host = peer[0]
@@ -103,6 +104,11 @@ class Connection(asyncio.Protocol):
         if self._timer is not None:
             self._timer.cancel()
 
+    @property
+    def idle_since_s(self) -> float | None:
+        """When the client was heard last; None while it has a stream."""
+        return None if self._player is not None else self._received_s
+
     def touch(self) -> None:
         """Note that the client is alive."""
         self._received_s = asyncio.get_running_loop().time()
@@ -123,6 +129,7 @@ class Connection(asyncio.Protocol):
         return describe(
             self._state.sets,
             serial=self._state.serial,
+            media_name=self._state.media_name,
             host=self._transport.get_extra_info("sockname")[0],
             session=round(1e6 * self._state.now()),
         )
@@ -192,6 +199,15 @@ class Connection(asyncio.Protocol):
             self._abort_after(_LAST_ANSWER_S)
         else:
             self._timer = loop.call_later(left_s, self._wait)
+
+    def _make_room(self) -> bool:
+        """End the connection without a stream that was silent for longest, if there is one."""
+        idle = [each for each in self._state.connections if each.idle_since_s is not None]
+        if idle:
+            longest = min(idle, key=lambda each: each.idle_since_s or 0.0)
+            self._state.connections.discard(longest)
+            longest.abort()
+        return bool(idle)
 
     def _abort_after(self, duration_s: float) -> None:
         if self._timer is not None:

@@ -19,6 +19,8 @@ from sim_bridge.loopback.video.rtsp_message import Request, RtspError, answer
 from sim_bridge.loopback.video.transport import Transport, choose_transport
 
 _PATH: Final = "live"
+DIRECT_MEDIUM: Final = "Front camera"  # what a drone calls its video to a client on its own Wi-Fi
+REMOTE_MEDIUM: Final = "DefaultVideo"  # and what is reported of one behind a remote control
 _CONTROL: Final = "stream=0"
 
 _METHODS: Final = "OPTIONS, DESCRIBE, SETUP, PLAY, PAUSE, GET_PARAMETER, TEARDOWN"
@@ -185,7 +187,9 @@ def refusal(error: RtspError, sequence: str) -> bytes:
     return answer(error.status, sequence, headers, f"{error.why}\n".encode())
 
 
-def describe(sets: ParameterSets, *, serial: str, host: str, session: int) -> str:
+def describe(
+    sets: ParameterSets, *, serial: str, host: str, session: int, media_name: str = DIRECT_MEDIUM
+) -> str:
     """Return the SDP, by which a client knows the stream before it is set up.
 
     Source: RFC 8866 (SDP), RFC 6184 section 8.2 (H.264), and what Parrot's libsdp and
@@ -197,6 +201,7 @@ def describe(sets: ParameterSets, *, serial: str, host: str, session: int) -> st
         serial: the drone's serial number, which Olympe shows as the session's metadata.
         host: the server's numeric address.
         session: a number for this session.
+        media_name: what the stream is called.
     """
     family = "IP6" if ":" in host else "IP4"
     sprop = ",".join(base64.b64encode(unit).decode() for unit in (sets.sps, sets.pps))
@@ -219,7 +224,7 @@ def describe(sets: ParameterSets, *, serial: str, host: str, session: int) -> st
         "a=X-com-parrot-model-id:0914",
         f"a=X-com-parrot-serial:{serial}",
         f"m=video 0 RTP/AVP {PAYLOAD_TYPE}",
-        "i=Front camera",
+        f"i={media_name}",
         f"a=rtpmap:{PAYLOAD_TYPE} H264/{CLOCK_HZ}",
         f"a=fmtp:{PAYLOAD_TYPE} {';'.join(parameters)}",
         f"a=control:{_CONTROL}",

@@ -10,6 +10,7 @@ from typing import Final
 
 from sim_bridge.loopback.handshake import Identity, port_error
 from sim_bridge.loopback.video.connection import Connection, ServerState
+from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM
 from sim_bridge.loopback.video.encoder import EncoderConfig, parameter_sets
 from sim_bridge.loopback.video.frame import FrameSource
 from sim_bridge.loopback.video.streamer import Streamer, VideoStats
@@ -67,6 +68,7 @@ async def serve_video(
     port: int = 554,
     encoder: EncoderConfig | None = None,
     serial: str = Identity().serial,
+    media_name: str = DIRECT_MEDIUM,
     now: Callable[[], float] = time.monotonic,
     random: Random | None = None,
     finish: Callable[[], None] | None = None,
@@ -83,6 +85,7 @@ async def serve_video(
             client's connection, as the client wishes.
         encoder: size, rate and quality.
         serial: the drone's serial number.
+        media_name: what the stream is called.
         now: the monotonic clock of the frames' times.
         random: where streams and sessions begin; unpredictable unless given.
         finish: called once by `close`, on the source's thread, where an OpenGL context must be
@@ -117,6 +120,7 @@ async def serve_video(
         streamer=Streamer(source, config, now=now, failed=failed, finish=finish),
         datagrams=datagrams,
         serial=serial,
+        media_name=media_name,
         sets=sets,
         random=random or SystemRandom(),
         now=now,

@@ -11,6 +11,7 @@ from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.telemetry import BatteryOptions
 from sim_bridge.loopback.messages import MessageType, message_table
 from sim_bridge.loopback.world import WorldLimits, WorldState
+from sim_bridge.twin.reference import Pace
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -31,12 +32,13 @@ STEP_S = 0.02
 
 
 class FakeWorld:
-    """Motors in 0.5 s, up in another, movements at 1 m/s and 1 rad/s, down in a second."""
+    """Motors in 0.5 s, up in another, down in a second; 1 m/s and 1 rad/s at most."""
 
     def __init__(self, limits: WorldLimits | None = None) -> None:
         self.limits = limits or WorldLimits(max_speed_mps=2.0, max_climb_mps=1.0)
         self.orders: list[Movement] = []
         self.stuck = False
+        self.pace = Pace(speed_mps=1.0, climb_mps=1.0, yaw_rate_radps=1.0)  # of the last `MoveBy`
         self._state = WorldState()
         self._order: Movement = Hover()
         self._since_s = 0.0
@@ -46,8 +48,10 @@ class FakeWorld:
     def state(self) -> WorldState:
         return self._state
 
-    def move(self, movement: Movement) -> None:
+    def move(self, movement: Movement, pace: Pace | None = None) -> None:
         self.orders.append(movement)
+        if pace is not None:
+            self.pace = pace
         status = self._state.movement
         if status is not None and status.state is MovementState.RUNNING:
             self._set(movement=replace(status, state=MovementState.INTERRUPTED))
@@ -99,7 +103,10 @@ class FakeWorld:
             )
             turn = order.yaw_rate_radps
         elif isinstance(order, MoveBy) and not self.stuck:
-            size = max(map(abs, self._left))
+            pace = self.pace
+            paces = (pace.speed_mps, pace.speed_mps, pace.climb_mps, pace.yaw_rate_radps)
+            limits = [min(1.0, limit) for limit in paces]
+            size = max(abs(part) / limit for part, limit in zip(self._left, limits, strict=True))
             share = min(1.0, step_s / size) if size else 1.0
             done = [part * share for part in self._left]
             self._left = tuple(part - gone for part, gone in zip(self._left, done, strict=True))
@@ -143,9 +150,10 @@ class Bench:
     battery: BatteryOptions = field(default_factory=BatteryOptions)
     world: FakeWorld = field(default_factory=FakeWorld)
     events: list[Received] = field(default_factory=list)
+    gps: bool = True
 
     def __post_init__(self) -> None:
-        self.anafi = Anafi(self.world, message_table(), battery=self.battery)
+        self.anafi = Anafi(self.world, message_table(), battery=self.battery, gps=self.gps)
         self.connect()
 
     def connect(self) -> None:

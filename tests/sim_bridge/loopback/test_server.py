@@ -116,6 +116,29 @@ def test_a_client_that_dies_silently_makes_room_for_another() -> None:
     asyncio.run(run())
 
 
+@pytest.mark.parametrize("port", ["discovery", "control", "http"])
+def test_idle_connections_make_room(port: str) -> None:
+    """More of them than a port keeps, and the client that flies is not among those that go."""
+
+    async def run() -> None:
+        async with serving() as server:
+            flies = await connected(server)
+            where = ("127.0.0.1", getattr(server.ports, port))
+            idle = [await asyncio.open_connection(*where) for _ in range(100)]
+            other = Client(server.ports, name="other")
+            assert not await other.connect()
+            assert other.answer["status"] != 0  # an answer it is, if none to be glad of
+            assert not flies._found.at_eof()
+            await flies.send("ardrone3.PilotingSettings.MaxTilt", current=12.0)
+            await flies.wait("ardrone3.PilotingSettingsState.MaxTiltChanged", current=12.0)
+            for _, writer in idle:
+                writer.close()
+            flies.close()
+            other.close()
+
+    asyncio.run(run())
+
+
 def test_garbage_on_every_port_is_survived() -> None:
     async def run() -> None:
         random = Random(7)  # noqa: S311 - garbage, no secret

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple
 from typing import Any
 
 import pytest
 
 from sim_bridge.loopback.world import location
 from tests.sim_bridge.loopback.loopback_world import Bench
-from uav_bt.types import FlyingState
 
 END = "ardrone3.PilotingEvent.moveByEnd"
 
@@ -85,7 +85,6 @@ def test_a_new_movement_interrupts_the_old_one(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("command", "values"),
     [
-        ("ardrone3.Piloting.CancelMoveBy", {}),
         ("ardrone3.Piloting.Landing", {}),
         ("ardrone3.Piloting.Emergency", {}),
         ("rth.return_to_home", {}),
@@ -188,15 +187,23 @@ def test_a_place_is_flown_to_facing_as_asked(
     assert yaw == pytest.approx(wanted_deg, abs=2.0)
 
 
-def test_a_place_can_be_called_off_and_replaced(bench: Bench) -> None:
+def test_a_place_can_be_replaced_and_called_off_by_a_landing(bench: Bench) -> None:
     move_to(bench, 10.0, 0.0, 1.0)
     bench.run(1.0)
     move_to(bench, 0.0, 10.0, 1.0)
     bench.run(1.0)
-    bench.send("ardrone3.Piloting.CancelMoveTo")
+    bench.send("ardrone3.Piloting.Landing")
     bench.run(0.1)
     assert [one["status"] for one in bench.values(MOVE_TO)] == ["RUNNING", "RUNNING", "CANCELED"]
-    assert bench.world.state().flying is FlyingState.HOVERING
+
+
+def test_without_a_fix_there_are_no_places() -> None:
+    bench = Bench(gps=False)
+    bench.fly()
+    move_to(bench, 2.0, 0.0, 1.0)
+    bench.run(1.0)
+    assert [one["status"] for one in bench.values(MOVE_TO)] == ["ERROR"]
+    assert position(bench)[:2] == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 def test_the_sticks_do_not_interrupt_a_place(bench: Bench) -> None:
@@ -206,3 +213,45 @@ def test_the_sticks_do_not_interrupt_a_place(bench: Bench) -> None:
     )
     bench.run(4.0)
     assert [one["status"] for one in bench.values(MOVE_TO)] == ["RUNNING", "DONE"]
+
+
+@pytest.mark.parametrize(
+    ("tilt_deg", "climb_mps", "rotation_degps", "wanted"),
+    [(1.0, 0.4, 30.0, (0.312, 0.4, 0.524)), (40.0, 4.0, 200.0, (2.0, 1.0, 1.4))],
+)
+def test_a_movement_is_as_fast_as_the_settings_allow(
+    bench: Bench,
+    tilt_deg: float,
+    climb_mps: float,
+    rotation_degps: float,
+    wanted: tuple[float, float, float],
+) -> None:
+    bench.send("ardrone3.PilotingSettings.MaxTilt", current=tilt_deg)
+    bench.send("ardrone3.SpeedSettings.MaxVerticalSpeed", current=climb_mps)
+    bench.send("ardrone3.SpeedSettings.MaxRotationSpeed", current=rotation_degps)
+    move_by(bench, 1.0)
+    assert astuple(bench.world.pace) == pytest.approx(wanted, abs=1e-3)
+
+
+SLOW = {"max_horizontal_speed": 0.2, "max_vertical_speed": 0.1, "max_yaw_rotation_speed": 0.0}
+
+
+def test_an_extended_movement_keeps_its_own_speed(bench: Bench) -> None:
+    bench.fly()
+    bench.send("move.extended_move_by", d_x=1.0, d_y=0.0, d_z=0.0, d_psi=0.0, **SLOW)
+    bench.run(2.5)
+    assert position(bench)[0] == pytest.approx(0.5, abs=0.02)
+    bench.run(3.0)
+    assert bench.values(END)[-1]["error"] == "ok"
+
+
+@pytest.mark.parametrize(
+    "change", [{"d_psi": 1.0}, dict.fromkeys(SLOW, 0.0), {"max_horizontal_speed": math.nan}]
+)
+def test_a_speed_of_nothing_is_an_error(bench: Bench, change: dict[str, float]) -> None:
+    bench.fly()
+    asked = {"d_x": 1.0, "d_y": 0.0, "d_z": 0.0, "d_psi": 0.0, **SLOW, **change}
+    bench.send("move.extended_move_by", **asked)
+    bench.run(0.5)
+    assert bench.values(END)[-1]["error"] == "unknown"
+    assert position(bench)[0] == 0.0

@@ -21,9 +21,9 @@ def test_a_flight_goes_through_the_firmwares_states(bench: Bench) -> None:
     assert bench.flying_states() == ["motor_ramping", "takingoff", "hovering", "landing", "landed"]
 
 
-def test_a_landing_can_be_taken_back(bench: Bench) -> None:
+def test_a_landing_begins_at_once(bench: Bench) -> None:
     bench.fly()
-    bench.send("ardrone3.Piloting.SmartTakeOffLand")
+    bench.send("ardrone3.Piloting.Landing")
     bench.run(0.2)
     assert isinstance(bench.world.orders[-1], Land)
     assert bench.flying_states() == ["landing"]

@@ -31,13 +31,13 @@ def test_every_setting_is_a_command_and_an_event_that_answers(
 
 
 @pytest.mark.parametrize(
-    ("asked", "taken"), [(12.0, 12.0), (0.0, 5.0), (90.0, 40.0), (math.nan, 20.0)]
+    ("asked", "taken"), [(12.0, 12.0), (0.0, 1.0), (90.0, 40.0), (math.nan, 20.0)]
 )
 def test_settings_are_taken_within_their_bounds(bench: Bench, asked: float, taken: float) -> None:
     bench.events.clear()
     bench.send("ardrone3.PilotingSettings.MaxTilt", current=asked)
     (answer,) = bench.values("ardrone3.PilotingSettingsState.MaxTiltChanged")
-    assert answer == {"current": taken, "min": 5.0, "max": 40.0}
+    assert answer == {"current": taken, "min": 1.0, "max": 40.0}
 
 
 def test_a_reset_brings_the_first_settings_back(bench: Bench) -> None:

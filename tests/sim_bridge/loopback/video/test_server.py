@@ -272,12 +272,47 @@ def test_reports_of_a_client_keep_its_session_alive(monkeypatch: pytest.MonkeyPa
     run(work())
 
 
+def test_clients_that_idle_make_room() -> None:
+    """The one that was silent for longest goes; who has a stream stays."""
+
+    async def work() -> None:
+        async with serving() as server:
+            watches = await RtspClient.connect(server.url)
+            assert (await watches.set_up(TCP)).status == 200
+            idle = [await RtspClient.connect(server.url) for _ in range(MAX_CONNECTIONS - 1)]
+            for client in idle:
+                assert (await client.ask("OPTIONS")).status == 200
+            for _ in range(2):
+                new = await RtspClient.connect(server.url)
+                assert (await new.ask("DESCRIBE")).status == 200
+                await new.close()
+            assert await idle[0].reader.read() == b""
+            assert (await idle[-1].ask("OPTIONS")).status == 200
+            assert (await watches.ask("PLAY")).status == 200
+            for client in (watches, *idle):
+                await client.close()
+
+    run(work())
+
+
+@pytest.mark.parametrize("name", ["Front camera", "DefaultVideo"])
+def test_the_stream_has_the_name_that_is_wanted(name: str) -> None:
+    async def work() -> None:
+        async with serving(media_name=name) as server:
+            client = await RtspClient.connect(server.url)
+            described = await client.ask("DESCRIBE", Accept="application/sdp")
+            assert f"\r\ni={name}\r\na=rtpmap".encode() in described.body
+            await client.close()
+
+    run(work())
+
+
 def test_too_many_clients_are_sent_away_with_a_reason() -> None:
     async def work() -> None:
         async with serving() as server:
             clients = [await RtspClient.connect(server.url) for _ in range(MAX_CONNECTIONS)]
             for client in clients:
-                assert (await client.ask("OPTIONS")).status == 200
+                assert (await client.set_up(TCP)).status == 200
             reader, writer = await asyncio.open_connection(*server.address)
             refused = parse_answer(await reader.read())
             assert refused.status == 453
