@@ -152,22 +152,24 @@ def fly(case: Case, folder: Path) -> dict[str, Any]:
         except Exception as raised:
             if isinstance(raised, InputError) and not drone.phases:
                 raise  # nothing was flown: the case is wrong, not the reaction
-            error = f"{type(raised).__name__}: {raised}"
+            notes = getattr(raised, "__notes__", ())
+            error = "; ".join([f"{type(raised).__name__}: {raised}", *notes])
     written = _read(path)
+    result = written if report is None else _plain(report)
     facts = Facts(
         began_s=drone.began_s,
         ended_s=round(drone.ended_s, 2),
-        outcome=_text(written, report, "outcome"),
-        reason=_text(written, report, "reason"),
+        outcome=None if result is None else result["outcome"],
+        reason=None if result is None else result["reason"],
         error=error,
-        events=tuple(drone.events),
+        events=(*drone.events, *_said_beside(result or {})),
         touched=tuple(sorted(drone.touched)),
         left_carpet=drone.left_carpet,
         emergency_landing=MissionPhase.EMERGENCY_LANDING in drone.phases,
         motors_on=drone.motors_on,
         on_helipad=drone.on_helipad if case.on_pad else None,
         height_m=round(drone.height_m, 2),
-        report_whole=written is not None and (report is None or written == _plain(report)),
+        report_whole=written is not None and written == result,
     )
     wall_s = round(time.perf_counter() - began_s, 2)
     return {"case": asdict(case), "facts": asdict(facts), "wall_s": wall_s}
@@ -229,7 +231,9 @@ def _plain(report: FlightReport) -> dict[str, Any]:
     return plain
 
 
-def _text(written: dict[str, Any] | None, report: FlightReport | None, name: str) -> str | None:
-    if report is not None:
-        return str(getattr(report, name))
-    return None if written is None else str(written.get(name))
+def _said_beside(report: dict[str, Any]) -> Iterator[str]:
+    """Yield what a report says beside its reason."""
+    if report.get("airborne_at_end"):
+        yield "still in the air"
+    for output, trouble in report.get("lost_outputs", {}).items():
+        yield f"{output}: {trouble}"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import Final
 
 from uav_bt.mission.judge import Outcome
@@ -36,7 +37,7 @@ class Facts:
     outcome: str | None  # of the report
     reason: str | None
     error: str | None  # what flying raised
-    events: tuple[str, ...]  # overrides and logged warnings
+    events: tuple[str, ...]  # overrides, logged warnings, what else the report says
     touched: tuple[str, ...]  # but for the landing surfaces
     left_carpet: bool
     emergency_landing: bool  # whether that phase was reached
@@ -129,11 +130,13 @@ def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
         "a success, in the air": success and facts.motors_on,
         "a success, by an emergency landing": success and facts.emergency_landing,
         "no whole report": expected.reported and not facts.report_whole,
-        f"not named: {facts.outcome}: {facts.reason}": not (
-            named or flown_through(expected, phase, facts)
-        ),
+        f"not named: {_brief(facts)}": not (named or flown_through(expected, phase, facts)),
     }
     return tuple(text for text, holds in wrong.items() if holds)
+
+
+def _brief(facts: Facts) -> str:
+    return shorten(f"{facts.outcome}: {facts.reason}", 100)
 
 
 def survived(facts: Facts) -> bool:

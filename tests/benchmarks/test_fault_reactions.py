@@ -61,6 +61,8 @@ RIGHT = (
     "send-raises@land~0.3",
     "listener-raises@explore",
     "disk-full@explore",
+    "no-landing@explore",
+    "deaf@explore",
     "pilot@explore~3",
     "never-done@explore",
     "wind@explore",
@@ -132,6 +134,12 @@ def test_landed_and_named_is_right() -> None:
 )
 def test_each_harm_is_wrong(change: dict[str, object], said: str) -> None:
     assert problems(STRICT, "explore", replace(LANDED, **change)) == (said,)  # type: ignore[arg-type]
+
+
+def test_a_long_reason_is_one_short_line() -> None:
+    (said,) = problems(STRICT, "explore", replace(LANDED, reason="first line\n" + 99 * "words "))
+    assert "first line words" in said
+    assert len(said) <= len("not named: ") + 100
 
 
 def test_an_event_or_an_error_names_a_fault_too() -> None:

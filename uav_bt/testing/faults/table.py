@@ -207,7 +207,7 @@ _KINDS: Final = (
     FaultKind(
         name="wind",
         what="a steady wind of so many m/s2, towards world x",
-        level=0.6,
+        level=0.2,
         disturb=lambda level: {"wind_mps2": (level, 0.0)},
     ),
     FaultKind(
