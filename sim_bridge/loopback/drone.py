@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from sim_bridge.loopback.firmware.anafi import Anafi
+from sim_bridge.loopback.firmware.remote_control import RemoteControl
 from sim_bridge.loopback.firmware.telemetry import BatteryOptions
-from sim_bridge.loopback.handshake import Ports
+from sim_bridge.loopback.handshake import SKYCONTROLLER, Ports
 from sim_bridge.loopback.messages import message_table
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
-from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM
+from sim_bridge.loopback.video.dialogue import DIRECT_MEDIUM, REMOTE_MEDIUM
 from sim_bridge.loopback.video.encoder import EncoderConfig
 from sim_bridge.loopback.video.server import VideoServer, serve_video
 from sim_bridge.loopback.video.streamer import VideoStats
@@ -32,7 +33,8 @@ class DroneSetup:
     image_size_px: tuple[int, int] = (640, 360)  # 16:9; what two cores sustain beside a mission
     video_rate_hz: float = 30.0  # frames a second at most, as the ANAFI sends
     video: bool = True
-    media_name: str = DIRECT_MEDIUM  # what the video's only stream is called
+    skycontroller: bool = False  # whether clients meet a remote control that has the drone
+    media_name: str | None = None  # of the video's only stream; None: as it is called there
     gps: bool | None = None  # whether it has a fix; None: outdoors it has, in a lab it has not
 
 
@@ -66,7 +68,15 @@ class LoopbackDrone:
             battery=lambda: self._anafi.battery.charge,
             gps=gps,
         )
-        self._server = LoopbackServer(self._anafi, table, setup.server)
+        drone = setup.server.identity
+        if setup.skycontroller:
+            remote = RemoteControl(
+                self._anafi, self.world, table, drone=drone, identity=SKYCONTROLLER
+            )
+            options = replace(setup.server, identity=SKYCONTROLLER)
+            self._server = LoopbackServer(remote, table, options)
+        else:
+            self._server = LoopbackServer(self._anafi, table, setup.server)
         self._video: VideoServer | None = None
 
     @property
@@ -96,7 +106,8 @@ class LoopbackDrone:
                     port=setup.server.ports.rtsp,
                     encoder=encoder,
                     serial=setup.server.identity.serial,
-                    media_name=setup.media_name,
+                    media_name=setup.media_name
+                    or (REMOTE_MEDIUM if setup.skycontroller else DIRECT_MEDIUM),
                     now=self._clock.now,
                     finish=self._camera.close,
                 )

@@ -56,7 +56,6 @@ def port_error(error: OSError, address: str, port: int, service: str) -> PortTak
 
 
 MAX_REQUEST_BYTES: Final = 8192  # a client's request has some 200
-_MODEL: Final = "0x0914"  # the ANAFI 4K
 _BUSY: Final = -1
 _FRAMES_VERSION: Final = 2
 _REQUEST_TIMEOUT_S: Final = 5.0  # s for a client's request for a link to arrive
@@ -64,10 +63,16 @@ _REQUEST_TIMEOUT_S: Final = 5.0  # s for a client's request for a link to arrive
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """The drone's name and serial number."""
+    """Name, serial number and model of the drone, or of its remote control."""
 
     name: str = "ANAFI-loopback"
     serial: str = "PI040384AH8L000000"  # of the form that the ANAFI's has; no real one
+    model: int = 0x0914  # the ANAFI 4K
+
+
+SKYCONTROLLER: Final = Identity(
+    name="SkyController3-loopback", serial="PI040401AA0A000000", model=0x0918
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +92,7 @@ def announcement(identity: Identity, control_port: int) -> bytes:
     """
     return _line(
         {
-            "model.id": _MODEL,
+            "model.id": f"0x{identity.model:04x}",
             "serial": identity.serial,
             "port": control_port,
             "name": identity.name,

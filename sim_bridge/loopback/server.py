@@ -10,6 +10,7 @@ from typing import Any
 
 from sim_bridge.loopback.codec import WireError, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
+from sim_bridge.loopback.firmware.remote_control import RemoteControl
 from sim_bridge.loopback.handshake import (
     MAX_REQUEST_BYTES,
     ConnectionRequest,
@@ -53,13 +54,16 @@ class LoopbackServer:
     """One drone's server; start it, wait, close it. Nothing is bound before `start`.
 
     Args:
-        anafi: the firmware, which this server drives.
+        anafi: the firmware that this server drives, the drone's or that of its remote control.
         table: the messages it speaks.
         options: addresses, ports and time-outs.
     """
 
     def __init__(
-        self, anafi: Anafi, table: MessageTable, options: ServerOptions | None = None
+        self,
+        anafi: Anafi | RemoteControl,
+        table: MessageTable,
+        options: ServerOptions | None = None,
     ) -> None:
         self._anafi = anafi
         self._table = table

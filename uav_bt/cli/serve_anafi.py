@@ -70,10 +70,14 @@ def _port(name: str, what: str) -> click.Option:
     help="Whether it has a GPS fix. Without either it has one in the open field, none in a lab.",
 )
 @click.option(
+    "--skycontroller",
+    is_flag=True,
+    help="Be a SkyController 3 that has the drone: olympe.SkyController3(ADDRESS).",
+)
+@click.option(
     "--media-name",
-    default=DIRECT_MEDIUM,
-    show_default=True,
-    help=f"What its video stream is called; behind a remote control '{REMOTE_MEDIUM}' was seen.",
+    help=f"What its video stream is called. Without it: '{DIRECT_MEDIUM}', and with "
+    f"--skycontroller '{REMOTE_MEDIUM}'.",
 )
 @click.option("--name", default="ANAFI-loopback", show_default=True, help="Its product name.")
 @click.option("--verbose", is_flag=True, help="Log connections and damaged messages, too.")
@@ -88,7 +92,8 @@ def serve_anafi(
     no_video: bool,
     battery_percent: int,
     gps: bool | None,
-    media_name: str,
+    skycontroller: bool,
+    media_name: str | None,
     name: str,
     verbose: bool,
     **ports: int,
@@ -116,6 +121,7 @@ def serve_anafi(
         image_size_px=image_size,
         video_rate_hz=rate_hz,
         video=not no_video,
+        skycontroller=skycontroller,
         media_name=media_name,
         gps=gps,
     )
@@ -160,8 +166,9 @@ def _greeting(setup: DroneSetup, drone: LoopbackDrone) -> str:
     video = "no video"
     if setup.video:
         video = f"video {width}x{height} at rtsp://{address}:{ports.rtsp}/live"
+    how = " behind a SkyController 3" if setup.skycontroller else ""
     return (
-        f"'{setup.server.identity.name}' stands in {lab}, at {address}: discovery "
+        f"'{setup.server.identity.name}' stands in {lab}{how}, at {address}: discovery "
         f"{ports.discovery}, control {ports.control}, commands {ports.commands}, "
         f"http {ports.http}; {video}. Ctrl-C ends it."
     )

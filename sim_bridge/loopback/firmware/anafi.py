@@ -26,6 +26,10 @@ from uav_bt.types import FlyingState, Hover
 
 _LOG = logging.getLogger(__name__)
 
+# What the SDK itself sends to any drone, whatever the script; an ANAFI does not answer it either.
+_OF_THE_SDK: Final = frozenset(
+    {"mission.custom_msg_enable", "generic.custom_cmd", "generic.custom_evt"}
+)
 # Commands that scripts for the ANAFI try, and that Parrot's documentation gives to other drones.
 _OTHER_DRONES: Final = frozenset(
     {
@@ -122,7 +126,7 @@ class Anafi:
         if handler is None:
             name = command.type.name
             # Clients go on polling; one line for each command shows why they wait in vain.
-            if name not in self._warned:
+            if name not in self._warned | _OF_THE_SDK:
                 self._warned.add(name)
                 _LOG.warning(
                     "%s is %s: who waits for its effect waits in vain",
