@@ -7,12 +7,15 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
 
 if TYPE_CHECKING:
     from uav_bt.protocols import LeafPolicy
+
+_PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
 
 BEHAVIOURS: Final = "uav_bt.behaviours"  # each names an iterable of node classes
 POLICIES: Final = "uav_bt.policies"  # each names a callable that makes a LeafPolicy
@@ -36,6 +39,34 @@ _EXTRAS: Final = {
     "torch": "train",
     "zmq": "live",
 }
+
+
+def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -> None:
+    """Refuse to start where a foreign folder hides one of our packages, whose names are plain.
+
+    Args:
+        home: the folder that holds our packages; default: the one of `uav_bt`.
+        names: the packages' names.
+
+    Raises:
+        InputError: a package is missing or is someone else's, with what to do.
+    """
+    home = Path(__file__).resolve().parents[1] if home is None else home
+    for name in names:
+        ours = home / name
+        spec = importlib.util.find_spec(name)
+        found = [] if spec is None else list(spec.submodule_search_locations or [])
+        if any(Path(folder).resolve() == ours for folder in found):
+            continue
+        if not found and (spec is None or spec.origin is None):
+            raise InputError(
+                f"the package '{name}' that belongs to uav-bt is not installed; reinstall uav-bt"
+            )
+        theirs = found[0] if found else spec.origin if spec is not None else ""
+        raise InputError(
+            f"Python finds '{theirs}' where uav-bt needs its own '{ours}'; rename that "
+            f"'{name}', start from another folder, or take it off PYTHONPATH"
+        )
 
 
 def _entry_points(group: str) -> dict[str, list[importlib.metadata.EntryPoint]]:

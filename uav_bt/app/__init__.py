@@ -7,6 +7,7 @@ Example:
     'success'
 """
 
+from uav_bt.app import own_packages as _own_packages  # noqa: F401  (first, for what it checks)
 from uav_bt.app.assembly import ExactSegmenter, Flight, assemble, make_drone
 from uav_bt.app.flight import STILL_IN_THE_AIR, Listeners, check, fly
 from uav_bt.app.loading import Mission

@@ -153,11 +153,17 @@ def fly(
     TREE is a tree file, or the name of a mission that ships with uav-bt. Ctrl-C lands the drone and
     the report is still written. At a terminal m takes over (the drone hovers, the mission waits)
     and hands back, l lands, and X cuts the motors in flight. A real drone is checked before it
-    takes off.
+    takes off. With networks the twin flies one to three times slower than real time on two cores.
 
     Exits with 0 when the mission succeeded, with 1 when it did not, and with 2 when nothing was
     flown because something given was refused.
-    """
+
+    \b
+    Examples:
+      uav-bt fly land_only --scene val-a --seed 3 --video flight.mp4
+      uav-bt fly mission.xml --report report.json --record flight.mcap
+      uav-bt fly hover_and_look --drone anafi --site site.yaml --rehearse
+    """  # noqa: D301  (click needs the backspace)
     options = app.FlightOptions(
         scene=scene,
         seed=seed,

@@ -7,20 +7,16 @@ the usage was wrong.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import click
 
 import uav_bt as package
 from uav_bt.cli.interrupts import stopped_by
-from uav_bt.errors import InputError, UavBtError, did_you_mean
-from uav_bt.plugins import missing_extra
-
-_PACKAGES: Final = ("behaviours", "perception", "sim_bridge", "trees")
+from uav_bt.errors import UavBtError, did_you_mean
+from uav_bt.plugins import check_packages, missing_extra
 
 
 class LazyGroup(click.Group):
@@ -121,34 +117,6 @@ class _Root(LazyGroup):
             for note in getattr(error, "__notes__", ()):
                 click.secho(note, fg="red", bold=True, err=True)
             raise click.exceptions.Exit(code) from error
-
-
-def check_packages(home: Path | None = None, names: Sequence[str] = _PACKAGES) -> None:
-    """Refuse to start where a foreign folder hides one of our packages, whose names are plain.
-
-    Args:
-        home: the folder that holds our packages; default: the one of `uav_bt`.
-        names: the packages' names.
-
-    Raises:
-        InputError: a package is missing or is someone else's, with what to do.
-    """
-    home = Path(package.__file__).resolve().parents[1] if home is None else home
-    for name in names:
-        ours = home / name
-        spec = importlib.util.find_spec(name)
-        found = [] if spec is None else list(spec.submodule_search_locations or [])
-        if any(Path(folder).resolve() == ours for folder in found):
-            continue
-        if not found and (spec is None or spec.origin is None):
-            raise InputError(
-                f"the package '{name}' that belongs to uav-bt is not installed; reinstall uav-bt"
-            )
-        theirs = found[0] if found else spec.origin if spec is not None else ""
-        raise InputError(
-            f"Python finds '{theirs}' where uav-bt needs its own '{ours}'; rename that "
-            f"'{name}', start uav-bt from another folder, or take it off PYTHONPATH"
-        )
 
 
 _TREE: Final = LazyGroup(

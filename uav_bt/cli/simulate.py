@@ -62,7 +62,7 @@ def simulate(
     succeeds, with 1 when it fails, is skipped or does not end.
 
     \b
-    The script is a YAML file:
+    The script is a YAML file, such as this answers.yaml:
       leaves:                 # by path, name or node id
         TakeOff: RRS          # running, running, success; then always the last
         Explore: (RRS)        # in brackets: over and over
@@ -72,6 +72,11 @@ def simulate(
         Measure: {depth_m: 1.5}
       variables: {laps: 3}    # before the first tick
       board: {phase: explore}
+
+    \b
+    Examples:
+      uav-bt simulate land_only --script answers.yaml
+      uav-bt simulate mission.xml --script answers.yaml --format json
     """  # noqa: D301  (click needs the backspace)
     simulation = Simulation(resolve_tree(tree), read_script(script), registry, tick_s=tick_s)
     steps = simulation.run(ticks)

@@ -95,8 +95,11 @@ def schema(*, out: Path | None, registry: NodeRegistry) -> None:
     """Write an XML Schema of tree files with all installed nodes.
 
     XML editors complete, explain and check tree files with it. They find it by their settings, or
-    by this line at the head of a tree file: <?xml-model href="uav-bt.xsd"?>
-    """
+    by this line at the head of a tree file:
+
+    \b
+      <?xml-model href="uav-bt.xsd"?>
+    """  # noqa: D301  (click needs the backspace)
     _print_or_write(schema_xml(registry), out)
 
 

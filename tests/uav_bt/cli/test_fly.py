@@ -42,6 +42,7 @@ def test_a_mission_that_succeeds_leaves_report_and_video(tmp_path: Path) -> None
     assert (told["drone"], told["profile"]) == ("twin", "ideal")
     with av.open(str(video)) as container:
         frames = sum(1 for _ in container.decode(video=0))
+    assert_refused(run("net", "perceive", video), str(video), "is a film that uav-bt made")
     assert frames >= told["ticks"]
     assert sorted(file.name for file in tmp_path.iterdir()) == [
         "flight.mp4",

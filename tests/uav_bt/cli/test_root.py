@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -9,10 +10,11 @@ from pathlib import Path
 import click
 import pytest
 
-from tests.uav_bt.cli.cli_world import assert_refused, run
+from tests.uav_bt.cli.cli_world import all_commands, assert_refused, run
 from uav_bt import __version__
-from uav_bt.cli.root import check_packages, uav_bt
+from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.errors import DroneError, InputError
+from uav_bt.plugins import check_packages
 from uav_bt.tree import shipped
 
 ROOT = Path(__file__).parents[3]
@@ -88,22 +90,23 @@ def test_help_has_a_line_for_each_command_and_then_for_each_group() -> None:
     ]
 
 
-def test_every_command_has_help_for_itself_and_its_options() -> None:
-    def walk(command: click.Command, context: click.Context) -> None:
-        text = command.get_help(click.Context(command, info_name=command.name, parent=context))
-        assert max(map(len, text.splitlines())) <= 80, text
-        assert command.get_short_help_str(200), command.name
-        for option in command.params:
-            if isinstance(option, click.Option):
-                assert option.help, (command.name, option.name)
-        if isinstance(command, click.Group):
-            for name in command.list_commands(context):
-                inner = command.get_command(context, name)
-                assert inner is not None
-                assert inner.name == name
-                walk(inner, context)
-
-    walk(uav_bt, click.Context(uav_bt, info_name="uav-bt"))
+@pytest.mark.parametrize("words", [words for words, _ in all_commands()], ids=" ".join)
+def test_help_fits_a_terminal_and_keeps_the_lines_of_its_examples(words: tuple[str, ...]) -> None:
+    command = dict(all_commands())[words]
+    done = run(*words, "--help")
+    assert done.exit_code == 0
+    lines = done.stdout.splitlines()
+    assert max(map(len, lines)) <= 80, done.stdout
+    for line in inspect.cleandoc(str(command.help)).splitlines():
+        # What is indented in the source are examples, tables and files.
+        assert not line.startswith("  ") or f"  {line.rstrip()}" in lines, line
+    assert "RANGE" not in done.stdout
+    for option in command.params:
+        if isinstance(option, click.Option):
+            assert option.help, option.name
+            if isinstance(option.type, (click.IntRange, click.FloatRange)):
+                assert isinstance(option.type, (Number, WholeNumber)), option.name
+    assert command.get_short_help_str(200)
 
 
 def test_version() -> None:
@@ -212,7 +215,7 @@ def test_a_folder_that_shadows_a_package_is_reported(
         (theirs / "hangar" / "__init__.py").touch()
     monkeypatch.syspath_prepend(theirs)
     check_packages(theirs, ["hangar"])
-    with pytest.raises(InputError, match="start uav-bt from another folder") as caught:
+    with pytest.raises(InputError, match="start from another folder") as caught:
         check_packages(ours, ["hangar"])
     assert str(theirs / "hangar") in str(caught.value)
     assert str(ours / "hangar") in str(caught.value)
@@ -243,4 +246,20 @@ def test_the_command_refuses_to_start_among_someone_elses_folders(tmp_path: Path
         check=False,
     )
     assert done.returncode == 2
-    assert "start uav-bt from another folder" in done.stderr
+    assert "start from another folder" in done.stderr
+
+
+@pytest.mark.parametrize("shadow", ["perception", "trees", "sim_bridge"])
+def test_a_folder_beside_a_script_that_hides_a_package_is_named(
+    tmp_path: Path, shadow: str
+) -> None:
+    """Python puts a script's folder ahead of what is installed."""
+    (tmp_path / shadow).mkdir()
+    (tmp_path / shadow / "__init__.py").touch()
+    (tmp_path / "mine.py").write_text("from uav_bt import app\n", encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "mine.py"], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert f"Python finds '{tmp_path / shadow}' where uav-bt needs its own" in last

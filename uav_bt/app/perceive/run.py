@@ -22,7 +22,7 @@ from uav_bt.app.perceive.streams import TimedImage
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.perception_video import PerceptionPanes
-from uav_bt.display.video.video_file import VideoFile
+from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import InputError
 from uav_bt.files import writing
 from uav_bt.mission.flight_report import Percentiles
@@ -134,7 +134,9 @@ class _OverlayVideo:
             camera, ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS)
         )
         self._rate = Fraction(min(rate_per_s, _MAX_RATE)).limit_denominator(1001)
-        self._file = VideoFile(path, size_px=self._panes.size_px, frames_per_s=self._rate)
+        self._file = VideoFile(
+            path, size_px=self._panes.size_px, frames_per_s=self._rate, comment=FILM
+        )
         self._begin_s: float | None = None
         self._slot = -1
 

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.display.video.video_file import FILM
 from uav_bt.errors import FileError, InputError
 from uav_bt.protocols import Clock
 
@@ -75,7 +76,7 @@ class VideoSource:
         path: the file.
 
     Raises:
-        FileError: it is no video.
+        FileError: it is no video, or a film of ours.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,6 +84,12 @@ class VideoSource:
         self.name = str(path)
         self.skipped: list[str] = []
         with self._opened() as container:
+            if container.metadata.get("comment") == FILM:
+                raise FileError(
+                    path,
+                    "is a film that uav-bt made, of panes and text; perception wants the camera's "
+                    "own video, or the record of a flight (`uav-bt fly --record`)",
+                )
             stream = container.streams.video[0]
             self.rate_per_s = float(stream.average_rate or _UNKNOWN_RATE)
             self.total: int | None = stream.frames or self._estimate(container)

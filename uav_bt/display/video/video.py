@@ -46,7 +46,7 @@ from uav_bt.display.video.panes import (
     draw_rows,
 )
 from uav_bt.display.video.timeline import Timeline
-from uav_bt.display.video.video_file import VideoFile
+from uav_bt.display.video.video_file import FILM, VideoFile
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import CameraModel
@@ -201,7 +201,10 @@ class FlightVideo:
         self._last: Image | None = None
         self._failure: FileError | None = None
         self._file = VideoFile(
-            path, size_px=(_WIDTH, _HEIGHT), frames_per_s=self._config.frames_per_s
+            path,
+            size_px=(_WIDTH, _HEIGHT),
+            frames_per_s=self._config.frames_per_s,
+            comment=FILM,
         )
 
     @property

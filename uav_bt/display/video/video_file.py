@@ -21,6 +21,9 @@ _CODECS: Final[tuple[tuple[str, dict[str, str]], ...]] = (
     ("libx264", {"preset": "ultrafast", "crf": "28"}),
     ("mpeg4", {"qscale": "4"}),
 )
+FILM: Final = "a film of uav-bt, and no camera's video"
+"""The comment of films, in their metadata: nobody should perceive on panes and text."""
+
 _BT601: Final = 6  # FFmpeg's AVCOL_SPC_SMPTE170M, what OpenCV converts to
 _LIMITED_RANGE: Final = 1  # FFmpeg's AVCOL_RANGE_MPEG
 
@@ -57,6 +60,7 @@ class VideoFile:
         path: ends in .mp4; an existing file is replaced when the new one is whole.
         size_px: width and height, even numbers.
         frames_per_s: of the video's own time.
+        comment: in the file's metadata.
 
     Raises:
         FileError: the file cannot be written; nothing is left behind.
@@ -64,7 +68,14 @@ class VideoFile:
         ValueRangeError: the size is odd or the rate not positive.
     """
 
-    def __init__(self, path: Path, *, size_px: tuple[int, int], frames_per_s: Fraction) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        size_px: tuple[int, int],
+        frames_per_s: Fraction,
+        comment: str = "",
+    ) -> None:
         if min(size_px) <= 0 or size_px[0] % 2 or size_px[1] % 2:
             raise ValueRangeError(f"a video's width and height must be even, got {size_px}")
         if frames_per_s <= 0:
@@ -91,6 +102,7 @@ class VideoFile:
             except OSError:
                 self._partial.unlink()
                 raise
+        self._container.metadata["comment"] = comment
         stream: Any = self._container.add_stream(
             codec, rate=frames_per_s, options=dict(_CODECS)[codec]
         )
