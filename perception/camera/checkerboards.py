@@ -155,7 +155,8 @@ def find_boards(
             boards[name] = found
         advance("boards", done, len(photographs))
     if not shape:
-        raise InputError(f"none of {len(photographs)} photographs can be read")
+        reason = next(iter(unreadable.values()), "there are none")
+        raise InputError(f"none of {len(photographs)} photographs can be read: {reason}")
     readable = {name: read for name, read in photographs.items() if name not in unreadable}
     _look_again(readable, boards, advance)
     return boards, (shape[1], shape[0]), unreadable

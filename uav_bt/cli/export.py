@@ -78,7 +78,6 @@ def _export(
 ) -> None:
     need("train", "torch", "onnx", "onnxruntime", "nncf")
     path = out or RUNS / f"{name}-{precision}.onnx"
-    path.parent.mkdir(parents=True, exist_ok=True)
     plan = replace(
         CALIBRATION_VIEWS, scenes=scenes or CALIBRATION_VIEWS.scenes, views=views, seed=seed
     )

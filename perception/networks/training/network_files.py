@@ -136,6 +136,7 @@ class NetworkFiles(Generic[Net]):
         del model.metadata_props[:]
         onnx.helper.set_model_props(model, metadata)
         onnx.checker.check_model(model, full_check=True)
+        onnx_path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(onnx_path, model.SerializeToString(deterministic=True))
 
 

@@ -1,0 +1,287 @@
+"""Ctrl-C, SIGTERM and closed pipes at every stage: one line, exit code 1, nothing half written."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import pytest
+
+from tests.uav_bt.cli.cli_world import run, tree_file
+from uav_bt.record.info import record_info
+
+HOVER = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
+LONG = '<Repeat num_cycles="-1"><HoverFor seconds="1"/></Repeat>'
+SMALL = "--image-size 160x90 --profile ideal"
+# Says when it is about to begin, as nothing else does.
+BEGIN = "import sys; from uav_bt.cli import main; print('begun', flush=True); main()"
+SLOW_DRONE = """
+import dataclasses, time
+@dataclasses.dataclass(kw_only=True)
+class Slow:
+    def create(self):
+        print("creating", flush=True)
+        time.sleep(60)
+"""
+OLD = b"what was there before"
+
+
+@dataclass(frozen=True)
+class Case:
+    """Something interrupted."""
+
+    line: str  # after `uav-bt`
+    when: str  # a pattern of the output, or a file, after which it is interrupted
+    words: str  # a pattern of the output in the end
+    by: tuple[signal.Signals, ...] = (signal.SIGINT,)
+    code: int = 1
+    after_s: float = 0.0  # since `when`
+    kept: tuple[str, ...] = ()  # files that stay as they were
+
+
+INT, TERM = signal.SIGINT, signal.SIGTERM
+CASES = {
+    "fly, importing": Case(
+        "fly hover.xml --report old.json",
+        "begun",
+        "Error: stopped by Ctrl-C",
+        after_s=0.1,
+        kept=("old.json",),
+    ),
+    "fly, importing, SIGTERM": Case(
+        "fly hover.xml", "begun", "Error: stopped by SIGTERM", by=(TERM,), after_s=0.1
+    ),
+    "report, importing": Case(
+        "report flights.jsonl --out old.html",
+        "begun",
+        "Error: stopped by Ctrl-C",
+        after_s=0.1,
+        kept=("old.html",),
+    ),
+    "train, importing": Case(
+        "net train depth record.mcap --out old.safetensors",
+        "begun",
+        "Error: stopped by Ctrl-C",
+        after_s=0.1,
+        kept=("old.safetensors",),
+    ),
+    "fly, before take-off": Case(
+        f"fly hover.xml --drone slow --report old.json {SMALL}",
+        "creating",
+        "stopped by Ctrl-C before take-off: nothing flew",
+        kept=("old.json",),
+    ),
+    "fly, before take-off, SIGTERM": Case(
+        f"fly hover.xml --drone slow --video old.mp4 {SMALL}",
+        "creating",
+        "stopped by SIGTERM before take-off",
+        by=(TERM,),
+        kept=("old.mp4",),
+    ),
+    "fly, in the air": Case(
+        f"fly hover.xml {SMALL} --report new.json --video new.mp4 --record new.mcap",
+        "HoverFor",
+        "aborted",
+    ),
+    "fly, in the air, SIGTERM": Case(
+        f"fly hover.xml {SMALL} --report new.json --video new.mp4 --record new.mcap",
+        "HoverFor",
+        "aborted",
+        by=(TERM,),
+    ),
+    "fly, twice": Case(
+        f"fly hover.xml {SMALL} --realtime --video old.mp4", "HoverFor", "", by=(INT, INT)
+    ),
+    "campaign": Case(
+        f"campaign hover.xml --scenes val-a --flights 3 --workers 1 --out c {SMALL}",
+        "c/campaign.json",
+        "stopped; [0-3] of 3 flights are kept in c",
+        after_s=1.0,
+    ),
+    "campaign, SIGTERM": Case(
+        f"campaign hover.xml --scenes val-a --flights 3 --workers 1 --out c {SMALL}",
+        "c/campaign.json",
+        "stopped; [0-3] of 3 flights",
+        by=(TERM,),
+        after_s=1.0,
+    ),
+    "view, filming": Case(
+        "view flight.mcap --video old.mp4",
+        "old.mp4.part",
+        "stopped by Ctrl-C",
+        after_s=0.1,
+        kept=("old.mp4", "flight.mcap"),
+    ),
+    "view, filming, SIGTERM": Case(
+        "view flight.mcap --video old.mp4",
+        "old.mp4.part",
+        "stopped by SIGTERM",
+        by=(TERM,),
+        after_s=0.1,
+        kept=("old.mp4", "flight.mcap"),
+    ),
+    "replay": Case(
+        "replay flight.mcap", "begun", "stopped by Ctrl-C", after_s=2.0, kept=("flight.mcap",)
+    ),
+    "train, at work": Case(
+        "net train teacher --out old.safetensors",
+        "begun",
+        "stopped by Ctrl-C",
+        after_s=5.0,
+        kept=("old.safetensors",),
+    ),
+    "train, at work, SIGTERM": Case(
+        "net train teacher --out old.safetensors",
+        "begun",
+        "stopped by SIGTERM",
+        by=(TERM,),
+        after_s=5.0,
+        kept=("old.safetensors",),
+    ),
+    "pick": Case("net pick photos --picks picks.csv", "open http", "0 picks", code=0),
+    "serve-anafi": Case(
+        "serve-anafi --no-video --address 127.0.0.9 --discovery-port 0 "
+        "--control-port 0 --commands-port 0 --http-port 0 --rtsp-port 0",
+        "stands in",
+        "stopped",
+        code=0,
+    ),
+    "serve-anafi, SIGTERM": Case(
+        "serve-anafi --no-video --address 127.0.0.9 --discovery-port 0 "
+        "--control-port 0 --commands-port 0 --http-port 0 --rtsp-port 0",
+        "stands in",
+        "stopped",
+        code=0,
+        by=(TERM,),
+    ),
+    "simulate": Case(
+        "simulate long.xml --script script.yaml --ticks 100000000", r"\n +1 ", "stopped by Ctrl-C"
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A record of a flight."""
+    folder = tmp_path_factory.mktemp("flown")
+    body = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="60"/><Land/></Sequence>'
+    tree = tree_file(folder, body)
+    record = folder / "flight.mcap"
+    result = run("fly", tree, "--record", record, "--quality", "high", *SMALL.split())
+    assert record.is_file(), result.output
+    return record
+
+
+@pytest.fixture
+def world(tmp_path: Path, flown: Path) -> Path:
+    tree_file(tmp_path, HOVER, "hover.xml")
+    tree_file(tmp_path, LONG, "long.xml")
+    (tmp_path / "script.yaml").write_text("leaves: {HoverFor: RS}\n")
+    (tmp_path / "flight.mcap").write_bytes(flown.read_bytes())
+    for name in ("old.json", "old.mp4", "old.html", "old.safetensors", "flights.jsonl"):
+        (tmp_path / name).write_bytes(OLD)
+    (tmp_path / "record.mcap").write_bytes(OLD)
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "a.png").write_bytes(OLD)
+    (tmp_path / "slow.py").write_text(SLOW_DRONE)
+    (tmp_path / "slow-1.dist-info").mkdir()
+    (tmp_path / "slow-1.dist-info" / "METADATA").write_text("Name: slow\nVersion: 1\n")
+    (tmp_path / "slow-1.dist-info" / "entry_points.txt").write_text(
+        "[uav_bt.drones]\nslow = slow:Slow\n"
+    )
+    return tmp_path
+
+
+def until(pattern: str, process: subprocess.Popen[bytes], files: tuple[Path, ...]) -> None:
+    """Wait for what a process writes: a text, or a file.
+
+    Raises:
+        AssertionError: it ended, or 60 s went by, without.
+    """
+    for _ in range(1200):
+        said = "".join(file.read_text(errors="replace") for file in files)
+        if re.search(pattern, said) or (files[0].parent / pattern).exists():
+            return
+        assert process.poll() is None, [file.read_text() for file in files]
+        time.sleep(0.05)
+    raise AssertionError(pattern)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, world: Path) -> None:
+    case = CASES[name]
+    before = {kept: (world / kept).read_bytes() for kept in case.kept}
+    stdout, stderr = world / "stdout", world / "stderr"
+    with stdout.open("wb") as out, stderr.open("wb") as err:
+        process = subprocess.Popen(  # noqa: S603  # our own interpreter and arguments
+            [sys.executable, "-c", BEGIN, *case.line.split()],
+            cwd=world,
+            stdout=out,
+            stderr=err,
+            env={**os.environ, "PYTHONPATH": str(world), "PYTHONUNBUFFERED": "1"},
+        )
+        until(case.when, process, (stdout, stderr))
+        time.sleep(case.after_s)
+        for number in case.by:
+            process.send_signal(number)
+            time.sleep(0.3)
+        code = process.wait(timeout=60)
+    said = stdout.read_text() + stderr.read_text()
+    assert "Traceback" not in said, said
+    assert "unexpected" not in said, said
+    assert re.search(case.words, said), said
+    assert code == case.code, said
+    assert {kept: (world / kept).read_bytes() for kept in case.kept} == before
+    assert [file.name for file in world.rglob("*.part")] == []
+    if "new.mp4" in case.line:
+        assert '"aborted"' in (world / "new.json").read_text()
+        info = record_info(world / "new.mcap")
+        assert info.finished
+        assert not info.damages
+        with av.open(str(world / "new.mp4")) as film:
+            assert sum(1 for _ in film.decode(video=0)) > 5
+
+
+@pytest.fixture
+def closed() -> Iterator[int]:
+    """A pipe whose reader has gone."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    yield writer
+    os.close(writer)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "tree nodes",
+        "lab scenes",
+        "check hover.xml",
+        "record info flight.mcap",
+        "simulate long.xml --script script.yaml",
+        f"fly hop.xml {SMALL} --report new.json",
+    ],
+)
+def test_a_closed_pipe_ends_a_command_quietly(line: str, world: Path, closed: int) -> None:
+    tree_file(world, '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>', "hop.xml")
+    done = subprocess.run(  # noqa: S603  # our own interpreter and arguments
+        [sys.executable, "-m", "uav_bt.cli", *line.split()],
+        cwd=world,
+        stdout=closed,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "Error" not in done.stderr
+    if "--report" in line:
+        assert '"success"' in (world / "new.json").read_text()

@@ -1,0 +1,215 @@
+"""What people get wrong at the command line: each mistake gets its answer and costs no file."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.uav_bt.cli.cli_world import HOP, run, tree_file
+
+MISTAKES = [
+    # --- names
+    ("fyl land_only", "did you mean 'fly'"),
+    ("train student", "'train' is 'uav-bt net train'"),
+    ("net evaluate detph", "did you mean 'depth'"),
+    ("fly", "Missing argument 'TREE'"),
+    ("fly land_onyl", "no such tree file.*did you mean 'land_only'"),
+    ("fly ./nowhere/land_only.xml", "no such tree file"),
+    ("fly mission.xml --scene vla-a", "unknown scene 'vla-a'; did you mean 'val-a'"),
+    ("fly mission.xml --drone twim", "unknown drone 'twim'; did you mean 'twin'"),
+    ("fly mission.xml --profile labb", "unknown profile 'labb'"),
+    ("fly mission.xml --policy Land=corridr", "Land|corridor"),
+    ("fly mission.xml --policy Nobody=corridor", "no node of that name"),
+    ("fly mission.xml --sene val-a", "No such option.*--sene.*(--scene|mean)"),
+    ("fly mission.xml extra", "unexpected extra argument"),
+    ("simulate land_onyl --script script.yaml", "did you mean 'land_only'"),
+    ("campaign land_onyl --out out", "did you mean 'land_only'"),
+    ("campaign mission.xml --scenes vla-* --out out", "vla-"),
+    ("campaign", "which TREE"),
+    ("replay record.mcap --tree land_onyl", "record.mcap|did you mean"),
+    ("tree nodes Landd", "unknown node 'Landd'; did you mean 'Land'"),
+    ("tree render land_onyl", "did you mean 'land_only'"),
+    ("new mine.xml --from hoover", "hoover.*is not one of"),
+    ("lab scenes --show vla-a", "unknown scene 'vla-a'; did you mean 'val-a'"),
+    ("net evaluate segmentation --model unett", "unett"),
+    ("net evaluate depth --model dpth", "unknown depth model 'dpth'; did you mean 'depth'"),
+    ("net evaluate depth --tables piars", "piars"),
+    ("net perceive photos --segmentation unett", "unknown segmentation model 'unett'"),
+    ("net train segmentation --loss dice", "'dice' is not one of"),
+    ("net collect land_only --profile harshh", "'harshh' is not one of"),
+    ("serve-anafi --scene vla-a", "unknown scene 'vla-a'; did you mean 'val-a'"),
+    ("serve-anafi --profile labb", "unknown profile 'labb'"),
+    ("doctor --drone twim", "unknown drone 'twim'; did you mean 'twin'"),
+    # --- numbers
+    ("fly mission.xml --seed abc", "expected a whole number from 0 on, got 'abc'"),
+    ("fly mission.xml --seed -1", "expected a whole number from 0 on, got '-1'"),
+    ("fly mission.xml --seed 1.5", "expected a whole number from 0 on, got '1.5'"),
+    ("fly mission.xml --threads 0", "expected a whole number from 1 on, got '0'"),
+    ("fly mission.xml --image-size 640", "expected a size such as 640x360, got '640'"),
+    ("fly mission.xml --image-size 640x480", "16:9"),
+    ("fly mission.xml --groot 99999", "expected a port from 1 to 65534"),
+    ("campaign mission.xml --flights 0 --out out", "expected a whole number from 1 on, got '0'"),
+    ("campaign mission.xml --timeout-s 0 --out out", "expected a number above 0, got '0'"),
+    ("campaign mission.xml --timeout-s nan --out out", "expected a number above 0, got 'nan'"),
+    ("campaign mission.xml --fail-under 101 --out out", "expected a number from 0 to 100"),
+    ("campaign mission.xml --workers -2 --out out", "expected a whole number from 1 on"),
+    ("simulate mission.xml --script script.yaml --ticks 0", "expected a whole number from 1"),
+    ("simulate mission.xml --script script.yaml --tick-s inf", "expected a number above 0 to 3600"),
+    ("view record.mcap --save x.rrd --speed 0", "expected a number from 0.1 to 100"),
+    ("view record.mcap --save x.rrd --from 5 --to 2", "--from 5 must lie before --to 2"),
+    ("net perceive photos --height-m -1", "expected a number above 0 to 100, got '-1'"),
+    ("net perceive photos --gimbal-deg 91", "expected a number from -90 to 90, got '91'"),
+    ("net perceive photos --every x", "expected a whole number from 1 on, got 'x'"),
+    ("net pick photos --port 70000", "expected a whole number from 0 to 65535"),
+    ("net train student record.mcap --views 9", "expected a whole number from 1 to 5, got '9'"),
+    ("net train depth record.mcap --steps ten", "expected a whole number from 1 on, got 'ten'"),
+    ("net evaluate segmentation --views 0", "expected a whole number from 1 on, got '0'"),
+    ("lab calibrate photos --square-mm 0", "expected a number above 0, got '0'"),
+    ("serve-anafi --battery 101", "expected a whole number from 0 to 100, got '101'"),
+    ("serve-anafi --rate 0", "expected a number from 0.1 to 240, got '0'"),
+    ("serve-anafi --http-port http", "expected a whole number from 0 to 65535, got 'http'"),
+    # --- files that are missing, empty, something else, or a folder
+    ("fly mission.xml --site absent.yaml", "absent.yaml"),
+    ("fly mission.xml --site photos", "photos"),
+    ("fly mission.xml --site empty.yaml --seed 0 --scene nope", "unknown scene 'nope'"),
+    ("fly mission.xml --site broken.yaml", "broken.yaml:1"),
+    ("fly mission.xml --site keys.yaml", "flight_hight_m: unknown key; did you mean"),
+    ("fly mission.xml --site binary.bin", "binary.bin"),
+    ("fly mission.xml --camera absent.yaml", "there is no such camera file"),
+    ("fly mission.xml --camera broken.yaml", "broken.yaml:1"),
+    ("fly mission.xml --scene absent.yaml", "there is no such scene file"),
+    ("fly mission.xml --scene empty.yaml", "empty.yaml:1: .*helipad"),
+    ("fly empty.xml", "empty.xml"),
+    ("fly binary.xml", "binary.xml"),
+    ("fly photos", "photos"),
+    ("fly unclosed.xml", "unclosed.xml:2:"),
+    ("check absent.xml", "no such tree file"),
+    ("check photos", "no tree file"),
+    ("check empty.xml", "empty.xml"),
+    ("check unknown.xml", "unknown node 'Lnd'; did you mean 'Land'"),
+    ("check mission.xml --palette absent.xml", "absent.xml"),
+    ("check mission.xml --palette binary.xml", "binary.xml"),
+    ("simulate mission.xml", "Missing option '--script'"),
+    ("simulate mission.xml --script absent.yaml", "absent.yaml"),
+    ("simulate mission.xml --script empty.yaml", "empty.yaml|Land|TakeOff"),
+    ("simulate mission.xml --script broken.yaml", "broken.yaml:1"),
+    ("simulate mission.xml --script keys.yaml", "keys.yaml:1"),
+    ("report absent", "absent"),
+    ("report photos", "photos"),
+    ("report empty.jsonl", "empty.jsonl"),
+    ("report binary.bin", "binary.bin"),
+    ("view absent.mcap --save x.rrd", "absent.mcap"),
+    ("view record.mcap --save x.rrd", "record.mcap"),
+    ("view photos --save x.rrd", "'photos' is a directory"),
+    ("replay binary.bin", "binary.bin"),
+    ("replay empty.mcap", "empty.mcap"),
+    ("record info mission.xml", "mission.xml"),
+    ("record info absent.mcap", "absent.mcap"),
+    ("campaign --resume photos", "photos"),
+    ("campaign --resume absent", "absent"),
+    ("lab scenes --show broken.yaml", "broken.yaml"),
+    ("lab calibrate absent", "there is no such image"),
+    ("lab calibrate empty", "the folder holds no images"),
+    ("lab calibrate binary.bin", "binary.bin"),
+    ("net perceive absent.mp4", "there is no such video file"),
+    ("net perceive binary.bin", "is no video that can be read"),
+    ("net perceive empty", "no images"),
+    ("net perceive camera:x", "expected a camera such as camera:0, got 'camera:x'"),
+    ("net perceive photos --model absent.onnx", "absent.onnx: there is no such network"),
+    ("net perceive photos --model weights.safetensors", "the weights of a training"),
+    ("net perceive photos --telemetry binary.bin", "binary.bin"),
+    ("net pick absent", "absent"),
+    ("net pick mission.xml", "mission.xml"),
+    ("net pick empty", "empty"),
+    ("net train teacher --picks absent.csv --photographs photos", "absent.csv"),
+    ("net train depth absent.mcap", "absent.mcap"),
+    ("net train depth binary.bin", "binary.bin"),
+    ("net train student photos", "photos"),
+    ("net train segmentation --teacher binary.bin", "binary.bin"),
+    ("net evaluate segmentation --model absent.onnx", "there is no such network"),
+    ("net evaluate segmentation --model binary.bin", "is not a readable ONNX network"),
+    ("net evaluate student absent.mcap", "absent.mcap"),
+    ("net evaluate student record.mcap --model absent.onnx", "there is no such network"),
+    ("net export depth --weights absent.safetensors", "absent.safetensors"),
+    ("net export depth --weights binary.bin", "binary.bin"),
+    ("net collect explore_and_land_advised --student absent.onnx --out out", "absent.onnx"),
+    ("tree render unknown.xml", "unknown node 'Lnd'"),
+    # --- outputs
+    ("new mission.xml", "there is such a file, and it is not overwritten"),
+    ("new mine.txt", "ends in .xml"),
+    ("new nowhere/mine.xml", "nowhere/mine.xml"),
+    ("new photos", "photos"),
+    ("fly mission.xml --video film.avi", "must end in .mp4"),
+    ("fly mission.xml --record flight.bag", "must end in .mcap"),
+    ("net train depth record.mcap --out depth.pt", "must end in .safetensors"),
+    ("net export depth --out depth.pt", "must end in .onnx"),
+    ("view record.mcap --save view.mp4", "must end in .rrd"),
+    ("lab scenes --show train-a --out map.jpg", "must end in .png"),
+    # --- combinations
+    ("lab scenes --out map.png", "--out needs --show SCENE"),
+    ("campaign mission.xml --backend dask --out out", "--backend dask and --address"),
+    ("campaign mission.xml --address localhost:1 --out out", "--backend dask and --address"),
+    ("campaign mission.xml --resume out", "--resume takes the plan from its folder"),
+    ("net train teacher --picks picks.csv", "--picks and --photographs belong together"),
+    ("net train depth record.mcap --no-photometric --labels none", "nothing to learn from"),
+    ("net evaluate segmentation --classes keys.yaml", "--classes belongs to an ONNX network"),
+    ("fly mission.xml --policy A=x --policy A=y", "'A' is given two policies"),
+    ("fly mission.xml --policy Land", "expected NODE=NAME"),
+    ("fly mission.xml --drone twin:1.2.3.4 --view windw", "windw"),
+    ("net collect land_only --out out", "Advise"),
+]
+"""What is typed after `uav-bt`, and a pattern of the answer."""
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    tree_file(tmp_path, HOP)
+    tree_file(tmp_path, "<Sequence><TakeOff/><Lnd/></Sequence>", "unknown.xml")
+    (tmp_path / "unclosed.xml").write_text('<root BTCPP_format="4">\n<BehaviorTree ID="x"')
+    for name in ("empty.xml", "empty.yaml", "empty.jsonl", "empty.mcap"):
+        (tmp_path / name).touch()
+    for name in ("binary.bin", "binary.xml", "record.mcap"):
+        (tmp_path / name).write_bytes(b"\x7fELF" + bytes(range(255, -1, -1)) * 40)
+    (tmp_path / "photos").mkdir()
+    cv2.imwrite(str(tmp_path / "photos" / "a.png"), np.full((36, 64, 3), 90, dtype=np.uint8))
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "broken.yaml").write_text("boxes: [")
+    (tmp_path / "keys.yaml").write_text("flight_hight_m: 1.2\n")
+    (tmp_path / "script.yaml").write_text("default: S\n")
+    (tmp_path / "picks.csv").write_text("image,x,y,class\n")
+    (tmp_path / "weights.safetensors").write_bytes(b"\x02\0\0\0\0\0\0\0{}")
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[str, bytes | None]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in folder.rglob("*")
+        if path.name != "__pycache__"
+    }
+
+
+@pytest.mark.parametrize(("line", "answer"), MISTAKES, ids=[line for line, _ in MISTAKES])
+def test_a_mistake_is_answered_and_costs_no_file(line: str, answer: str, world: Path) -> None:
+    before = contents(world)
+    result = run(*line.split())
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    assert "unexpected" not in result.stderr.replace("unexpected extra", "")
+    assert re.search(answer, re.sub(r"\s*\n\s*", " ", result.stderr)), result.stderr
+    assert contents(world) == before
+
+
+def test_mistakes_in_several_files_are_all_answered(world: Path) -> None:
+    result = run(
+        "check", "mission.xml", "unknown.xml", "empty.xml", "absent.xml", "--format", "json"
+    )
+    assert result.exit_code == 2
+    answers = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [answer["ok"] for answer in answers] == [True, False, False, False]
