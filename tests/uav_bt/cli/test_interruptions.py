@@ -16,6 +16,7 @@ import av
 import pytest
 
 from tests.uav_bt.cli.cli_world import run, tree_file
+from uav_bt.app.view.recorded import RecordedFlight
 from uav_bt.record.info import record_info
 
 HOVER = '<Sequence><TakeOff height_m="1.0"/><HoverFor seconds="250"/><Land/></Sequence>'
@@ -117,7 +118,7 @@ CASES = {
         "view flight.mcap --video old.mp4",
         "old.mp4.part",
         "stopped by Ctrl-C",
-        after_s=0.1,
+        after_s=1.0,
         kept=("old.mp4", "flight.mcap"),
     ),
     "view, filming, SIGTERM": Case(
@@ -125,7 +126,7 @@ CASES = {
         "old.mp4.part",
         "stopped by SIGTERM",
         by=(TERM,),
-        after_s=0.1,
+        after_s=1.0,
         kept=("old.mp4", "flight.mcap"),
     ),
     "replay": Case(
@@ -248,6 +249,20 @@ def test_what_is_interrupted_says_so_and_leaves_nothing_half_done(name: str, wor
         assert not info.damages
         with av.open(str(world / "new.mp4")) as film:
             assert sum(1 for _ in film.decode(video=0)) > 5
+
+
+def test_half_a_film_of_a_record_does_not_replace_a_whole_one(flown: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old.mp4"
+    old.write_bytes(OLD)
+
+    def interrupt(_stage: str, done: int, _total: int) -> None:
+        if done >= 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        RecordedFlight(flown).film(old, advance=interrupt)
+    assert old.read_bytes() == OLD
+    assert list(tmp_path.iterdir()) == [old]
 
 
 @pytest.fixture

@@ -213,7 +213,11 @@ class RecordedFlight:
             limit_s=recorded_options(reader).judge.time_limit_s,
         )
         with FlightVideo(Path(path), panes, FlightVideoConfig(speed=speed)) as video:
-            self._play(playback, video, "video", advance)
+            try:
+                self._play(playback, video, "video", advance)
+            except BaseException:
+                video.discard()  # it can be made again; half of one is not to replace a whole one
+                raise
             end = reader.end
             if end is not None and end.get("outcome"):
                 outcome = end["outcome"]

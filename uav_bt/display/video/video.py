@@ -246,6 +246,10 @@ class FlightVideo:
             except FileError as error:
                 self._failure = error
 
+    def discard(self) -> None:
+        """Give the video up: closing leaves what was there before."""
+        self._file.discard()
+
     def close(self) -> None:
         """Finish the file; safe to call twice.
 

@@ -144,6 +144,10 @@ class VideoFile:
                 self._container.mux(packet)
         self._failed = False
 
+    def discard(self) -> None:
+        """Give the file up: closing leaves what was there before."""
+        self._failed = True
+
     def close(self) -> None:
         """Finish the file and give it its name; safe to call twice.
 
