@@ -129,8 +129,8 @@ CASES = {
         after_s=1.0,
         kept=("old.mp4", "flight.mcap"),
     ),
-    "replay": Case(
-        "replay flight.mcap", "begun", "stopped by Ctrl-C", after_s=2.0, kept=("flight.mcap",)
+    "replay, importing": Case(
+        "replay flight.mcap", "begun", "stopped by Ctrl-C", after_s=0.1, kept=("flight.mcap",)
     ),
     "train, at work": Case(
         "net train teacher --out old.safetensors",
