@@ -24,10 +24,12 @@ FLOOR_ONE = {
         "clock",
         "errors",
         "files",
+        "json_text",
         "plugins",
         "progress",
         "protocols",
         "yaml_file",
+        "yaml_values",
     )
 }
 # What composes everything: it may import all, and only its own kind may import it.

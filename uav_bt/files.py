@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from uav_bt.errors import FileError
 
+Failure = Callable[[Path, str], FileError]  # makes the error of a path and a message
+
 
 @contextmanager
-def reading(path: Path, error: type[FileError] = FileError) -> Iterator[None]:
+def reading(path: Path, error: Failure = FileError) -> Iterator[None]:
     """Translate the errors of a block that reads a file.
 
     Args:
         path: the file that the message names.
-        error: what is raised; takes a path and a message.
+        error: makes what is raised.
 
     Raises:
         FileError: the block raised an OSError, or the file is no UTF-8 text.
@@ -28,6 +30,29 @@ def reading(path: Path, error: type[FileError] = FileError) -> Iterator[None]:
         raise error(path, f"cannot be read as UTF-8 text: {cause}") from cause
     except OSError as cause:
         raise error(path, f"cannot be read: {cause.strerror or cause}") from cause
+
+
+def read_bounded(path: Path, most_bytes: int, error: Failure = FileError) -> bytes:
+    """Return a file's bytes.
+
+    Args:
+        path: the file.
+        most_bytes: what it may have.
+        error: makes what is raised.
+
+    Raises:
+        FileError: it is absent, no regular file, too large, or cannot be read.
+    """
+    with reading(path, error):
+        if not path.exists():
+            raise error(path, "no such file")
+        if not path.is_file():
+            raise error(path, f"is a {'folder' if path.is_dir() else 'device or a pipe'}, no file")
+        with path.open("rb") as file:
+            data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise error(path, f"larger than {most_bytes} bytes")
+    return data
 
 
 @contextmanager

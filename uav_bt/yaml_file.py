@@ -24,14 +24,13 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from uav_bt.errors import FileError, did_you_mean
-from uav_bt.files import reading
+from uav_bt.files import read_bounded, reading
+from uav_bt.yaml_values import BoundedLoader, Places, RefusedValueError, Steps, located
 
 T = TypeVar("T")
-Steps = tuple[str | int, ...]  # keys of mappings and indices of lists that lead to a value
 
-_MAX_BYTES: Final = 1_000_000
-_MAX_VALUES: Final = 100_000  # aliases of aliases make billions of a few lines
-_COLLECTIONS: Final = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+_MAX_BYTES: Final = 250_000  # a site or a scene has one thousand
+_MAX_PROBLEMS: Final = 50
 _EXPECTED: Final = {
     **dict.fromkeys(("float_type", "float_parsing"), "a number"),
     **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number"),
@@ -56,7 +55,7 @@ class YamlFile(Generic[T]):
 
     path: Path
     value: T
-    places: _Places
+    places: Places
     failure: type[FileError]
 
     def line(self, *steps: str | int) -> int:
@@ -65,7 +64,7 @@ class YamlFile(Generic[T]):
 
     def error(self, message: str, *steps: str | int) -> FileError:
         """Return an error about a value, by the keys and indices that lead to it."""
-        return self.failure(self.path, _located(steps, message), self.line(*steps))
+        return self.failure(self.path, located(steps, message), self.line(*steps))
 
 
 def read_yaml(
@@ -88,15 +87,13 @@ def read_yaml(
     Raises:
         FileError: the file is absent, no YAML, or not of that form; every problem on a line.
     """
-    if not path.exists():
-        raise failure(path, f"there is no such {what}{'; ' if remedy else ''}{remedy}")
     with reading(path, failure):
-        if path.stat().st_size > _MAX_BYTES:
-            raise failure(path, f"larger than {_MAX_BYTES} bytes")
-        text = path.read_text(encoding="utf-8")
-    places = _Places()
+        if not path.exists():
+            raise failure(path, f"there is no such {what}{'; ' if remedy else ''}{remedy}")
+        text = read_bounded(path, _MAX_BYTES, failure).decode()
+    places = Places()
     try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        root = yaml.compose(text, Loader=BoundedLoader)
         content = {} if root is None else places.plain(root, ())
         # JSON in strict mode: lists for tuples, texts for paths, but no number for a text.
         validated = _adapter(cast("Any", form)).validate_json(
@@ -105,14 +102,20 @@ def read_yaml(
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else None
-        ours = isinstance(error, _Refused)
+        ours = isinstance(error, RefusedValueError)
         text = f"{'' if ours else 'not valid YAML: '}{error.problem}"
         raise failure(path, text, line) from error
-    except (yaml.YAMLError, RecursionError) as error:
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        reason = f"the character #x{error.character:04x} is not allowed"
+        raise failure(path, f"not valid YAML: {reason}", line) from error
+    except yaml.YAMLError as error:
         raise failure(path, f"not valid YAML: {error}") from error
     except ValidationError as error:
         first, *others = _problems(places, error, form)
-        lines = [first[1], *(f"{path}:{line}: {text}" for line, text in others)]
+        lines = [first[1], *(f"{path}:{line}: {text}" for line, text in others[:_MAX_PROBLEMS])]
+        if len(others) > _MAX_PROBLEMS:
+            lines.append(f"and {len(others) - _MAX_PROBLEMS} problems more")
         raise failure(path, "\n".join(lines), first[0]) from error
     return YamlFile(path, validated[0], places, failure)
 
@@ -125,82 +128,10 @@ def _adapter(form: Any) -> TypeAdapter[tuple[Any]]:
     return TypeAdapter(one, config=config)
 
 
-# --- the values of a file -------------------------------------------------------------------------
-
-
-class _Refused(yaml.MarkedYAMLError):
-    """A value that no form has."""
-
-    def __init__(self, node: yaml.Node, steps: Steps, text: str) -> None:
-        super().__init__(problem=_located(steps, text), problem_mark=node.start_mark)
-
-
-class _Places:
-    """The line of each value of a file, and the value in words."""
-
-    def __init__(self) -> None:
-        self._construct = yaml.constructor.SafeConstructor()
-        self._found: dict[Steps, tuple[int, str]] = {(): (1, "nothing")}  # line, in words
-
-    def line(self, steps: Steps) -> int:
-        return self._found[self.known(steps)][0]
-
-    def shown(self, steps: Steps) -> str:
-        return self._found[self.known(steps)][1]
-
-    def known(self, steps: Steps) -> Steps:
-        """Return the steps that exist: no missing key, no name that pydantic gives a branch."""
-        known: Steps = ()
-        for step in steps:
-            known = (*known, step) if (*known, step) in self._found else known
-        return known
-
-    def plain(self, node: yaml.Node, steps: Steps, key: yaml.Node | None = None) -> Any:
-        """Return a node as numbers, texts, lists and mappings; nothing else is made of it."""
-        if len(self._found) > _MAX_VALUES:
-            raise _Refused(node, (), f"more than {_MAX_VALUES} values, aliases unfolded")
-        self._found[steps] = ((key or node).start_mark.line + 1, _shown(node))
-        if isinstance(node, yaml.ScalarNode):
-            return self._scalar(node, steps)
-        if node.tag not in _COLLECTIONS:
-            raise _Refused(node, (), f"not valid YAML: the tag {node.tag} is not allowed")
-        if isinstance(node, yaml.SequenceNode):
-            return [self.plain(item, (*steps, index)) for index, item in enumerate(node.value)]
-        content: dict[str, Any] = {}
-        for name, item in node.value:
-            if not isinstance(name, yaml.ScalarNode):
-                raise _Refused(name, steps, "expected a name before the colon")
-            if name.value in content:
-                raise _Refused(name, steps, f"the key '{name.value}' is given twice")
-            content[name.value] = self.plain(item, (*steps, name.value), name)
-        return content
-
-    def _scalar(self, node: yaml.ScalarNode, steps: Steps) -> bool | float | str | None:
-        try:
-            value = self._construct.construct_object(node)
-        except ValueError as error:  # the 45th of May
-            raise _Refused(node, steps, f"{error}, got {_shown(node)}") from error
-        if value is None or isinstance(value, bool | int | float | str):
-            return value
-        expected = "expected a number, a text, true or false"
-        raise _Refused(node, steps, f"{expected}, got {_shown(node)}")
-
-
-def _shown(node: yaml.Node) -> str:
-    if isinstance(node, yaml.ScalarNode):
-        return f"'{node.value}'" if node.value else "nothing"
-    return f"a list of {len(node.value)}" if isinstance(node, yaml.SequenceNode) else "a mapping"
-
-
-def _located(steps: Steps, text: str) -> str:
-    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)[1:]
-    return text if not where or text.startswith(where) else f"{where}: {text}"
-
-
 # --- what pydantic finds wrong with them ----------------------------------------------------------
 
 
-def _problems(places: _Places, error: ValidationError, form: Any) -> list[tuple[int, str]]:
+def _problems(places: Places, error: ValidationError, form: Any) -> list[tuple[int, str]]:
     """Return lines and texts of all problems, in the order of the lines."""
     expected: dict[Steps, list[str]] = {}  # the branches of a union fail at one place
     found: list[tuple[Steps, str]] = []
@@ -227,7 +158,7 @@ def _problems(places: _Places, error: ValidationError, form: Any) -> list[tuple[
         if not any(len(one) > len(steps) and one[: len(steps)] == steps for one in reached):
             text = " or ".join(dict.fromkeys(words))
             found.append((steps, f"expected {text}, got {places.shown(steps)}"))
-    lines = [(places.line(steps), _located(steps, text)) for steps, text in found]
+    lines = [(places.line(steps), located(steps, text)) for steps, text in found]
     return sorted(dict.fromkeys(lines), key=lambda line: line[0])
 
 
@@ -245,10 +176,14 @@ def _expected(item: ErrorDetails, form: Any) -> str:
     return f"a number {words}" if "than" in kind else words
 
 
+@functools.cache
+def _schema(form: Any) -> dict[str, Any]:
+    return TypeAdapter(form).json_schema()
+
+
 def _form_at(form: Any, steps: Steps) -> dict[str, Any]:
     """Return the JSON schema of a place."""
-    whole = TypeAdapter(form).json_schema()
-    part = whole
+    part = whole = _schema(form)
     for step in (*steps, None):
         while "$ref" in part or "anyOf" in part:
             if "$ref" in part:

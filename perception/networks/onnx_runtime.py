@@ -32,7 +32,7 @@ def read_model(path: Path, remedy: str) -> Any:
     check_onnx(path, remedy)
     try:
         return _openvino().Core().read_model(path)
-    except RuntimeError as error:
+    except (RuntimeError, UnicodeDecodeError) as error:  # the latter for names inside the file
         reason = str(error).strip().splitlines()[-1]
         raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
 

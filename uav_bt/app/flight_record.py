@@ -23,8 +23,9 @@ from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
 from uav_bt.app.site import Site
-from uav_bt.errors import FileError
+from uav_bt.errors import FileError, InputError
 from uav_bt.files import writing
+from uav_bt.json_text import parse_json
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.runner import RunnerConfig
@@ -147,8 +148,8 @@ def recorded_options(reader: RecordReader) -> RecordedOptions:
 
 def _parsed(reader: RecordReader, text: str) -> Any:
     try:
-        return json.loads(text)
-    except ValueError as error:
+        return parse_json(text)
+    except InputError as error:
         raise FileError(
             reader.path, f"the record's metadata is damaged: expected JSON, got '{text:.80}'"
         ) from error

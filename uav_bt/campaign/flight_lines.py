@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import reading
+from uav_bt.json_text import parse_json
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 
@@ -56,18 +56,13 @@ def comparable(flight: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in flight.items() if name not in _WALL_CLOCK_FIELDS}
 
 
-def parse_flight(text: str) -> dict[str, Any]:
+def parse_flight(text: bytes | str) -> dict[str, Any]:
     """Return the flight of a line.
 
     Raises:
         InputError: the line holds no flight; the message says why.
     """
-    try:
-        flight = json.loads(text, parse_constant=_refuse_constant)
-    except json.JSONDecodeError as error:
-        raise InputError(f"no JSON: {error.msg} at column {error.colno}") from error
-    except RecursionError as error:
-        raise InputError("no flight: nested too deeply") from error
+    flight = parse_json(text)
     if not isinstance(flight, dict):
         raise InputError(f"expected a flight's JSON object, got {type(flight).__name__}")
     _check(flight)
@@ -125,10 +120,6 @@ def _is_point(point: Any) -> bool:
     )
 
 
-def _refuse_constant(name: str) -> NoReturn:
-    raise InputError(f"{name} is no JSON")
-
-
 def read_flights(path: Path) -> FlightLines:
     """Read a file of flights; damaged lines are left out and named.
 
@@ -137,9 +128,8 @@ def read_flights(path: Path) -> FlightLines:
     Raises:
         FileError: the file cannot be read.
     """
-    with reading(path):
-        data = path.read_bytes()
-    return _parse_all(path, data.split(b"\n"))
+    with reading(path), path.open("rb") as file:
+        return _parse_all(path, file)
 
 
 def _parse_all(path: Path, lines: Iterable[bytes]) -> FlightLines:
@@ -149,8 +139,8 @@ def _parse_all(path: Path, lines: Iterable[bytes]) -> FlightLines:
         if not line.strip():
             continue
         try:
-            flight = parse_flight(line.decode("utf-8"))
-        except (InputError, UnicodeDecodeError) as error:
+            flight = parse_flight(line)
+        except InputError as error:
             damaged.append(str(FileError(path, str(error), number)))
         else:
             flights.pop(key_of(flight), None)

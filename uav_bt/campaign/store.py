@@ -13,12 +13,14 @@ from typing import IO, Any, Final
 from uav_bt.campaign.flight_lines import FlightLines, read_flights
 from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.errors import FileError, InputError
-from uav_bt.files import reading, write_whole, writing
+from uav_bt.files import read_bounded, reading, write_whole, writing
+from uav_bt.json_text import parse_json
 
 PLAN_FILE: Final = "campaign.json"
 FLIGHTS_FILE: Final = "flights.jsonl"
 RECORDS_FOLDER: Final = "records"
 _LOCK_FILE: Final = ".lock"
+_MAX_PLAN_BYTES: Final = 50_000_000  # it lists every run, and a cluster starts many
 _FORMAT: Final = 1  # of campaign.json
 
 
@@ -29,14 +31,15 @@ def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
         FileError: there is none, or it is damaged or of a newer format.
     """
     path = folder / PLAN_FILE
-    if not path.exists():
-        raise FileError(path, "no such file; this folder holds no campaign")
     with reading(path):
-        data = path.read_bytes()
+        if not path.exists():
+            raise FileError(path, "no such file; this folder holds no campaign")
     try:
-        content = json.loads(data)
-    except ValueError as error:
-        raise FileError(path, f"damaged: no JSON: {error}") from error
+        content = parse_json(read_bounded(path, _MAX_PLAN_BYTES))
+    except FileError:
+        raise
+    except InputError as error:
+        raise FileError(path, f"damaged: {error}") from error
     try:
         version, plan, runs = content["format"], content["plan"], content["runs"]
     except (KeyError, TypeError) as error:

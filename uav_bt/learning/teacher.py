@@ -134,11 +134,8 @@ def label_views(
         for done, job in enumerate(as_completed(jobs), start=len(files) - len(todo) + 1):
             job.result()
             advance("labels", done, len(files))
-    parts = [np.load(file, allow_pickle=False) for file in files]
-    return (
-        np.concatenate([part["rgb"] for part in parts]),
-        np.concatenate([part["ids"] for part in parts]),
-    )
+    parts = [_kept_labels(file) for file in files]
+    return np.concatenate([rgb for rgb, _ in parts]), np.concatenate([ids for _, ids in parts])
 
 
 def _label_scene(teacher_path: Path, plan: UNetPlan, scene: str, file: Path) -> None:
@@ -150,6 +147,14 @@ def _label_scene(teacher_path: Path, plan: UNetPlan, scene: str, file: Path) -> 
         labels.append(cv2.resize(ids, plan.size_px, interpolation=cv2.INTER_NEAREST_EXACT))
     with whole_file(file) as partial, partial.open("wb") as out:
         np.savez_compressed(out, rgb=np.stack(rgbs), ids=np.stack(labels))
+
+
+def _kept_labels(file: Path) -> tuple[Image, Image]:
+    try:
+        with np.load(file, allow_pickle=False) as kept:
+            return kept["rgb"], kept["ids"]
+    except Exception as error:  # numpy lets out what zip, zlib and its own parser make of damage
+        raise FileError(file, f"is damaged ({error}); delete it, and it is made again") from error
 
 
 def label_flights(
@@ -203,8 +208,7 @@ def _labelled(
     reader = flight_record(record)
     file = folder / f"labels-{record.stem}-{fingerprint(record)}-{every_s:g}s.npz"
     if file.is_file():
-        with np.load(file, allow_pickle=False) as kept:
-            return kept["rgb"], kept["ids"]
+        return _kept_labels(file)
     found = (item for item in footage(reader) if isinstance(item, StoredFrame))
     frames = list(spaced(found, every_s))
     teacher_px = (teacher.config.width_px, teacher.config.height_px)

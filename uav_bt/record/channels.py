@@ -6,6 +6,7 @@ of what is there is.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal
 
@@ -13,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
+from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Advice
 from uav_bt.record.values import dump, json_schema
+from uav_bt.tree.status import Status
 from uav_bt.types import (
     Attitude,
     Command,
@@ -30,6 +33,9 @@ from uav_bt.types import (
 )
 
 Quality = Literal["lossless", "high", "small"]
+
+_STATUSES: Final = frozenset({*Status.__members__, "INVALID"})  # older records have the latter
+_OVERRIDES: Final = frozenset({None, *(override.value for override in Override)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +85,10 @@ class TickNote:
     frame_index: int | None = None  # of the newest frame then; None before the first
     slow_leaves: tuple[str, ...] = ()  # that blocked
 
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.time_s) and self.index >= 0):
+            raise ValueRangeError(f"tick {self.index} at {self.time_s} s is none")
+
     @classmethod
     def of(cls, record: TickRecord) -> TickNote:
         """Return the note of a tick."""
@@ -106,6 +116,10 @@ class CommandNote:
     decided: Command
     sent: Command  # after the drone's own limits
     override: str | None = None  # the safety rule that replaced the proposal
+
+    def __post_init__(self) -> None:
+        if self.override not in _OVERRIDES:
+            raise ValueRangeError(f"unknown safety rule '{self.override:.40}'")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,12 +164,22 @@ class TreeNote:
 
     nodes: tuple[NodeNote, ...]
 
+    def __post_init__(self) -> None:
+        for place, node in enumerate(self.nodes):
+            if node.parent is not None and not 0 <= node.parent < place:
+                raise ValueRangeError(f"node {place} must come after its parent, {node.parent}")
+
 
 @dataclass(frozen=True, kw_only=True)
 class StatusNote:
     """The nodes' statuses after a tick, in the order of `TreeNote`."""
 
     statuses: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        unknown = set(self.statuses) - _STATUSES
+        if unknown:
+            raise ValueRangeError(f"unknown node status '{min(unknown):.40}'")
 
 
 SCHEMA_VERSION: Final = 1  # of the whole record; readers refuse a newer one

@@ -6,12 +6,12 @@ for item in footage(flight_record(Path("flight.mcap"))):
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
+from uav_bt.json_text import parse_json
 from uav_bt.protocols import Advice
 from uav_bt.record import channels
 from uav_bt.record.channels import FrameNote
@@ -61,7 +61,7 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
     try:
         for message in reader.messages((*_DECODED, channels.CAMERA_IMAGE.topic)):
             if message.topic != channels.CAMERA_IMAGE.topic:
-                found = decode(_DECODED[message.topic], json.loads(message.data))
+                found = decode(_DECODED[message.topic], parse_json(message.data))
                 if isinstance(found, FrameNote):
                     note = found
                 else:
@@ -71,7 +71,7 @@ def footage(reader: RecordReader) -> Iterator[StoredFrame | DroneState | Advice]
                 note = None
     except FileError:
         raise
-    except (InputError, ValueError) as error:
+    except InputError as error:
         raise FileError(reader.path, f"a message of the record is damaged: {error}") from error
     if reader.damages:
         raise FileError(

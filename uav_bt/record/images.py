@@ -39,6 +39,13 @@ _DTYPES: Final[dict[str, np.dtype[Any]]] = {
     "16UC1": np.dtype("<u2"),
     "32FC1": np.dtype("<f4"),
 }
+_MAX_PIXELS: Final = 50_000_000  # a photograph has half; a few kilobytes of PNG can have billions
+_PNG_HEAD: Final = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
+_JPEG_SIZES: Final = frozenset(range(0xC0, 0xD0)) - {
+    0xC4,
+    0xC8,
+    0xCC,
+}  # segments that begin a frame
 _MAX_MM: Final = 65_535
 # Field numbers of foxglove.CompressedImage and foxglove.RawImage.
 _COMPRESSED_DATA: Final = 2
@@ -73,13 +80,34 @@ def decode_image(data: bytes | memoryview) -> NDArray[np.uint8]:
     """Return the image of a PNG's or JPEG's bytes, (H, W, 3), RGB.
 
     Raises:
-        InputError: they are no image.
+        InputError: they are no image, or one of too many pixels.
     """
+    width_px, height_px = image_size(data)
+    if width_px * height_px > _MAX_PIXELS:
+        raise InputError(f"an image of {width_px}x{height_px} has more than {_MAX_PIXELS} pixels")
     buffer = np.frombuffer(data, dtype=np.uint8)
-    image = cv2.imdecode(buffer, cv2.IMREAD_COLOR) if len(buffer) else None
+    image = cv2.imdecode(buffer, cv2.IMREAD_COLOR)
     if image is None:
-        raise InputError(f"expected a PNG or JPEG image, got {len(buffer)} bytes of neither")
+        raise InputError(f"a PNG or JPEG image of {len(buffer)} bytes is damaged")
     return np.ascontiguousarray(image[..., ::-1]).astype(np.uint8, copy=False)
+
+
+def image_size(data: bytes | memoryview) -> tuple[int, int]:
+    """Return width and height that the head of a PNG or JPEG states, in pixels.
+
+    Raises:
+        InputError: it is neither.
+    """
+    view = memoryview(data)
+    if bytes(view[:16]).startswith(_PNG_HEAD) and len(view) > 24:
+        return int.from_bytes(view[16:20]), int.from_bytes(view[20:24])
+    at = 2 if bytes(view[:2]) == b"\xff\xd8" else len(view)
+    while at + 9 <= len(view) and view[at] == 0xFF:
+        if view[at + 1] in _JPEG_SIZES:
+            return int.from_bytes(view[at + 7 : at + 9]), int.from_bytes(view[at + 5 : at + 7])
+        # Bytes of 0xFF may fill the room between two segments.
+        at += 1 if view[at + 1] == 0xFF else 2 + int.from_bytes(view[at + 2 : at + 4])
+    raise InputError(f"expected a PNG or JPEG image, got {len(view)} bytes of neither")
 
 
 def image_bytes(message: bytes) -> bytes:

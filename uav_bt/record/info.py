@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from uav_bt.errors import FileError, InputError
+from uav_bt.json_text import parse_json
 from uav_bt.record import channels
 from uav_bt.record.channels import CHANNELS
 from uav_bt.record.reader import RecordReader
@@ -59,7 +61,7 @@ def record_info(path: Path) -> RecordInfo:
         last_ns = max(last_ns, message.time_ns)
     damages = reader.damages
     end = reader.end
-    dropped: dict[str, int] = json.loads((end or {}).get("dropped", "{}"))
+    dropped, lost_ticks = _losses(reader.path, end or {})
     start_ns = reader.timeline.start_ns if first_ns is None else first_ns
     duration_s = max(0.0, (last_ns - start_ns) / 1e9)
     return RecordInfo(
@@ -83,6 +85,18 @@ def record_info(path: Path) -> RecordInfo:
         metadata=reader.metadata,
         end=None if end is None else dict(end),
         attachments={name: len(item.data) for name, item in reader.attachments.items()},
-        lost_ticks=int((end or {}).get("lost_ticks", "0")),
+        lost_ticks=lost_ticks,
         damages=damages,
     )
+
+
+def _losses(path: Path, end: Mapping[str, str]) -> tuple[dict[str, int], int]:
+    """Return the messages that were left out, by topic, and the ticks that were."""
+    try:
+        dropped, lost_ticks = parse_json(end.get("dropped", "{}")), int(end.get("lost_ticks", "0"))
+    except (InputError, ValueError) as error:
+        raise FileError(path, f"the record's end is damaged: {error}") from error
+    if not isinstance(dropped, dict) or not all(type(n) is int for n in dropped.values()):
+        got = f"{end['dropped']:.80}"
+        raise FileError(path, f"the record's end is damaged: expected numbers by topic, got {got}")
+    return dropped, lost_ticks

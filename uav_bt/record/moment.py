@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from uav_bt.errors import InputError
+from uav_bt.json_text import parse_json
 from uav_bt.record import channels
 from uav_bt.record.channels import Channel, CommandNote, FrameNote, StatusNote, TickNote
 from uav_bt.record.images import decode_image, image_bytes, raw_image
@@ -64,13 +65,12 @@ class Moment:
     truth: Truth | None = None
 
 
-def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], parsed: Any) -> Moment:
+def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
     """Return the moment of a tick's messages.
 
     Args:
         found: the messages by topic.
         statuses: of the nodes after the tick before.
-        parsed: reads JSON's bytes.
 
     Raises:
         InputError: a message is damaged or missing.
@@ -79,7 +79,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], parsed: Any
     def value(channel: Channel) -> Any:
         if channel.topic not in found or not isinstance(channel.content, type):
             return None
-        return decode(channel.content, parsed(found[channel.topic]))
+        return decode(channel.content, parse_json(found[channel.topic]))
 
     tick, commands, state = (
         value(channel) for channel in (channels.TICK, channels.COMMANDS, channels.STATE)
@@ -87,7 +87,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], parsed: Any
     if tick is None or commands is None or state is None:
         raise InputError("a tick of the record lacks its commands or its state")
     status: StatusNote | None = value(channels.TREE_STATUS)
-    board = parsed(found[channels.BOARD.topic]) if channels.BOARD.topic in found else {}
+    board = _board(found)
     return Moment(
         tick=tick,
         commands=commands,
@@ -103,6 +103,15 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...], parsed: Any
         obstacles=value(channels.OBSTACLES),
         truth=value(channels.TRUTH),
     )
+
+
+def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
+    """Return the board's entries, each with a value and the time of its capture."""
+    board = parse_json(found.get(channels.BOARD.topic, b"{}"))
+    entries = board.values() if isinstance(board, dict) else (None,)
+    if not all(isinstance(one, dict) and {"value", "captured_s"} <= one.keys() for one in entries):
+        raise InputError(f"expected board keys with value and captured_s, got {board!s:.80}")
+    return cast("dict[str, Any]", board)
 
 
 def _frame(note: FrameNote | None, found: Mapping[str, bytes]) -> StoredFrame | None:

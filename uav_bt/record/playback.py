@@ -53,8 +53,10 @@ class Playback:
 
     def statuses(self) -> Mapping[str, Status]:
         """Return the nodes' statuses after the last tick, by path."""
+        # Records made before the tree had a status of its own for it have INVALID.
         return {
-            path: Status[status] for path, status in zip(self._paths, self._statuses, strict=False)
+            path: Status.__members__.get(status, Status.IDLE)
+            for path, status in zip(self._paths, self._statuses, strict=False)
         }
 
     def ticks(
@@ -83,7 +85,6 @@ class Playback:
             index=note.index,
             time_s=note.time_s,
             observation=Observation(frame=self._frame, state=moment.state),
-            # Records made before the tree had a status of its own for it have INVALID.
             tree_status=Status.__members__.get(note.tree_status, Status.IDLE),
             phase=note.phase,
             active=note.active,

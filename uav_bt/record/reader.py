@@ -7,13 +7,14 @@ for moment in reader.moments():
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import FileError, InputError
+from uav_bt.json_text import parse_json
 from uav_bt.plugins import need
 from uav_bt.record import channels
 from uav_bt.record.channels import END, SCHEMA_VERSION, START, StatusNote, TreeNote
@@ -64,15 +65,18 @@ class RecordReader:
         self.tree = TreeNote(nodes=())
         self.finished = is_finished(path)
         self._scan = RecordScan(path)
-        self._read_beginning()
+        try:
+            self._read_beginning()
+        except InputError as error:
+            raise self._damaged("metadata", error) from error
         self._check_version()
         try:
             self.timeline = Timeline(
                 start_ns=int(self.metadata["start_ns"]), start_s=float(self.metadata["start_s"])
             )
-            self.camera = decode(CameraModel, json.loads(self.metadata["camera_model"]))
-        except (KeyError, ValueError, InputError) as error:
-            raise FileError(path, f"the record's metadata is damaged: {error}") from error
+            self.camera = decode(CameraModel, parse_json(self.metadata["camera_model"]))
+        except (KeyError, ValueError, OverflowError, InputError) as error:
+            raise self._damaged("metadata", error) from error
 
     @property
     def damages(self) -> tuple[str, ...]:
@@ -95,7 +99,7 @@ class RecordReader:
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
                 if topics[record.channel_id] == channels.TREE.topic:
-                    self.tree = decode(TreeNote, json.loads(record.data))
+                    self.tree = decode(TreeNote, parse_json(record.data))
                 elif topics[record.channel_id] != channels.CALIBRATION.topic:
                     return
 
@@ -175,14 +179,18 @@ class RecordReader:
     def _found_by_index(
         self, topics: Collection[str] | None, start_ns: int, end_ns: int | None
     ) -> Iterator[StoredMessage]:
+        from mcap.records import Message  # noqa: PLC0415 - an extra
+
+        from uav_bt.record.scan import indexed_chunks  # noqa: PLC0415 - an extra
+
         with self.path.open("rb") as stream:
             try:
-                for _, channel, message in self._indexed(stream).iter_messages(
-                    topics, starting_at=start_ns, ending_before=end_ns
-                ):
-                    yield StoredMessage(
-                        topic=channel.topic, time_ns=message.log_time, data=message.data
-                    )
+                summary = self._indexed(stream).get_summary()
+                chunks = _matching(summary, topics, start_ns, end_ns)
+                for record in chain.from_iterable(indexed_chunks(stream, chunks)):
+                    if isinstance(record, Message):
+                        topic = summary.channels[record.channel_id].topic
+                        yield StoredMessage(topic=topic, time_ns=record.log_time, data=record.data)
             except Exception as error:  # whatever damage makes of the parser
                 raise FileError(
                     self.path, f"is damaged ({error}); `mcap recover` saves what is whole"
@@ -217,7 +225,7 @@ class RecordReader:
             if found or message.topic == channels.TICK.topic:
                 found[message.topic] = message.data
             elif message.topic == channels.TREE_STATUS.topic:
-                statuses = _statuses(message)  # how it stood when a part begins
+                statuses = self._statuses(message)  # how it stood when a part begins
         if channels.STATE.topic in found and channels.COMMANDS.topic in found:
             yield self._moment(found, statuses)
 
@@ -229,14 +237,33 @@ class RecordReader:
                 pass
         if last is None:
             return ("IDLE",) * len(self.tree.nodes)
-        return _statuses(last)
+        return self._statuses(last)
 
     def _moment(self, found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         try:
-            return moment_of(found, statuses, json.loads)
-        except (InputError, KeyError, ValueError) as error:
-            raise FileError(self.path, f"a tick of the record is damaged: {error}") from error
+            return moment_of(found, statuses)
+        except (InputError, ArithmeticError, TypeError, ValueError) as error:
+            raise self._damaged("tick", error) from error
+
+    def _statuses(self, message: StoredMessage) -> tuple[str, ...]:
+        try:
+            return decode(StatusNote, parse_json(message.data)).statuses
+        except InputError as error:
+            raise self._damaged("tick", error) from error
+
+    def _damaged(self, what: str, error: Exception) -> FileError:
+        return FileError(self.path, f"the record's {what} is damaged: {error}")
 
 
-def _statuses(message: StoredMessage) -> tuple[str, ...]:
-    return decode(StatusNote, json.loads(message.data)).statuses
+def _matching(
+    summary: Any, topics: Collection[str] | None, start_ns: int, end_ns: int | None
+) -> Iterator[Any]:
+    """Yield the indices of the chunks that may have such messages."""
+    for chunk in summary.chunk_indexes:
+        names = {summary.channels[channel].topic for channel in chunk.message_index_offsets}
+        if (
+            chunk.message_end_time >= start_ns
+            and (end_ns is None or chunk.message_start_time < end_ns)
+            and (topics is None or not names.isdisjoint(topics))
+        ):
+            yield chunk

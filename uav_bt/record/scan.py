@@ -6,18 +6,20 @@ damaged chunk does not have the checksum it should have and is passed over.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Final
 
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     Channel,
     Chunk,
+    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -27,6 +29,7 @@ from mcap.records import (
     Schema,
 )
 from mcap.stream_reader import breakup_chunk
+from zstandard import ZstdDecompressor
 
 from uav_bt.errors import FileError
 from uav_bt.files import reading
@@ -34,6 +37,10 @@ from uav_bt.files import reading
 _MAGIC: Final = bytes((0x89, 0x4D, 0x43, 0x41, 0x50, 0x30, 0x0D, 0x0A))
 _HEAD_BYTES: Final = 9  # kind, and length
 _FOOTER_BYTES: Final = _HEAD_BYTES + 20
+# Our chunks have 4 MiB and the rest of a burst. A whole file, of which hours are one black image,
+# may grow by the second factor when it is opened; what grows more was made to fill the memory.
+_MAX_CHUNK_BYTES: Final = 32 * 1024 * 1024
+_MAX_GROWTH: Final = 100
 _READERS: Final[dict[int, Callable[[ReadDataStream], McapRecord]]] = {
     Opcode.HEADER: Header.read,
     Opcode.SCHEMA: Schema.read,
@@ -89,6 +96,7 @@ class RecordScan:
         self._path = path
         self.damages: list[Damage] = []
         self.finished = False
+        self._left = 0  # bytes that chunks may still grow to
 
     def __iter__(self) -> Iterator[McapRecord]:
         """Yield headers, schemas, channels, messages, metadata and attachments, in file order.
@@ -97,6 +105,7 @@ class RecordScan:
             FileError: the file cannot be read or is no MCAP file.
         """
         self.damages, self.finished = [], False
+        self._left = _allowance(self._path)
         with reading(self._path), self._path.open("rb") as stream:
             _check_magic(stream, self._path)
             yield from self._records(stream)
@@ -140,7 +149,9 @@ class RecordScan:
         try:
             record = read(ReadDataStream(BytesIO(content)))
             if isinstance(record, Chunk):
-                return breakup_chunk(record, validate_crc=True)
+                records = opened(record, min(self._left, _MAX_CHUNK_BYTES))
+                self._left -= record.uncompressed_size
+                return records
         except Exception as error:  # noqa: BLE001 - whatever a damaged record makes of parsers
             self._note(offset, f"a damaged record ({type(error).__name__}: {error})")
             return []
@@ -148,6 +159,54 @@ class RecordScan:
 
     def _note(self, offset: int, reason: str) -> None:
         self.damages.append(Damage(offset=offset, reason=reason))
+
+
+def opened(chunk: Chunk, most_bytes: int = _MAX_CHUNK_BYTES) -> list[McapRecord]:
+    """Return a chunk's records.
+
+    Args:
+        chunk: as it stands in a file.
+        most_bytes: what its records may have, opened.
+
+    Raises:
+        ValueError: it is larger, or not what it says to be; parsers raise more than that.
+    """
+    size = chunk.uncompressed_size
+    if size > most_bytes:
+        raise ValueError(f"a chunk of {size} bytes, opened, more than {most_bytes}")
+    if chunk.compression == "zstd":
+        data = ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+    elif chunk.compression == "lz4":
+        data = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression:
+        raise ValueError(f"a chunk compressed by '{chunk.compression:.20}'")
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"a chunk of {size} bytes has {len(data)} or more")
+    return breakup_chunk(replace(chunk, compression="", data=data), validate_crc=True)
+
+
+def indexed_chunks(stream: IO[bytes], indices: Iterable[ChunkIndex]) -> Iterator[list[McapRecord]]:
+    """Yield the records of some of a file's chunks.
+
+    Args:
+        stream: of the file.
+        indices: of the chunks.
+
+    Raises:
+        ValueError: a chunk is not what it says to be; parsers raise more than that.
+    """
+    left = _allowance(Path(stream.name))
+    for index in indices:
+        stream.seek(index.chunk_start_offset + _HEAD_BYTES)
+        chunk = Chunk.read(ReadDataStream(stream))
+        yield opened(chunk, min(left, _MAX_CHUNK_BYTES))
+        left -= chunk.uncompressed_size
+
+
+def _allowance(path: Path) -> int:
+    return _MAX_CHUNK_BYTES + _MAX_GROWTH * path.stat().st_size
 
 
 def _check_magic(stream: IO[bytes], path: Path) -> None:

@@ -52,7 +52,7 @@ def decode(kind: type[T], data: object) -> T:
     """
     try:
         return cast("T", _codec(cast("Any", kind)).decode(data))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(
             f"expected the fields of {kind.__name__}, got {data!s:.120} "
             f"({type(error).__name__}: {error})"

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal, cast, get_args
+from typing import Any, Final, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,10 @@ from perception.segmentation.features import (
 )
 from uav_bt.classes import CLASS_COUNT, CLASS_NAMES
 from uav_bt.errors import FileError, ShapeError, ValueRangeError, did_you_mean
-from uav_bt.files import reading, write_whole
+from uav_bt.files import read_bounded, reading, write_whole
 
 Origin = Literal["hand", "simulated"]
+_MAX_BYTES: Final = 50_000_000  # a click takes some fifty
 _COLUMNS: Final = ("image", "x", "y", "class", "origin")
 
 
@@ -71,13 +72,13 @@ def read_picks(path: Path) -> list[Pick]:
     Raises:
         FileError: the file is absent or malformed; the message names the line.
     """
-    if not path.exists():
-        raise FileError(path, "there is no such picks file")
     with reading(path):
-        text = path.read_text(encoding="utf-8")
+        if not path.exists():
+            raise FileError(path, "there is no such picks file")
+        text = read_bounded(path, _MAX_BYTES).decode()
     reader = csv.reader(io.StringIO(text))
     picks: list[Pick] = []
-    for row in reader:
+    for row in _rows(reader, path):
         if reader.line_num == 1:
             if tuple(row) != _COLUMNS:
                 raise FileError(path, f"the columns must be {','.join(_COLUMNS)}", line=1)
@@ -89,6 +90,13 @@ def read_picks(path: Path) -> list[Pick]:
     if not picks:
         raise FileError(path, "holds no picks; a picks file needs a header and at least one row")
     return picks
+
+
+def _rows(reader: Any, path: Path) -> Iterator[list[str]]:
+    try:
+        yield from reader
+    except csv.Error as error:
+        raise FileError(path, f"no CSV: {error}", line=reader.line_num) from error
 
 
 def _parse(row: Sequence[str]) -> Pick:

@@ -101,6 +101,8 @@ def test_a_file_in_the_folders_place_is_refused(tmp_path: Path) -> None:
     ("content", "why"),
     [
         (b"{", "damaged: no JSON"),
+        (b"[" * 100_000, "damaged: no JSON that can be read: nested too deeply"),
+        (b'{"format": 1e999}', "damaged: no JSON that can be read: 1e999"),
         (b"\xff", "damaged: no JSON"),
         (b"[]", "needs 'format', 'plan' and 'runs'"),
         (b'{"format": 2, "plan": {}, "runs": []}', "has format 2, this version of uav-bt reads 1"),

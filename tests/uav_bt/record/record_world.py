@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,8 +70,26 @@ def fly_noisy(
     return record, app.fly(tree_file(folder, body), options)
 
 
-def copy_part(path: Path, out: Path, *, from_s: float = 0.0, to_s: float = math.inf) -> None:
-    """Write what is whole of a record, or a part of it, as `mcap recover` and `mcap filter` do."""
+def copy_part(
+    path: Path,
+    out: Path,
+    *,
+    from_s: float = 0.0,
+    to_s: float = math.inf,
+    metadata: Mapping[str, Mapping[str, str]] | None = None,
+    messages: Mapping[str, bytes] | None = None,
+) -> None:
+    """Write what is whole of a record, or a part of it, as `mcap recover` and `mcap filter` do.
+
+    Args:
+        path: the record.
+        out: the part.
+        from_s: since its start.
+        to_s: since its start.
+        metadata: entries that replace the record's, by the metadata's name.
+        messages: what replaces the content of all messages of a topic.
+    """
+    topics: dict[int, str] = {}
     timeline = RecordReader(path).timeline
     ids: dict[tuple[type, int], int] = {}
     with out.open("wb") as stream:
@@ -78,7 +97,8 @@ def copy_part(path: Path, out: Path, *, from_s: float = 0.0, to_s: float = math.
         writer.start()
         for found in RecordScan(path):
             if isinstance(found, Metadata):
-                writer.add_metadata(found.name, found.metadata)
+                more = (metadata or {}).get(found.name, {})
+                writer.add_metadata(found.name, {**found.metadata, **more})
             elif isinstance(found, Attachment):
                 writer.add_attachment(
                     found.create_time, found.log_time, found.name, found.media_type, found.data
@@ -88,6 +108,7 @@ def copy_part(path: Path, out: Path, *, from_s: float = 0.0, to_s: float = math.
                     found.name, found.encoding, found.data
                 )
             elif isinstance(found, Channel):
+                topics[found.id] = found.topic
                 ids[Channel, found.id] = writer.register_channel(
                     found.topic, found.message_encoding, ids[Schema, found.schema_id]
                 )
@@ -97,7 +118,7 @@ def copy_part(path: Path, out: Path, *, from_s: float = 0.0, to_s: float = math.
                 writer.add_message(
                     ids[Channel, found.channel_id],
                     log_time=found.log_time,
-                    data=found.data,
+                    data=(messages or {}).get(topics[found.channel_id], found.data),
                     publish_time=found.publish_time,
                 )
         writer.finish()

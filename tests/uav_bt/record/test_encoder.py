@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from typing import Any
@@ -96,7 +95,7 @@ def read(made: MomentEncoder, moment: RawMoment) -> Moment:
         for message in made.encode(moment, images=True)
         if message.data is not None
     }
-    return moment_of(found, ("FAILURE",), json.loads)
+    return moment_of(found, ("FAILURE",))
 
 
 def test_what_the_board_knew_comes_back() -> None:

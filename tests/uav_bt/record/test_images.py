@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from contextlib import suppress
 
 import numpy as np
@@ -11,12 +12,14 @@ from hypothesis import strategies as st
 
 from uav_bt.errors import InputError
 from uav_bt.record import messages
+from uav_bt.record.channels import Quality
 from uav_bt.record.images import (
     decode_image,
     encode_image,
     encoding_of,
     fields,
     image_bytes,
+    image_size,
     millimetres,
     raw_image,
 )
@@ -94,3 +97,27 @@ def test_an_image_without_data_is_refused() -> None:
         image_bytes(b"")
     with pytest.raises(InputError, match="RawImage"):
         raw_image(b"")
+
+
+def png_of(width_px: int, height_px: int) -> bytes:
+    """Return a small PNG file that claims a size."""
+    data = bytearray(encode_image(np.zeros((4, 4, 3), dtype=np.uint8), "lossless")[0])
+    data[16:24] = width_px.to_bytes(4) + height_px.to_bytes(4)
+    data[29:33] = zlib.crc32(data[12:29]).to_bytes(4)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("quality", ["lossless", "high"])
+def test_the_size_stands_in_the_head(quality: Quality) -> None:
+    assert image_size(encode_image(np.zeros((7, 12, 3), dtype=np.uint8), quality)[0]) == (12, 7)
+
+
+def test_an_image_of_billions_of_pixels_is_not_decoded() -> None:
+    with pytest.raises(InputError, match="46000x46000 has more than 50000000 pixels"):
+        decode_image(png_of(46_000, 46_000))
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff\xd8", b"\xff\xd8\xff\xff\xff\xff", b"GIF89a" * 9])
+def test_what_is_neither_png_nor_jpeg_is_refused(data: bytes) -> None:
+    with pytest.raises(InputError, match="expected a PNG or JPEG image"):
+        decode_image(data)

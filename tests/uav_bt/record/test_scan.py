@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
+import lz4.frame
 import pytest
+import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.records import Chunk, Message
 from mcap.writer import Writer
 
 from tests.uav_bt.record.record_world import copy_part, fly_noisy
 from uav_bt.errors import FileError
 from uav_bt.record.info import record_info
 from uav_bt.record.reader import RecordReader
+from uav_bt.record.scan import RecordScan, opened
 
 HERE = Path(__file__).parents[3]
 
@@ -163,3 +168,93 @@ def test_other_files_are_refused_by_what_they_are(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(FileError, match="an MCAP file, but no flight record"):
         RecordReader(foreign)
+
+
+def chunk_of(data: bytes, compression: str, said_bytes: int) -> Chunk:
+    pack = {"zstd": zstandard.compress, "lz4": lz4.frame.compress, "": bytes, "brotli": bytes}
+    return Chunk(
+        compression=compression,
+        data=pack[compression](data),
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=0,
+        uncompressed_size=said_bytes,
+    )
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_chunk_that_grows_to_gigabytes_is_not_opened(compression: str) -> None:
+    """Neither one that says so nor one that says something else."""
+    zeros = bytes(200_000_000)
+    with pytest.raises(ValueError, match="a chunk of 200000000 bytes, opened, more than 33554432"):
+        opened(chunk_of(zeros, compression, len(zeros)))
+    liar = chunk_of(zeros, compression, 1000)
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="a chunk of 1000 bytes has 1001 or more"):
+        opened(liar)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2_000_000
+
+
+def test_other_compressions_are_named() -> None:
+    with pytest.raises(ValueError, match="compressed by 'brotli'"):
+        opened(chunk_of(b"", "brotli", 0))
+
+
+def test_many_chunks_that_grow_are_opened_up_to_a_sum(tmp_path: Path) -> None:
+    """A file of some kilobytes does not become gigabytes, one chunk after another."""
+    path = tmp_path / "bomb.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=1)
+        writer.start()
+        channel = writer.register_channel("/a", "json", writer.register_schema("a", "json", b""))
+        for time_ns in range(20):
+            writer.add_message(channel, log_time=time_ns, data=bytes(20_000_000), publish_time=0)
+        writer.finish()
+    scan = RecordScan(path)
+    grown = sum(len(found.data) for found in scan if isinstance(found, Message))
+    assert path.stat().st_size < 100_000
+    assert grown == 20_000_000
+    assert "20000031 bytes, opened, more than" in str(scan.damages[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "metadata", "problem"),
+    [
+        ("uav_bt.flight", {"start_ns": "1e999"}, "metadata is damaged"),
+        ("uav_bt.flight", {"start_s": "x"}, "metadata is damaged"),
+        ("uav_bt.flight", {"camera_model": "[" * 5000}, "metadata is damaged: no JSON"),
+        ("uav_bt.end", {"dropped": "[]"}, "end is damaged: expected numbers by topic"),
+        ("uav_bt.end", {"dropped": "{"}, "end is damaged: no JSON"),
+        ("uav_bt.end", {"lost_ticks": "many"}, "end is damaged"),
+    ],
+)
+def test_damaged_metadata_is_named(
+    whole: Path, tmp_path: Path, name: str, metadata: dict[str, str], problem: str
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    copy_part(whole, path, metadata={name: metadata})
+    with pytest.raises(FileError, match=problem):
+        record_info(path)
+
+
+@pytest.mark.parametrize(
+    ("topic", "data"),
+    [
+        ("/mission/board", b"[1]"),
+        ("/mission/board", b'{"phase": 1}'),
+        ("/mission/board", b"[" * 5000),
+        ("/mission/tick", b'{"index": 1e999}'),
+        ("/mission/tick", b"\xff"),
+        ("/tree/status", b'{"statuses": ["GREEN"]}'),
+        ("/drone/state", b'{"captured_s": ' + b"9" * 400 + b"}"),
+    ],
+)
+def test_damaged_messages_are_one_error(
+    whole: Path, tmp_path: Path, topic: str, data: bytes
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    copy_part(whole, path, messages={topic: data})
+    with pytest.raises(FileError, match=f"^{path}: the record's tick is damaged: "):
+        list(RecordReader(path).moments())

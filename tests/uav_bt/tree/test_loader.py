@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -289,7 +290,8 @@ def test_the_deepest_allowed_tree_ticks(world: World) -> None:
         ("<a>" * 200 + "</a>" * 200, "nested deeper than 100"),
         ("<root>" + "<a/>" * 20_001 + "</root>", "more than 20000 elements"),
         (f"<root>{' ' * 2_000_000}</root>", "larger than 2000000 bytes"),
-        ('<?xml version="1.0" encoding="klingon"?><root/>', "unknown encoding"),
+        (f"<{'x' * 256}/>", "a name is longer than 255 characters"),
+        (f"<root {'x' * 256}='1'/>", "a name is longer than 255 characters"),
         (
             "<root " + " ".join(f"a{n}='1'" for n in range(201)) + "/>",
             "an element has more than 200 attributes",
@@ -304,6 +306,36 @@ def test_hostile_documents_are_refused(text: str, message: str) -> None:
     found = findings(text)
     assert len(found) == 1
     assert message in found[0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"<{'x' * 1_000_000} a='1'/>",
+        "<root " + " ".join(f"a{n}='{'x' * 9_000}'" for n in range(200)) + "/>",
+        f"<root a='1'{' ' * 1_000_000}b='2'/>",
+    ],
+    ids=["tag", "value", "blanks"],
+)
+def test_long_tags_are_read_in_linear_time(text: str) -> None:
+    """A tag of a megabyte takes no longer than its bytes do."""
+    began_s = time.perf_counter()
+    findings(text)
+    assert time.perf_counter() - began_s < 2.0
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "latin-1"])
+def test_only_utf_8_is_read(encoding: str) -> None:
+    """As the format's own engine has it, whatever the declaration says."""
+    text = f'<?xml version="1.0" encoding="{encoding}"?>' + document('<Safe name="\u00e4"/>')
+    with pytest.raises(TreeError, match="not well-formed XML"):
+        parse_tree(text.encode(encoding), REGISTRY, path="m.xml")
+
+
+def test_positions_count_characters_after_any_layout() -> None:
+    """Blanks, line ends and quotes of either kind between attributes move no position."""
+    text = "<root  BTCPP_format = '4'\n  \u00e4='x=\"1\"' wrong=\n'2'><!--c--></root>"
+    assert {f.split(": ")[0] for f in findings(text)} == {"1:1", "2:3", "2:13"}
 
 
 def test_a_report_ends_somewhere() -> None:
@@ -379,7 +411,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     """A missing file, a folder, a binary: one message, exit code 2."""
     with pytest.raises(TreeError, match="no such file"):
         load_tree(tmp_path / "none.xml", REGISTRY)
-    with pytest.raises(TreeError, match="no such file"):
+    with pytest.raises(TreeError, match="is a folder, no file"):
         load_tree(tmp_path, REGISTRY)
     binary = tmp_path / "binary.xml"
     binary.write_bytes(b"\xff\xfe\x00<root/>")
@@ -456,6 +488,7 @@ def test_included_files_join(tmp_path: Path) -> None:
         ('<include path="../secret.xml"/>', "lies outside the folder"),
         ('<include path="/etc/hostname"/>', "lies outside the folder"),
         ('<include path="none.xml"/>', "no such file beside"),
+        (f'<include path="{"x" * 300}.xml"/>', "name too long"),
         ("<include/>", "needs exactly the attribute 'path'"),
         ('<include ros_pkg="p" path="x"/>', "needs exactly the attribute 'path'"),
     ],

@@ -5,7 +5,6 @@ RecordedFlight(Path("flight.mcap")).save(Path("flight.rrd"))
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,7 +20,8 @@ from uav_bt.display.phrases import describe_flight
 from uav_bt.display.rerun import sinks
 from uav_bt.display.rerun.setting import TreeNode, ViewSetting
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig
-from uav_bt.errors import FileError, TreeError
+from uav_bt.errors import FileError, InputError, TreeError
+from uav_bt.json_text import parse_json
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.tick import TickListener
 from uav_bt.progress import Advance, silent
@@ -157,8 +157,14 @@ class RecordedFlight:
         """Return how many ticks the whole flight has; 1 where the record does not say."""
         end = self.reader.end or {}
         try:
-            return int(json.loads(end["report"])["ticks"])
-        except (KeyError, TypeError, ValueError):  # only for a progress bar
+            return int(parse_json(end["report"])["ticks"])
+        except (
+            InputError,
+            KeyError,
+            TypeError,
+            ValueError,
+            OverflowError,
+        ):  # only for a progress bar
             return 1
 
     def save(self, path: str | Path, *, advance: Advance = silent) -> None:

@@ -220,13 +220,24 @@ class Includes:
         elif len(self.sources) >= MAX_INCLUDES:
             message = f"more than {MAX_INCLUDES} files are included"
         else:
-            target = (include.path.parent / attributes["path"]).resolve()
+            return self._read(include, findings, self._folder)
+        findings.add(include.path, include.at("path"), message, "include")
+        return []
+
+    def _read(self, include: Element, findings: Findings, folder: Path) -> list[Element]:
+        name = include.attributes["path"]
+        try:
+            target = (include.path.parent / name).resolve()
+            there = target.is_file()
+        except OSError as error:  # a name may be too long for the system
+            message = f"'{name:.40}...': {error.strerror}"
+        else:
             if target == self._main or target in self.sources:
                 return []
-            if not target.is_relative_to(self._folder):
-                message = f"'{attributes['path']}' lies outside the folder {self._folder}"
-            elif not target.is_file():
-                message = f"'{attributes['path']}': no such file beside {include.path}"
+            if not target.is_relative_to(folder):
+                message = f"'{name}' lies outside the folder {folder}"
+            elif not there:
+                message = f"'{name}': no such file beside {include.path}"
             else:
                 self.sources[target] = read_source(target)
                 return [parse_source(self.sources[target], target)]

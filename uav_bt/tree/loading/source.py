@@ -15,6 +15,7 @@ from typing import Final
 from xml.parsers import expat
 
 from uav_bt.errors import TreeError, did_you_mean
+from uav_bt.files import read_bounded
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
 from uav_bt.tree.node import NodeKind
 
@@ -23,10 +24,13 @@ MAX_DEPTH: Final = 100  # deeper trees would meet Python's own recursion limit w
 MAX_ELEMENTS: Final = 20_000
 MAX_NODES: Final = 20_000  # of a tree; subtrees inside subtrees multiply
 MAX_ATTRIBUTES: Final = 200  # of one element; nodes have less than ten
+MAX_NAME: Final = 255  # characters of a tag or of an attribute's name
 MAX_VALUE: Final = 20_000  # characters of an attribute; scripts have some dozens
 _MAX_TEXT: Final = 1_000  # characters kept of a text between tags; it only serves messages
 
-_ATTRIBUTE: Final = re.compile(rb"([^\s=<>/\"']+)\s*=\s*(\"[^\"]*\"|'[^']*')", re.DOTALL)
+# Of what expat has accepted; nothing is tried twice, so that the time is linear in the length.
+_TAG: Final = re.compile(rb"<[^\s/>]++")
+_ATTRIBUTE: Final = re.compile(rb"\s++([^\s=]++)\s*+=\s*+(?:\"[^\"]*+\"|'[^']*+')")
 
 
 @dataclass
@@ -65,7 +69,8 @@ class _Builder:
         self._data = data
         self._open: list[Element] = []
         self._count = 0
-        self.parser = expat.ParserCreate()
+        # Whatever the declaration says, as the format's own engine has it.
+        self.parser = expat.ParserCreate("UTF-8")
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
@@ -86,9 +91,11 @@ class _Builder:
             raise _RefusedError(f"elements are nested deeper than {MAX_DEPTH}")
         if len(attributes) > MAX_ATTRIBUTES:
             raise _RefusedError(f"an element has more than {MAX_ATTRIBUTES} attributes")
+        if max(len(tag), *map(len, attributes), 0) > MAX_NAME:
+            raise _RefusedError(f"a name is longer than {MAX_NAME} characters")
         for name, text in attributes.items():
             if len(text) > MAX_VALUE:
-                raise _RefusedError(f"attribute '{name:.40}' is longer than {MAX_VALUE} characters")
+                raise _RefusedError(f"attribute '{name}' is longer than {MAX_VALUE} characters")
         positions = self._locate(attributes)
         element = Element(self._path, tag, attributes, self.here(), positions)
         if self._open:
@@ -104,18 +111,19 @@ class _Builder:
         line, column = here.line, here.column
         found: dict[str, Position] = {}
         done = self.parser.CurrentByteIndex
-        at = self._data.index(b"<", done) + 1
-        for match in _ATTRIBUTE.finditer(self._data, at):
-            passed = self._data[done : match.start()]
+        match = _TAG.match(self._data, done)
+        while match is not None:
+            match = _ATTRIBUTE.match(self._data, match.end())
+            if match is None:
+                break
+            passed = self._data[done : match.start(1)]
             newlines = passed.count(b"\n")
             line += newlines
             column = len(passed.rpartition(b"\n")[2].decode(errors="replace")) + (
                 1 if newlines else column
             )
-            done = match.start()
+            done = match.start(1)
             found[match[1].decode(errors="replace")] = Position(line, column)
-            if len(found) >= len(attributes):
-                break
         return found
 
     def _end(self, _tag: str) -> None:
@@ -133,14 +141,7 @@ def read_source(path: Path) -> bytes:
     Raises:
         TreeError: there is no such file, it cannot be read or it is too large.
     """
-    try:
-        if not path.is_file():
-            raise _refused(path, "no such file")
-        if path.stat().st_size > MAX_BYTES:
-            raise _refused(path, f"larger than {MAX_BYTES} bytes")
-        return path.read_bytes()
-    except OSError as error:
-        raise _refused(path, f"cannot be read: {error.strerror}") from error
+    return read_bounded(path, MAX_BYTES, _refused)
 
 
 def parse_source(data: bytes, path: Path) -> Element:
@@ -155,6 +156,7 @@ def parse_source(data: bytes, path: Path) -> Element:
     """
     if len(data) > MAX_BYTES:
         raise _refused(path, f"larger than {MAX_BYTES} bytes")
+    _check_utf8(data, path)
     builder = _Builder(data, path)
     try:
         builder.parser.Parse(data, True)
@@ -167,6 +169,18 @@ def parse_source(data: bytes, path: Path) -> Element:
     if builder.root is None:
         raise _refused(path, "no root element", Position(1, 1))
     return builder.root
+
+
+def _check_utf8(data: bytes, path: Path) -> None:
+    """Refuse what is no UTF-8: expat guesses UTF-16, where no position of ours would be right."""
+    try:
+        if "\0" not in data.decode():
+            return
+        place = data.index(b"\0")  # UTF-16, or no text at all
+    except UnicodeDecodeError as error:
+        place = error.start
+    line = data.count(b"\n", 0, place) + 1
+    raise _refused(path, "not well-formed XML: expected UTF-8 text", Position(line, 1))
 
 
 def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeError:

@@ -1,0 +1,63 @@
+"""JSON from outside: plain values of bounded depth and finite numbers, or one error."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any, Final, NoReturn
+
+from uav_bt.errors import InputError
+
+_MAX_DEPTH: Final = 64  # ours has less than ten; `repr` and our own walks meet Python's recursion
+
+
+def parse_json(text: bytes | str) -> Any:
+    """Return the value of a JSON text.
+
+    Args:
+        text: UTF-8 where it is bytes.
+
+    Raises:
+        InputError: it is no JSON, is nested too deeply, or has a number beyond a double's range.
+    """
+    try:
+        text = text.decode() if isinstance(text, bytes) else text
+        value = _DECODER.decode(text)
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise InputError(f"no JSON: {error.msg} at {where}") from error
+    except ValueError as error:  # no UTF-8, an integer of thousands of digits
+        raise InputError(f"no JSON: {error}") from error
+    except RecursionError as error:
+        raise InputError("no JSON that can be read: nested too deeply") from error
+    if text.count("[") + text.count("{") > _MAX_DEPTH and _deeper(value, _MAX_DEPTH):
+        raise InputError(f"no JSON that can be read: nested deeper than {_MAX_DEPTH}")
+    return value
+
+
+def _deeper(value: Any, most: int) -> bool:
+    """Return whether lists and objects stand in one another more often than that."""
+    level = [value]
+    for _ in range(most + 1):
+        below: list[Any] = []
+        for one in level:
+            if isinstance(one, dict):
+                below += one.values()
+            elif isinstance(one, list):
+                below += one
+        level = below
+    return bool(level)
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if math.isinf(value):
+        raise InputError(f"no JSON that can be read: {text:.40} is beyond a double's range")
+    return value
+
+
+def _refuse(name: str) -> NoReturn:
+    raise InputError(f"{name} is no JSON")
+
+
+_DECODER: Final = json.JSONDecoder(parse_float=_finite, parse_constant=_refuse)

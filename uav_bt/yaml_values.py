@@ -1,0 +1,118 @@
+"""What stands in a YAML file, as plain values with their lines; bounded, whatever aliases do."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import yaml
+
+Steps = tuple[str | int, ...]  # keys of mappings and indices of lists that lead to a value
+
+_MAX_SIZE: Final = 500_000  # characters and values; aliases of aliases make billions of a few lines
+_MAX_DEPTH: Final = 40
+_MAX_SHOWN: Final = 80  # characters of a value in a message
+_MAX_INTEGER: Final = 2**63
+_COLLECTIONS: Final = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+
+
+class BoundedLoader(yaml.SafeLoader):
+    """PyYAML's, which otherwise goes as deep as Python's recursion."""
+
+    _depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Compose a node, and refuse one that stands too deep."""
+        if self._depth > _MAX_DEPTH:
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            problem = f"nested deeper than {_MAX_DEPTH}"
+            raise yaml.composer.ComposerError(problem=problem, problem_mark=mark)
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
+class RefusedValueError(yaml.MarkedYAMLError):
+    """A value that no form has."""
+
+    def __init__(self, node: yaml.Node, steps: Steps, text: str) -> None:
+        super().__init__(problem=located(steps, text), problem_mark=node.start_mark)
+
+
+class Places:
+    """The line of each value of a file, and the value in words."""
+
+    def __init__(self) -> None:
+        self._left = _MAX_SIZE
+        self._construct = yaml.constructor.SafeConstructor()
+        self._found: dict[Steps, tuple[int, str]] = {(): (1, "nothing")}  # line, in words
+
+    def line(self, steps: Steps) -> int:
+        """Return the line of a value, or of the last step to it that exists."""
+        return self._found[self.known(steps)][0]
+
+    def shown(self, steps: Steps) -> str:
+        """Return a value in words."""
+        return self._found[self.known(steps)][1]
+
+    def known(self, steps: Steps) -> Steps:
+        """Return the steps that exist: no missing key, no name that pydantic gives a branch."""
+        known: Steps = ()
+        for step in steps:
+            known = (*known, step) if (*known, step) in self._found else known
+        return known
+
+    def plain(self, node: yaml.Node, steps: Steps, key: yaml.Node | None = None) -> Any:
+        """Return a node as numbers, texts, lists and mappings; nothing else is made of it."""
+        if len(steps) > _MAX_DEPTH:  # an alias of what it stands in
+            raise RefusedValueError(node, (), f"nested deeper than {_MAX_DEPTH}, aliases unfolded")
+        self._left -= 1 + len(steps) + (len(node.value) if isinstance(node, yaml.ScalarNode) else 0)
+        if self._left < 0:
+            raise RefusedValueError(
+                node, (), f"larger than {_MAX_SIZE} characters, aliases unfolded"
+            )
+        self._found[steps] = ((key or node).start_mark.line + 1, _shown(node))
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node, steps)
+        if node.tag not in _COLLECTIONS:
+            raise RefusedValueError(node, (), f"not valid YAML: the tag {node.tag} is not allowed")
+        if isinstance(node, yaml.SequenceNode):
+            return [self.plain(item, (*steps, index)) for index, item in enumerate(node.value)]
+        content: dict[str, Any] = {}
+        for name, item in node.value:
+            if not isinstance(name, yaml.ScalarNode):
+                raise RefusedValueError(name, steps, "expected a name before the colon")
+            if name.value in content:
+                raise RefusedValueError(name, steps, f"the key '{name.value:.80}' is given twice")
+            content[name.value] = self.plain(item, (*steps, name.value), name)
+        return content
+
+    def _scalar(self, node: yaml.ScalarNode, steps: Steps) -> bool | float | str | None:
+        try:
+            value = self._construct.construct_object(node)
+        except yaml.YAMLError:
+            raise
+        except Exception as error:  # the 45th of May; PyYAML lets out what Python makes of it
+            known = f"{error}, " if isinstance(error, ValueError) else "not valid YAML: "
+            raise RefusedValueError(node, steps, f"{known:.80}got {_shown(node)}") from error
+        if isinstance(value, int) and abs(value) >= _MAX_INTEGER:
+            raise RefusedValueError(
+                node, steps, f"expected a number below 2**63, got {_shown(node)}"
+            )
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        expected = "expected a number, a text, true or false"
+        raise RefusedValueError(node, steps, f"{expected}, got {_shown(node)}")
+
+
+def _shown(node: yaml.Node) -> str:
+    if isinstance(node, yaml.ScalarNode):
+        rest = "..." if len(node.value) > _MAX_SHOWN else ""
+        return f"'{node.value[:_MAX_SHOWN]}'{rest}" if node.value else "nothing"
+    return f"a list of {len(node.value)}" if isinstance(node, yaml.SequenceNode) else "a mapping"
+
+
+def located(steps: Steps, text: str) -> str:
+    """Return a message with the place that it is about."""
+    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step:.80}" for step in steps)[1:]
+    return text if not where or text.startswith(where) else f"{where}: {text}"
