@@ -23,6 +23,7 @@ from pathlib import Path
 from olympe_scripts import FaultError, run, served
 
 SCRIPTS = Path(__file__).parent / "olympe_clients"
+BEHIND_REMOTE = "skycontroller"  # the script that meets a remote control
 # Olympe's own, by the folder in which its releases keep them; those of other drones (the ANAFI Ai's
 # camera2 and logsync among them), of their media and with windows are left out.
 _BOTH = (
@@ -50,6 +51,8 @@ def examples_of(python: str) -> list[Path]:
 
 async def fly(python: str, script: Path, address: str, ports: list[str], rtsp: int | None) -> bool:
     """Run one script against a drone of its own; print a line about it."""
+    if script.stem == BEHIND_REMOTE:
+        ports = [*ports, "--skycontroller"]
     env = {} if rtsp is None else {"DRONE_RTSP_PORT": str(rtsp)}
     start, good, note = time.monotonic(), True, ""
     # A folder of its own: scripts write files, and must not import each other by accident.

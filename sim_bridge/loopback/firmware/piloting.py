@@ -81,6 +81,9 @@ class Flight(Part):
 
 
 EXPIRY_S: Final = 0.5  # s after which old stick positions count as centred; clients send at 20 Hz
+# Share of its speed that the air takes from it each second: a tilt makes an acceleration, which
+# drag ends at the speed above.
+_DRAG_PER_S: Final = 9.81 / SPEED_PER_TILT_MPS
 _SPEED: Final = "ardrone3.SpeedSettingsState"
 _TILT: Final = "ardrone3.PilotingSettingsState.MaxTiltChanged"
 
@@ -144,6 +147,8 @@ class Piloting(Part):
         self._sticks = Sticks()
         self._received_s = -math.inf
         self._steering = False
+        self._speed_mps = (0.0, 0.0)  # that the sticks have made so far: forward, right
+        self._steered_s = 0.0
 
     def release(self) -> None:
         """Let something else move the drone."""
@@ -176,6 +181,9 @@ class Piloting(Part):
             if self._steering:
                 self._hover()
         elif self._steering or self._claim():
+            if not self._steering:
+                self._speed_mps = (state.velocity.forward_mps, state.velocity.right_mps)
+                self._steered_s = state.time_s
             self._steering, self._sticks = True, sticks
             self._steer(state)
 
@@ -187,7 +195,13 @@ class Piloting(Part):
         order = velocity_of(self._sticks, self._core.settings, self._core.world.limits)
         if state.altitude_m >= self._core.ceiling_m and order.down_mps < 0.0:
             order = replace(order, down_mps=0.0)
-        self._core.world.move(order)
+        gained = 1.0 - math.exp(-_DRAG_PER_S * (state.time_s - self._steered_s))
+        self._steered_s = state.time_s
+        forward_mps, right_mps = self._speed_mps
+        forward_mps += gained * (order.forward_mps - forward_mps)
+        right_mps += gained * (order.right_mps - right_mps)
+        self._speed_mps = (forward_mps, right_mps)
+        self._core.world.move(replace(order, forward_mps=forward_mps, right_mps=right_mps))
 
 
 def _percent(value: int) -> int:

@@ -84,16 +84,34 @@ def test_without_the_flag_roll_and_pitch_do_not_count(bench: Bench) -> None:
     assert order.yaw_rate_radps > 0.0
 
 
+def held(bench: Bench, duration_s: float, **sticks: int) -> Velocity:
+    """Hold the sticks for a while and return what the body is asked for then."""
+    for _ in range(round(duration_s / 0.2)):
+        pcmd(bench, **sticks)
+        bench.run(0.2)
+    order = bench.world.orders[-1]
+    assert isinstance(order, Velocity)
+    return order
+
+
+def test_a_tilt_accelerates_until_drag_ends_it(bench: Bench) -> None:
+    bench.fly()
+    bench.send("ardrone3.PilotingSettings.MaxTilt", current=5.0)
+    after_a_second = held(bench, 1.0, pitch=100).forward_mps
+    steady = held(bench, 20.0, pitch=100).forward_mps
+    # At first there is no drag: g tan(5 degrees) makes 0.86 m/s in a second.
+    assert 0.55 < after_a_second < 0.86
+    assert steady == pytest.approx(1.56, abs=0.01)
+
+
 def test_sticks_are_shares_of_what_is_set(bench: Bench) -> None:
     bench.fly()
     bench.send("ardrone3.PilotingSettings.MaxTilt", current=5.0)
     bench.send("ardrone3.SpeedSettings.MaxVerticalSpeed", current=0.4)
     bench.send("ardrone3.SpeedSettings.MaxRotationSpeed", current=30.0)
-    pcmd(bench, pitch=100, gaz=50, yaw=-100)
-    order = bench.world.orders[-1]
-    assert isinstance(order, Velocity)
+    order = held(bench, 20.0, pitch=100, gaz=50, yaw=-100)
     tilt = math.tan(math.radians(5.0)) / math.tan(math.radians(40.0))
-    assert order.forward_mps == pytest.approx(15.0 * tilt)
+    assert order.forward_mps == pytest.approx(15.0 * tilt, abs=1e-3)
     assert order.down_mps == pytest.approx(-0.2)
     assert order.yaw_rate_radps == pytest.approx(-math.radians(30.0))
 
@@ -101,10 +119,8 @@ def test_sticks_are_shares_of_what_is_set(bench: Bench) -> None:
 def test_sticks_keep_within_what_the_body_can_do(bench: Bench) -> None:
     bench.fly()
     bench.send("ardrone3.PilotingSettings.MaxTilt", current=40.0)
-    pcmd(bench, pitch=100, roll=-100)
-    order = bench.world.orders[-1]
-    assert isinstance(order, Velocity)
-    assert math.hypot(order.forward_mps, order.right_mps) == pytest.approx(2.0)
+    order = held(bench, 20.0, pitch=100, roll=-100)
+    assert math.hypot(order.forward_mps, order.right_mps) == pytest.approx(2.0, abs=1e-3)
     assert order.right_mps == pytest.approx(-order.forward_mps)
 
 

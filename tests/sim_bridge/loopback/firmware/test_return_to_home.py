@@ -38,7 +38,7 @@ def test_a_client_that_leaves_in_flight_leaves_a_hovering_drone_that_comes_home(
     bench: Bench,
 ) -> None:
     bench.send("rth.set_delay", delay=10)
-    for _ in range(100):
+    for _ in range(200):
         pcmd(bench, pitch=50)
         bench.run(0.02)
     away = bench.world.state().north_m
