@@ -27,7 +27,7 @@ for command in (
     rth.set_ending_behavior(ending_behavior="hovering"),
 ):
     assert drone(command).wait(_timeout=5).success(), command
-assert not drone(MaxTilt(1, _timeout=2)).wait().success()
+assert not drone(MaxTilt(0.5, _timeout=2)).wait().success()
 assert drone.get_state(MaxTiltChanged)["current"] == drone.get_state(MaxTiltChanged)["min"]
 assert drone.get_state(BatteryStateChanged)["percent"] > 0
 assert drone.get_state(ProductNameChanged)["name"]

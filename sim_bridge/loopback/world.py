@@ -15,6 +15,8 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import Attitude, BodyVelocity, FlyingState, Movement, MovementStatus
 
 SATELLITES: Final = 14  # of its position fix, as clients are shown
+LINK_QUALITY: Final = 5  # of 5: a loopback loses nothing
+RSSI_DBM: Final = -35
 UNKNOWN: Final = 500.0  # ARSDK's value for a latitude, longitude or altitude without a fix
 _EQUATOR_M: Final = 6_378_137.0  # WGS84's semi-major axis
 _ECCENTRICITY_2: Final = 0.00669437999014  # WGS84's first eccentricity, squared

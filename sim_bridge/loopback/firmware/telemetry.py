@@ -11,7 +11,15 @@ from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.piloting import AIRBORNE, Flight
 from sim_bridge.loopback.firmware.publisher import Publisher
 from sim_bridge.loopback.handshake import Identity
-from sim_bridge.loopback.world import GROUND_M, SATELLITES, UNKNOWN, WorldState, location
+from sim_bridge.loopback.world import (
+    GROUND_M,
+    LINK_QUALITY,
+    RSSI_DBM,
+    SATELLITES,
+    UNKNOWN,
+    WorldState,
+    location,
+)
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import FlyingState, rotate
 
@@ -35,8 +43,8 @@ def publish_identity(publisher: Publisher, identity: Identity, *, gps: bool) -> 
     publish("common.SettingsState.ProductSerialLowChanged", low=identity.serial[half:])
     publish("common.SettingsState.BoardIdChanged", id="loopback")
     publish("common.CommonState.BootId", bootId="loopback")
-    publish("common.CommonState.LinkSignalQuality", value=5)
-    publish("common.CommonState.WifiSignalChanged", rssi=-35)
+    publish("common.CommonState.LinkSignalQuality", value=LINK_QUALITY)
+    publish("common.CommonState.WifiSignalChanged", rssi=RSSI_DBM)
     for sensor in _SENSORS:
         publish("common.CommonState.SensorsStatesListChanged", sensorName=sensor, sensorState=1)
     publish("common.RunState.RunIdChanged", runId="loopback")

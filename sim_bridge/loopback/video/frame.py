@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.loopback.video import protobuf
-from sim_bridge.loopback.world import SATELLITES, Location
+from sim_bridge.loopback.world import LINK_QUALITY, RSSI_DBM, SATELLITES, Location
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types import Attitude, FlyingState
 
@@ -78,6 +78,7 @@ MAX_METADATA_BYTES: Final = 300  # what Parrot's sender puts on one packet
 _UTC_ACCURACY_US: Final = 1_000  # 0 would mean that the time is not valid
 _MANUAL_PILOTING: Final = 1
 _VISIBLE_SPECTRUM: Final = 1
+_GOODPUT_KBITPS: Final = 20_000
 _FLYING: Final = {
     FlyingState.LANDED: 0,
     FlyingState.TAKING_OFF: 1,
@@ -90,7 +91,8 @@ _FLYING: Final = {
 
 def timed_metadata(frame: VideoFrame) -> bytes:
     """Return the frame's telemetry as an encoded `vmeta.TimedMetadata`."""
-    return protobuf.message(1, _drone(frame)) + protobuf.message(2, _camera(frame))
+    parts = (_drone(frame), _camera(frame), protobuf.message(1, _wifi()))
+    return b"".join(protobuf.message(number, part) for number, part in enumerate(parts, 1))
 
 
 def extension(metadata: bytes) -> bytes:
@@ -160,6 +162,17 @@ def _camera(frame: VideoFrame) -> bytes:
             protobuf.message(15, _rotation(frame.camera)),
             protobuf.float32(16, 1.0),
             protobuf.unsigned(17, _VISIBLE_SPECTRUM),
+        )
+    )
+
+
+def _wifi() -> bytes:
+    """Return a good link, which a loopback is: goodput in kbit/s, quality from 1 to 5, dBm."""
+    return b"".join(
+        (
+            protobuf.unsigned(1, _GOODPUT_KBITPS),
+            protobuf.unsigned(2, LINK_QUALITY),
+            protobuf.signed(3, RSSI_DBM),
         )
     )
 

@@ -71,7 +71,9 @@ angles = st.floats(-math.pi, math.pi)
 
 
 def test_the_message_has_the_bytes_that_parrots_library_packs() -> None:
-    assert timed_metadata(FRAME) == PACKED_BY_PARROT
+    # Its third field is the link: 20,000 kbit/s, quality 5, -35 dBm.
+    wifi = b"\x1a\x0a\x0a\x08\x08\xa0\x9c\x01\x10\x05\x18\x45"
+    assert timed_metadata(FRAME) == PACKED_BY_PARROT + wifi
 
 
 def test_a_frame_that_knows_little_says_little() -> None:
