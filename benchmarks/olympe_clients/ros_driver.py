@@ -31,7 +31,7 @@ READ_AT_START = (
     *(AltitudeChanged, AttitudeChanged, FlyingStateChanged, GpsLocationChanged, SpeedChanged),
     *(BatteryStateChanged, LinkSignalQuality, ProductVersionChanged, HoveringWarning),
     *(GPSFixStateChanged, NumberOfSatelliteChanged, MotorErrorStateChanged),
-    *(MagnetoCalibrationRequiredState, rth.state, rth.home_location, rth.auto_trigger_mode),
+    *(MagnetoCalibrationRequiredState, rth.state, rth.home_reachability, rth.auto_trigger_mode),
     *(battery.health, gimbal.attitude, gimbal.max_speed, camera.zoom_level, camera.camera_mode),
 )
 
