@@ -64,4 +64,5 @@ class Logbook:
 if __name__ == "__main__":
     drone = Logbook(ScriptedDrone())  # a drone in numbers only, for tests
     report = app.fly(MISSION, app.FlightOptions(drone=drone))
+    # The last movement is Land's own: the camera, held above the spot, sits ahead of the body.
     print(report.outcome, *drone.movements, sep="\n")

@@ -19,11 +19,13 @@ ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 FLOOR_ONE = {
     f"uav_bt.{name}"
     for name in (
+        "brief",
         "types",
         "classes",
         "clock",
         "errors",
         "files",
+        "inputs",
         "json_text",
         "plugins",
         "progress",

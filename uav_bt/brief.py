@@ -1,10 +1,12 @@
-"""Short texts of configurations: only what differs from the defaults."""
+"""Short texts of objects, for consoles and notebooks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from typing import Any
+
+import numpy as np
 
 
 def brief_repr(value: Any) -> str:
@@ -22,3 +24,19 @@ def _given(value: Any) -> Iterator[str]:
         here = getattr(value, each.name)
         if default is MISSING or here != default:
             yield f"{each.name}={here!r}"
+
+
+def shapes_repr(value: Any) -> str:
+    """Return a dataclass object's fields, arrays by their shape and type only.
+
+    Args:
+        value: the object; `__repr__ = shapes_repr` in the body of its class.
+    """
+    shown = (f"{each.name}={_shape(getattr(value, each.name))}" for each in fields(value))
+    return f"{type(value).__qualname__}({', '.join(shown)})"
+
+
+def _shape(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"<{'x'.join(map(str, value.shape))} {value.dtype}>"
+    return repr(value)

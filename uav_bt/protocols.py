@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.errors import ValueRangeError
 from uav_bt.types import (
     CameraModel,
     ClassMap,
@@ -154,31 +156,63 @@ class DepthEstimator(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyView:
-    """The input of a leaf policy."""
+    """The input of a leaf policy.
+
+    Attributes:
+        class_map: of the newest frame.
+        camera: at the class map's size.
+        gimbal_pitch_rad: when the frame was captured; 0 level, negative down.
+        height_above_carpet_m: when the frame was captured.
+        obstacles: remembered, also those out of view; None without `RememberObstacles`.
+        corridor: how far the path is free; None without depth in the tree.
+        recent: the pixels of the last seconds; None without `RememberViews`.
+        turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.
+        full_turns: full turns in a row that found no free path: less clearance may do.
+        tie_break: a uniform draw from [0, 1), so that policies stay pure.
+    """
 
     class_map: ClassMap
-    camera: CameraModel  # at the class map's size
-    gimbal_pitch_rad: float  # when the frame was captured
-    height_above_carpet_m: float  # when the frame was captured
-    obstacles: ObstaclePoints | None = None  # remembered, also those out of view
+    camera: CameraModel
+    gimbal_pitch_rad: float
+    height_above_carpet_m: float
+    obstacles: ObstaclePoints | None = None
     corridor: Corridor | None = None
-    recent: RecentViews | None = None  # the pixels, and those of the last seconds
-    turning: int = 0  # a turn under way: +1 clockwise, -1 counter-clockwise, 0 none
-    full_turns: int = 0  # full turns in a row that found no free path: less clearance may do
-    tie_break: float = 0.5  # a uniform draw from [0, 1), so that policies stay pure
+    recent: RecentViews | None = None
+    turning: int = 0
+    full_turns: int = 0
+    tie_break: float = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """What a policy wants next: an advance, or a turn away from what blocks the path."""
+    """What a policy wants next: an advance, or a turn away from what blocks the path.
+
+    Attributes:
+        forward_m: the advance; 0 means that the path is blocked, and the turn counts.
+        yaw_rad: the turn, clockwise positive, at most one full turn.
+        carpet_ends: the flight area ends ahead.
+        reason: one or two words, for the status line and the records.
+        free_m: how far the path ahead is free of obstacles, wherever the carpet ends, up to the
+            policy's longest step; None where the policy does not give it.
+
+    Raises:
+        ValueRangeError: a number is not finite, or the turn is more than a full one.
+    """
 
     forward_m: float = 0.0
-    yaw_rad: float = 0.0  # clockwise positive
-    carpet_ends: bool = False  # the flight area ends ahead
-    reason: str = ""  # one or two words, for the status line and the records
-    # How far the path ahead is free of obstacles, wherever the carpet ends, up to the policy's
-    # longest step; None where the policy does not give it.
+    yaw_rad: float = 0.0
+    carpet_ends: bool = False
+    reason: str = ""
     free_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.forward_m):
+            raise ValueRangeError(f"forward_m must be finite, got {self.forward_m}")
+        if not abs(self.yaw_rad) <= 2.0 * math.pi:
+            raise ValueRangeError(
+                f"yaw_rad must be a turn in radians, from -2 pi to 2 pi, got {self.yaw_rad:g}: "
+                "for degrees write math.radians(...)"
+            )
 
     @property
     def blocked(self) -> bool:

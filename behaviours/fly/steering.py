@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from behaviours.fly.movement import MovingLeaf
-from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
+from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from uav_bt.board import FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
@@ -250,8 +250,9 @@ class SteeringLeaf(MovingLeaf):
         if view is None:
             self.feedback_message = "waiting for a view"
             return None
-        decision = self._policy.decide(
-            policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random()))
+        decision = ask(
+            self._policy,
+            policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random())),
         )
         self.feedback_message = decision.reason
         return decision

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from behaviours.policies.view import VIEW_KEYS, current_view, policy_view
+from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from uav_bt.board import ADVICE, HELD_TURN, RECENT_VIEWS
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import Advice, Decision, LeafPolicy
@@ -45,7 +45,8 @@ class Advise(Leaf):
         held, tie_break = self.read(HELD_TURN).value or HeldTurn(), float(self._rng.random())
 
         def asked(turn: HeldTurn) -> Decision:
-            return self._policy.decide(policy_view(self, *view, held=turn, tie_break=tie_break))
+            shown = policy_view(self, *view, held=turn, tie_break=tie_break)
+            return ask(self._policy, shown)
 
         decision = asked(held)
         advice = Advice(

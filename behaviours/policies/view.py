@@ -14,7 +14,8 @@ from uav_bt.board import (
     RECENT_VIEWS,
 )
 from uav_bt.board.blackboard import Key
-from uav_bt.protocols import PolicyView
+from uav_bt.errors import MissionError
+from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
 from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
 
@@ -36,6 +37,19 @@ def current_view(leaf: Leaf) -> tuple[Frame, ClassMap, CameraModel] | None:
         return None
     # Pitch and height belong to the frame that the class map was made from.
     return (frame, class_map, camera) if class_map.captured_s == frame.captured_s else None
+
+
+def ask(policy: LeafPolicy, view: PolicyView) -> Decision:
+    """Return a policy's decision on a view.
+
+    Raises:
+        MissionError: it returned something else.
+    """
+    decision: object = policy.decide(view)
+    if not isinstance(decision, Decision):
+        name = type(policy).__qualname__
+        raise MissionError(f"decide() of {name} must return a Decision, got {decision!r:.80}")
+    return decision
 
 
 def policy_view(

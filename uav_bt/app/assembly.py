@@ -14,7 +14,7 @@ import numpy as np
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.loading import Mission, check_ceiling, load_mission
-from uav_bt.app.options import FlightOptions, is_drone_config, limits_of, site_of
+from uav_bt.app.options import FlightOptions, given_options, is_drone_config, limits_of, site_of
 from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.site import Site
 from uav_bt.board import MISSION_KEYS
@@ -82,6 +82,10 @@ class Flight(Generic[DroneT]):
         self._segmenter = segmenter
         self._make_runner = make_runner
         self._clock = TickClock(drone.clock)
+
+    def __repr__(self) -> str:
+        flown = "" if self.scene_name is None else f" in {self.scene_name}"
+        return f"<Flight of {self.mission!r} with {self.options.drone_name}{flown}>"
 
     @cached_property
     def context(self) -> MissionContext:
@@ -165,7 +169,7 @@ def assemble(
     Raises:
         InputError: tree, policy, scene, site or drone cannot be used.
     """
-    options = options or FlightOptions()
+    options = given_options(options)
     mission = load_mission(tree, options, registry)
     check_ceiling(mission, limits_of(options))
     return Flight(mission, make_drone(options), options)

@@ -12,10 +12,11 @@ from typing import Final
 from uav_bt.app.assembly import Flight, assemble
 from uav_bt.app.interrupts import landing_on_signals
 from uav_bt.app.loading import Mission, load_mission
-from uav_bt.app.options import FlightOptions, as_file, site_of
+from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
 from uav_bt.app.site import Site
-from uav_bt.errors import FileError, UavBtError
+from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import check_output
+from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
@@ -23,6 +24,7 @@ from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
+from uav_bt.tree.shipped import shipped_trees
 
 Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
 """Makes what follows a flight tick by tick, once its drone is connected and its tree set up."""
@@ -30,6 +32,8 @@ Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
 STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
 )
+
+_FILES_OF_OPTIONS: Final = ("scene", "camera", "site", "drone", "policies")  # that are read
 
 
 def check(tree: Mission, registry: NodeRegistry | None = None) -> MissionTree:
@@ -79,11 +83,10 @@ def fly(
             the drone raises. A listener or a file that fails ends no flight: it stands in the
             report's `lost_outputs`.
     """
-    options = options or FlightOptions()
+    options = given_options(options)
+    _check_listeners(listeners)
     report, record_file = as_file("report", report), as_file("record", options.record)
-    for file in (report, record_file):
-        if file is not None:
-            check_output(file)
+    _check_outputs(tree, options, report)
     flight = assemble(tree, options, registry=registry)
     with ExitStack() as stack:
         record = None
@@ -101,6 +104,39 @@ def fly(
         if report is not None:
             keep["report"] = partial(write_report, path=report)
         return _run(flight, [*recorded, *listeners], keep, controls or (lambda _: nullcontext()))
+
+
+def _check_outputs(tree: Mission, options: FlightOptions, report: Path | None) -> None:
+    """Refuse outputs that cannot be written, or must not be."""
+    record = as_file("record", options.record)
+    if report is not None and record is not None and same_file(report, record):
+        raise FileError(report, "is named for the report and for the record; choose another name")
+    read = tuple(tree.sources) if isinstance(tree, MissionTree) else tree
+    inputs = (read, *(getattr(options, name) for name in _FILES_OF_OPTIONS))
+    for file in (report, record):
+        if file is not None:
+            check_output(file)
+            refuse_inputs(file, inputs, shipped_trees())
+
+
+def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:
+    made: object = make(flight)
+    if not isinstance(made, Sequence):
+        raise InputError(
+            f"listeners: expected functions that return a list, such as lambda flight: [notes]; "
+            f"{make!r:.80} returned {made!r:.80}"
+        )
+    return made
+
+
+def _check_listeners(listeners: object) -> None:
+    given = listeners if isinstance(listeners, Sequence) else [listeners]
+    for make in given:
+        if given is not listeners or not callable(make):
+            raise InputError(
+                "listeners: expected a list of functions that take the flight and return what "
+                f"follows it, such as [lambda flight: [notes]]; got {make!r:.80}"
+            )
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
@@ -127,7 +163,7 @@ def _run(
         controls: what a person has at hand.
     """
     log = FlightLog()
-    runner = flight.runner([log, *(one for make in listeners for one in make(flight))])
+    runner = flight.runner([log, *(one for make in listeners for one in _made(make, flight))])
 
     def finish(verdict: Verdict) -> FlightReport:
         options = flight.options

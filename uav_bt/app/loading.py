@@ -59,6 +59,11 @@ def load_mission(
             )
         tree.replace(overrides, by_id=by_id)
         return tree
+    if registry is not None and not isinstance(registry, NodeRegistry):
+        raise InputError(
+            "registry: expected a NodeRegistry, such as "
+            f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
+        )
     registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
     if is_text(tree):
         return parse_tree(tree, registry, overrides=overrides, by_id=by_id)

@@ -76,6 +76,8 @@ class FlightOptions:
     def __post_init__(self) -> None:
         for name in ("camera", "record"):
             self._set(name, as_file(name, getattr(self, name)))
+        if isinstance(self.record, Path) and self.record.suffix.lower() != ".mcap":
+            _refuse("record", "a file whose name ends in .mcap", str(self.record))
         scene = as_file("scene", self.scene)
         self._set("scene", None if scene is None else str(self.scene))
         if not isinstance(self.site, Site):
@@ -139,6 +141,18 @@ class FlightOptions:
 
 _OF_NAMED_DRONES: Final = frozenset({"scene", "profile", "image_size_px", "realtime"})
 _ABSENT: Final = object()
+
+
+def given_options(options: FlightOptions | None) -> FlightOptions:
+    """Return options, by default all as they are without any.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if options is None:
+        return FlightOptions()
+    _expect("options", options, FlightOptions, "FlightOptions(...)")
+    return options
 
 
 def class_name(value: object) -> str:

@@ -48,6 +48,8 @@ class Site:
         video_latency_s: least time from exposure to arrival of a frame, seconds.
         http_port: of the drone's web interface; None: the drone's usual one.
         rtsp_port: of the drone's video; None: the drone's usual one.
+        return_home: whether the drone returns by itself during a flight; None: as it is set.
+        file: the site file that it was read from; None: none.
     """
 
     flight_height_m: float | None = None
@@ -61,7 +63,8 @@ class Site:
     video_latency_s: float = 0.15
     http_port: int | None = None
     rtsp_port: int | None = None
-    return_home: bool | None = None  # the drone's automatic one; None leaves it as it is set
+    return_home: bool | None = None
+    file: Path | None = field(default=None, compare=False)
 
     __repr__ = brief_repr
 
@@ -98,6 +101,7 @@ def load_site(path: str | Path) -> Site:
             http_port=ports.get("http"),
             rtsp_port=ports.get("rtsp"),
             return_home=found.return_home,
+            file=Path(path),
         )
     except ValueRangeError as error:
         raise file.error(str(error), "limits") from error

@@ -20,14 +20,23 @@ T_co = TypeVar("T_co", covariant=True)
 
 @dataclass(frozen=True)
 class Key(Generic[T]):
-    """A typed entry of the board."""
+    """A typed entry of the board.
+
+    Attributes:
+        name: `{@name}` in a tree file, `@name` in a script.
+        type: of its values.
+        doc: one line, for people.
+        unit: of plain numbers; typed values carry theirs in their field names.
+        writer: who writes it, for people.
+        max_age_s: a value older than this reads as none.
+    """
 
     name: str
     type: type[T]
     doc: str
-    unit: str = ""  # of plain numbers; typed values carry theirs in their field names
-    writer: str = ""  # who writes it, for people
-    max_age_s: float = math.inf  # older than this reads as "no fix"
+    unit: str = ""
+    writer: str = ""
+    max_age_s: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,14 +10,10 @@ import click
 from uav_bt.cli.interrupts import let_work_clean_up
 from uav_bt.errors import FileError
 from uav_bt.files import check_output, check_output_folder
+from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.tree.shipped import shipped_trees
 
 _READ_WHILE_PARSING: Final = "uav_bt.cli.read_while_parsing"
-_NAMING: Final = {".xml", ".yaml", ".yml"}  # files that name further ones
-# What a file may name: quoted in XML, after a colon or a dash in YAML.
-_NAMED: Final = re.compile(r"""["']([^"'\n]+)["']|[:\-][ \t]+([^"'\n#]+)""")
-# What commands read when they are given a folder.
-_IN_FOLDERS: Final = {".mcap", ".jsonl", ".xml", ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp"}
 
 
 class OutputFile(click.Path):
@@ -76,21 +68,14 @@ def _check_outputs(ctx: click.Context) -> None:
                 continue
             else:
                 continue
+            refuse_inputs(path, _inputs(ctx), shipped_trees())
         except FileError as error:
             raise click.BadParameter(str(error), ctx, param) from error
         name = param.opts[0]
         for other, taken in written.items():
-            if _same(path, taken):
+            if same_file(path, taken):
                 raise click.UsageError(f"{other} and {name} name the same file", ctx)
         written[name] = path
-        for source in _inputs(ctx) if path.exists() else ():
-            if _same(path, source):
-                raise click.BadParameter(
-                    f"'{path}' is an input of this command and would be overwritten; "
-                    "choose another name",
-                    ctx,
-                    param,
-                )
 
 
 def _check_file(ctx: click.Context, param: click.Parameter, path: Path, suffix: str) -> None:
@@ -100,57 +85,11 @@ def _check_file(ctx: click.Context, param: click.Parameter, path: Path, suffix: 
     check_output(path, new_folders=not given)
 
 
-def _same(one: Path, other: Path) -> bool:
-    if one.exists() and other.exists():
-        return one.samefile(other)
-    return one.resolve() == other.resolve()
-
-
-def _inputs(ctx: click.Context) -> Iterator[Path]:
-    """Yield every file that the command may read: those given, and those that these name."""
-    found: dict[Path, None] = {}
-    texts = [
-        text
+def _inputs(ctx: click.Context) -> list[object]:
+    """Return everything that the command was given and does not write."""
+    given = [
+        ctx.params.get(str(param.name))
         for param in ctx.command.params
         if not isinstance(param.type, (OutputFile, OutputFolder))
-        for text in _texts(ctx.params.get(str(param.name)))
     ]
-    for text in (*texts, *map(str, ctx.meta.get(_READ_WHILE_PARSING, ()))):
-        _add(_files(text, Path()), found)
-        _add(_files(f"{Path(text).stem}.xml", shipped_trees()), found)
-    yield from found
-
-
-def _texts(value: object) -> Iterator[str]:
-    """Yield a parameter's value, or the values in it."""
-    if isinstance(value, (str, Path)):
-        yield str(value)
-    elif isinstance(value, Mapping):
-        yield from (text for each in value.values() for text in _texts(each))
-    elif isinstance(value, (tuple, list)):
-        yield from (text for each in value for text in _texts(each))
-
-
-def _add(paths: Iterable[Path], found: dict[Path, None]) -> None:
-    for path in paths:
-        if path in found:
-            continue
-        found[path] = None
-        if path.suffix.lower() in _NAMING and os.access(path, os.R_OK):
-            text = path.read_bytes().decode("utf-8", "replace")
-            for match in _NAMED.finditer(text):
-                name = match[1] or match[2]
-                _add(_files(name.strip(), path.parent), found)
-                _add(_files(name.strip(), Path()), found)
-
-
-def _files(text: str, folder: Path) -> Iterator[Path]:
-    """Yield the files that a text may mean: FILE, NAME:FILE, several with commas, a folder's."""
-    for part in {text, text.partition(":")[2], *text.split(",")}:
-        path = folder / part
-        with suppress(OSError):  # no name that a file can have
-            if part and path.is_file():
-                yield path.resolve()
-            elif part == text and folder == Path() and path.is_dir():
-                inside = path.rglob("*")
-                yield from (file for file in inside if file.suffix.lower() in _IN_FOLDERS)
+    return [*given, *ctx.meta.get(_READ_WHILE_PARSING, ())]

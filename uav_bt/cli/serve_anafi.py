@@ -72,7 +72,7 @@ def _port(name: str, what: str) -> click.Option:
 @click.option(
     "--skycontroller",
     is_flag=True,
-    help="Be a SkyController 3 that has the drone: olympe.SkyController3(ADDRESS).",
+    help="Serve a SkyController 3 with the drone behind it: olympe.SkyController3(ADDRESS).",
 )
 @click.option(
     "--media-name",

@@ -7,7 +7,7 @@ from dataclasses import replace
 from uav_bt.board import CAMERA, FRAME, HEIGHT, MISSION_KEYS, STATE
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
-from uav_bt.errors import MissionError, ValueRangeError
+from uav_bt.errors import InputError, MissionError, ValueRangeError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import LeafPolicy, Segmenter
 from uav_bt.testing.board import BenchBoard, StrictBlackboard
@@ -197,6 +197,9 @@ class LeafBench(BenchWorld):
     """
 
     def __init__(self, leaf: type[Leaf], /, **attributes: object) -> None:
+        if isinstance(leaf, Leaf):
+            name = type(leaf).__name__
+            raise InputError(f"expected a leaf's class, got an object of it: LeafBench({name})")
         self.leaf = leaf(None, **attributes)
         super().__init__(MissionTree(self.leaf, name="Bench"))
 

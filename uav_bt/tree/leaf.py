@@ -9,6 +9,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import MissionError
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
+from uav_bt.tree.port import check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.types import GimbalTo, Movement
 
@@ -36,6 +37,8 @@ class Leaf(Node):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        for name in ("reads", "writes"):
+            check_declared(cls, name, Key)
         cls.kind = NodeKind.CONDITION if cls.condition else NodeKind.ACTION
 
     def __init__(self, name: str | None = None, /, **given: object) -> None:

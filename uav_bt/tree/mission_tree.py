@@ -78,6 +78,12 @@ class MissionTree:
         self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
         self.variables = Variables()
         self._ready = False
+        counts = Counter(self.nodes())
+        if (twice := next((node for node in counts if counts[node] > 1), None)) is not None:
+            raise InputError(
+                f"node '{twice.name}' stands in tree '{name}' {counts[twice]} times: make an "
+                "object for each of its places"
+            )
         self._place(root, f"{name}/{root.name}", self.variables)
         for hook in self.made_hooks:
             hook(self)

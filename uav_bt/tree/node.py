@@ -20,6 +20,7 @@ from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
 from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
+from uav_bt.tree.port import Port, check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.surroundings import Surroundings
 
@@ -86,6 +87,7 @@ class Node(Surroundings, Behaviour):
         super().__init_subclass__(**kwargs)
         if "node_id" not in cls.__dict__:
             cls.node_id = cls.__name__
+        check_declared(cls, "ports", Port)
         names = [port.name for port in cls.ports]
         if len(set(names)) != len(names):
             raise TypeError(f"{cls.__qualname__} declares a port twice: {', '.join(names)}")
@@ -99,10 +101,10 @@ class Node(Surroundings, Behaviour):
         self.children = list(children)
         for child in self.children:
             if not isinstance(child, Node):
-                raise TypeError(
-                    f"a child of '{self.name}' must be a uav_bt.tree node, got "
-                    f"{type(child).__name__}: make a leaf class of it with uav_bt.tree.leaf_of"
-                )
+                got = f"{type(child).__name__}: make a leaf class of it with uav_bt.tree.leaf_of"
+                if isinstance(child, type):
+                    got = f"the class {child.__name__}: write {child.__name__}(...)"
+                raise TypeError(f"a child of '{self.name}' must be a uav_bt.tree node, got {got}")
             child.parent = self
         scripts = {key: str(given[key]) for key in given if key in CONDITION_ATTRIBUTES}
         wrong = {

@@ -82,21 +82,33 @@ class _Required:
 
 @dataclass(frozen=True)
 class Port(Generic[T]):
-    """A typed attribute of a node."""
+    """A typed attribute of a node.
+
+    Attributes:
+        name: of the attribute in a tree file, and of the keyword argument in Python.
+        type: of the value. int, float, bool and str are written as literals; a port of any other
+            type takes references only.
+        default: a value, a reference such as "{@helipad}" (in braces), or `Port.REQUIRED`.
+        doc: one line, with the unit.
+        direction: whether the node reads the value, writes it, or both.
+        choices: all values there are; empty: any of the type.
+        check: returns normally or raises ValueError (or an InputError) saying what was expected.
+        look_up: likewise, where what the value names (a file, a network) is not there. `uav-bt
+            check` asks; dry runs and benches, which load nothing, do not.
+
+    Raises:
+        ValueError: the name cannot be an attribute's.
+    """
 
     REQUIRED: ClassVar[Any] = _Required()
 
     name: str
     type: type[T]
-    # A value, a reference such as "{@helipad}" (in braces), or REQUIRED.
     default: T | str = REQUIRED
-    doc: str = ""  # one line, with the unit
+    doc: str = ""
     direction: Literal["input", "output", "inout"] = "input"
-    choices: tuple[T, ...] = ()  # all values there are; empty: any of the type
-    # Returns normally or raises ValueError (or an InputError) saying what was expected.
+    choices: tuple[T, ...] = ()
     check: Callable[[T], object] | None = None
-    # Likewise, where what the value names (a file, a network) is not there. `uav-bt check` asks;
-    # dry runs and benches, which load nothing, do not.
     look_up: Callable[[T], object] | None = None
 
     def __post_init__(self) -> None:
@@ -228,3 +240,22 @@ def bind_ports(
         except ValueError as error:
             wrong[name] = f"attribute '{name}': {error}"
     return bound, wrong
+
+
+def check_declared(owner: type, name: str, kind: type) -> None:
+    """Refuse a class attribute that is no tuple (or list) of objects of a kind.
+
+    Args:
+        owner: the node class.
+        name: the attribute.
+        kind: of its elements.
+
+    Raises:
+        TypeError: it is something else, such as `(HEIGHT)` without the comma.
+    """
+    declared = getattr(owner, name)
+    if not isinstance(declared, (tuple, list)) or not all(isinstance(e, kind) for e in declared):
+        raise TypeError(
+            f"{owner.__qualname__}.{name} must be a tuple of {kind.__name__} objects, such as "
+            f"`{name} = (FIRST, SECOND)` or `{name} = (ONLY,)`; got {declared!r:.80}"
+        )

@@ -40,6 +40,9 @@ class NodeRegistry:
         for node in (*BUILTIN_NODES, *nodes):
             self._add(node)
 
+    def __repr__(self) -> str:
+        return f"<NodeRegistry: {len(self._nodes)} nodes>"
+
     @classmethod
     def installed(cls) -> NodeRegistry:
         """Return a registry with the nodes and policies of all installed packages.

@@ -50,6 +50,11 @@ class Surroundings:
         self._environment: Environment | None = None
         self.path = self.name
 
+    def __repr__(self) -> str:
+        given = {**self._literals, **self._given}
+        values = "".join(f", {name}={given[name]}" for name in given)
+        return f"<{type(self).__name__} '{self.path}'{values}>"
+
     @property
     def mission(self) -> MissionContext:
         """The mission that the tree was set up for.

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError, ValueRangeError
 from uav_bt.types.telemetry import Attitude
 
@@ -66,6 +67,8 @@ class Frame:
     height_m: float = 0.0  # above the surface below
     height_above_carpet_m: float = 0.0
 
+    __repr__ = shapes_repr
+
     def __post_init__(self) -> None:
         check_shape("frame image", self.image, 3, 3)
 
@@ -76,6 +79,8 @@ class ClassMap:
 
     ids: NDArray[np.uint8]  # (H, W)
     captured_s: float  # of the frame it was made from
+
+    __repr__ = shapes_repr
 
     def __post_init__(self) -> None:
         check_shape("class map", self.ids, 2)
@@ -91,6 +96,8 @@ class DepthMap:
     confidence: float = 1.0  # 0 to 1
     # (H, W) metres: an upper bound, also where the depth itself is unknown (NaN); inf without one.
     at_most: NDArray[np.float32] | None = None
+
+    __repr__ = shapes_repr
 
     def __post_init__(self) -> None:
         check_shape("depth map", self.depth, 2)

@@ -36,7 +36,18 @@ class Release:
 
 @dataclass(frozen=True, kw_only=True)
 class MoveBy:
-    """A relative movement in the body frame of the moment it starts; ends with an event."""
+    """A relative movement in the body frame of the moment it starts; ends with an event.
+
+    Attributes:
+        id: of this movement; `MovementStatus` reports its progress and end under it.
+        forward_m: along the heading, metres.
+        right_m: to the right of the heading, metres.
+        down_m: downwards, metres.
+        yaw_rad: the turn, clockwise positive, seen from above.
+
+    Raises:
+        ValueRangeError: a number is not finite.
+    """
 
     id: int
     forward_m: float = 0.0

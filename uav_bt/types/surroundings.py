@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from uav_bt.brief import shapes_repr
 from uav_bt.errors import ShapeError
 
 
@@ -53,6 +54,8 @@ class ObstaclePoints:
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     # Bearings on which the carpet ends nearer than anything visible. (L,)
     unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    __repr__ = shapes_repr
 
     def __post_init__(self) -> None:
         for points in (self.points_m, self.assumed_m, self.edges_m):

@@ -15,7 +15,7 @@ from tests.behaviours.leaf_world import (
     steering_bench,
 )
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, FRAME, HELD_TURN, PHASE, STATE
-from uav_bt.errors import UnknownNameError
+from uav_bt.errors import NodeFailedError, UnknownNameError
 from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
@@ -232,3 +232,9 @@ def test_without_flowing_a_step_is_flown_to_its_end() -> None:
     moving_on(bench, 0.5)
 
     assert bench.proposed == MoveBy(id=1, forward_m=1.0)
+
+
+@pytest.mark.parametrize("answer", [None, (0.2, 0.0)])
+def test_a_policy_that_returns_no_decision_is_named(answer: object) -> None:
+    with pytest.raises(NodeFailedError, match=r"decide\(\) of Says must return a Decision, got"):
+        stepping(Says(answer))  # type: ignore[arg-type]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -182,6 +183,36 @@ def test_a_composed_tree_is_replayed_when_it_is_given_again(tmp_path: Path) -> N
     report = replay(record, ReplayOptions(tree=composed()))
     assert report.same
     assert report.tree == "Hop (composed in Python)"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"options": {"scene": "val-a"}}, r"options: expected FlightOptions\(\.\.\.\), got \{'sc"),
+        ({"registry": [Peek]}, r"registry: expected a NodeRegistry, such as .*; got \[<class"),
+        ({"listeners": [3]}, r"listeners: expected a list of functions .*; got 3"),
+        ({"listeners": print}, r"listeners: expected a list of functions .*; got <built-in"),
+    ],
+)
+def test_arguments_of_another_type_are_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        app.fly("land_only", **given)
+
+
+def test_a_function_that_makes_no_list_of_listeners_is_refused_before_the_flight() -> None:
+    drone = ScriptedDrone()
+    with pytest.raises(InputError, match=r"that return a list, .*<built-in .*> returned None"):
+        app.fly(composed(), app.FlightOptions(drone=drone), listeners=[print])  # type: ignore[list-item]
+    assert not drone.commands
+
+
+def test_flights_trees_leaves_and_registries_print_what_they_are() -> None:
+    flight = app.assemble(composed(), app.FlightOptions(scene="val-a"))
+    tree = "<MissionTree 'Hop': 4 nodes, Hop (composed in Python)>"
+    assert repr(flight) == f"<Flight of {tree} with twin in val-a>"
+    assert repr(flight.mission.find("peek")) == "<Peek 'Hop/body/peek', ticks=3>"
+    registry = NodeRegistry()
+    assert repr(registry) == f"<NodeRegistry: {len(list(registry))} nodes>"
 
 
 def test_a_tree_flies_once(tmp_path: Path) -> None:

@@ -64,6 +64,7 @@ class NotADrone:
             {"policies": {"Explore": Ahead}},
             r"got the class Ahead: write Ahead\(\.\.\.\)",
         ),
+        ({"record": "flight.mp4"}, r"record: expected a file whose name ends in \.mcap"),
         ({"drone": ""}, r"drone: expected a drone's name, a configuration .*got ''"),
         ({"drone": TwinConfig}, r"got the class TwinConfig: write TwinConfig\(\.\.\.\)"),
         ({"drone": NotADrone()}, r"NotADrone lacks clock, referee, scene, .*disconnect"),

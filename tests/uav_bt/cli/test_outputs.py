@@ -89,14 +89,16 @@ def test_an_input_is_never_overwritten(line: str, world: Path) -> None:
             '<root BTCPP_format="4"><TreeNodesModel/></root>', encoding="utf-8"
         )
     before = contents(world)
-    assert_refused(run(*line.split()), "is an input of this command")
+    assert_refused(run(*line.split()), "is an input and would be overwritten")
     assert contents(world) == before
 
 
 def test_a_shipped_mission_is_an_input_when_it_is_named() -> None:
     shipped = Path(__file__).parents[3] / "trees" / "land_only.xml"
     before = shipped.read_bytes()
-    assert_refused(run("fly", "land_only", "--report", shipped), "is an input of this command")
+    assert_refused(
+        run("fly", "land_only", "--report", shipped), "is an input and would be overwritten"
+    )
     assert shipped.read_bytes() == before
 
 

@@ -190,6 +190,8 @@ def test_wrong_use_is_explained() -> None:
         LeafBench(Step, policy="none-of-these").tick()
     with pytest.raises(MissionError, match="no MoveBy was proposed"):
         bench_of().finish_movement()
+    with pytest.raises(InputError, match=r"expected a leaf's class, .*: LeafBench\(Step\)"):
+        LeafBench(Step())  # type: ignore[arg-type]
 
 
 def test_benches_do_not_meet() -> None:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
 from tests.uav_bt.tree.tree_world import World
-from uav_bt.board import ELAPSED, HEIGHT
+from uav_bt.board import ELAPSED, HEIGHT, STATE
 from uav_bt.board.blackboard import Key
-from uav_bt.errors import BoardAccessError, MissionError, NodeFailedError, ProposalConflictError
+from uav_bt.errors import (
+    BoardAccessError,
+    InputError,
+    MissionError,
+    NodeFailedError,
+    ProposalConflictError,
+)
 from uav_bt.tree import Leaf, MissionTree, NodeKind, Port, Status
 from uav_bt.tree.nodes import Parallel, ReactiveFallback, Sequence
 from uav_bt.types import Hover, Land
@@ -164,6 +170,33 @@ def test_a_port_twice_is_refused() -> None:
     """A class that declares a port twice does not come into being."""
     with pytest.raises(TypeError, match="declares a port twice"):
         type("Twice", (Leaf,), {"ports": (Port("a", int), Port("a", str))})
+
+
+@pytest.mark.parametrize(
+    ("declared", "message"),
+    [
+        ({"ports": Port("a", int)}, r"Loose\.ports must be a tuple of Port objects, .*got Port\("),
+        ({"reads": STATE}, r"Loose\.reads must be a tuple of Key objects, .*got Key\("),
+        ({"writes": ("state",)}, r"Loose\.writes must be a tuple of Key objects, .*'state'"),
+    ],
+)
+def test_what_is_declared_is_a_tuple(declared: dict[str, Any], message: str) -> None:
+    """A comma that is missing in `(STATE,)` is found when the class is made."""
+    with pytest.raises(TypeError, match=message):
+        type("Loose", (Leaf,), declared)
+
+
+def test_a_class_is_no_child() -> None:
+    """The cure is to make an object, not to wrap the class."""
+    with pytest.raises(TypeError, match=r"got the class Probe: write Probe\(\.\.\.\)"):
+        Sequence("s", [Probe])  # type: ignore[list-item]
+
+
+def test_an_object_stands_in_one_place_of_a_tree() -> None:
+    """Twice in a tree, it would be ticked with the state of its other place."""
+    probe = Probe("p")
+    with pytest.raises(InputError, match="node 'p' stands in tree 'Tree' 2 times: make an object"):
+        MissionTree(Sequence("s", [probe, Sequence("t", [probe])]))
 
 
 def test_using_a_leaf_before_setup_says_so() -> None:

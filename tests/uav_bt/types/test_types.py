@@ -220,3 +220,11 @@ def test_bearings_of_unknown_range_are_counted_on_both_sides() -> None:
     seen = obstacles(unplaced_rad=np.radians([-40.0, -9.0, 0.0, 9.0, 11.0]))
     assert seen.unplaced_within(math.radians(10)) == 3
     assert obstacles().unplaced_within(math.pi) == 0
+
+
+def test_arrays_print_as_their_shapes() -> None:
+    """A console shows a tick's record on a few lines, not its pixels."""
+    class_map = ClassMap(ids=np.zeros((112, 224), dtype=np.uint8), captured_s=1.0)
+    assert repr(class_map) == "ClassMap(ids=<112x224 uint8>, captured_s=1.0)"
+    points = ObstaclePoints(points_m=np.zeros((3, 2)), captured_s=1.0)
+    assert "points_m=<3x2 float64>" in repr(points)

@@ -22,7 +22,7 @@ from uav_bt.mission.judge import Outcome
 
 _SUCCESS: Final = Outcome.SUCCESS.value
 _METRIC_NOTES: Final = {
-    "": "Each metric is of the flights that came so far.",
+    "": "Each metric counts the flights that got that far.",
     "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command, and count "
     "where a flight lasted as long.",
     "search_distance_m": "Searching lasts from the end of exploration until the helipad is found.",
