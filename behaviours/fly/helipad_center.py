@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from behaviours.fly.movement import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.mover import Progress
 from uav_bt.board import CAMERA, FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Port, Status
 from uav_bt.types import CameraModel, DroneState, HelipadFix, MissionPhase
@@ -34,7 +35,7 @@ class HelipadCenter(MovingLeaf):
         Port("climb_m", float, default=0.2, doc="how much to climb for a view of the pad, m"),
         Port("low_m", float, default=1.1, doc="height above the carpet of the second centring, m"),
         Port("tolerance_m", float, default=0.04, doc="largest offset that counts as centred, m"),
-        Port("give_up_s", float, default=20.0, doc="seconds until the pad counts as lost"),
+        Port("give_up_s", float, default=20.0, doc="seconds until it is lost, take-overs apart"),
     )
     reads = (STATE, FRAME, CAMERA, HELIPAD)
     writes = (PHASE,)
@@ -43,6 +44,7 @@ class HelipadCenter(MovingLeaf):
         """Climb first."""
         self.write(PHASE, MissionPhase.CENTER)
         self._started_s = self.clock.now()
+        self._gives_up_s = self.leaf_clock.now() + self.port_value("give_up_s")
         self._climb_next_m = self.port_value("climb_m")
         self._confirmed = 0
         self._judged_s = -math.inf
@@ -56,18 +58,20 @@ class HelipadCenter(MovingLeaf):
         """Go on with a movement in progress, or judge the view and correct."""
         if self.moving(state):
             return Status.RUNNING
+        if self.progress is Progress.FAILED:
+            self.feedback_message = self.trouble
+            return Status.FAILURE
         if self._climb_next_m > 0.0:
             self.start_move(down_m=-self._climb_next_m)
             self._climb_next_m = 0.0
             return Status.RUNNING
-        now_s = self.clock.now()
-        if now_s - self._started_s > self.port_value("give_up_s"):
+        if self.leaf_clock.now() > self._gives_up_s:
             self.feedback_message = "helipad lost"
             return Status.FAILURE
         fix, camera = self._fix_from_above(), self.read(CAMERA).value
         if fix is not None and camera is not None:
             return self._centre(state, fix, camera)
-        return self._climb_to_see(state, now_s)
+        return self._climb_to_see(state)
 
     def _fix_from_above(self) -> HelipadFix | None:
         """Return a detection made looking straight down since the last movement ended."""
@@ -97,8 +101,9 @@ class HelipadCenter(MovingLeaf):
         self.start_move(down_m=state.height_above_carpet_m - self.port_value("low_m"))
         return Status.RUNNING
 
-    def _climb_to_see(self, state: DroneState, now_s: float) -> Status:
-        waited_s = now_s - max(self._mover.ended_s, self._started_s, self._judged_s)
+    def _climb_to_see(self, state: DroneState) -> Status:
+        since_s = max(self._mover.ended_s, self._started_s, self._judged_s)
+        waited_s = self.clock.now() - max(since_s, self.leaf_clock.resumed_s)
         if waited_s > self.config.wait_s and state.height_above_carpet_m < self.config.max_height_m:
             self._low, self._confirmed = False, 0
             self.start_move(down_m=-self.port_value("climb_m"))

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from behaviours.fly.movement import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
+from behaviours.fly.mover import Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
 from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
 from uav_bt.tree import Port, Status
@@ -106,7 +107,7 @@ class EmergencyLand(MovingLeaf):
     def initialise(self) -> None:
         """Note the time; no spot has been found."""
         self.write(PHASE, MissionPhase.EMERGENCY_LANDING)
-        self._started_s = self.clock.now()
+        self._started_s = self.leaf_clock.now()
         self._above_spot = False
 
     def gimbal_pitch_rad(self) -> float:
@@ -119,7 +120,9 @@ class EmergencyLand(MovingLeaf):
             return Status.FAILURE
         if self.moving(state):
             return Status.RUNNING
-        waited_s = self.clock.now() - self._started_s
+        if self.progress is Progress.INTERRUPTED:
+            self._above_spot = False  # a person flew it elsewhere: look again
+        waited_s = self.leaf_clock.now() - self._started_s
         if self._above_spot or waited_s > self.port_value("look_s"):
             self.propose(LandCommand())
             return Status.RUNNING

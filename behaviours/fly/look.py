@@ -4,29 +4,42 @@ from __future__ import annotations
 
 import math
 
-from behaviours.fly.movement import MovingLeaf, Progress, camera_points_at
+from behaviours.fly.leaf_clock import LeafClock
+from behaviours.fly.movement import MovingLeaf, camera_points_at
+from behaviours.fly.mover import Progress
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
 
 
 class HoverFor(Leaf):
-    """Hover for a while."""
+    """Hover for a while; time in which a person flies does not count."""
 
     ports = (Port("seconds", float, default=3.0, doc="how long, s"),)
     writes = (PHASE,)
 
+    def on_setup(self, mission: MissionContext) -> None:
+        """Get a clock of its own."""
+        self._leaf_clock = LeafClock(mission.clock)
+
     def initialise(self) -> None:
         """Note when it began."""
         self.write(PHASE, MissionPhase.HOVER)
-        self._until_s = self.clock.now() + self.port_value("seconds")
+        self._until_s = self._leaf_clock.now() + self.port_value("seconds")
 
     def update(self) -> Status:
         """Hover until the time is over."""
-        if self.clock.now() >= self._until_s:
+        self._leaf_clock.tick()
+        if self._leaf_clock.now() >= self._until_s:
             return Status.SUCCESS
         self.propose(Hover())
         return Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        """Stop the clock."""
+        del new_status
+        self._leaf_clock.stop()
 
 
 class PointCamera(Leaf):
@@ -45,28 +58,33 @@ class PointCamera(Leaf):
 
 
 class Turn(MovingLeaf):
-    """Turn on the spot; FAILURE when the drone was kept from it."""
+    """Turn on the spot; FAILURE when the drone is kept from it again and again.
+
+    Interrupted, by an override or by a person who flies, it turns on to the heading that it began
+    to turn to.
+    """
 
     ports = (Port("degrees", float, doc="clockwise positive, seen from above"),)
     reads = (STATE,)
     writes = (PHASE,)
 
     def initialise(self) -> None:
-        """Begin the turn."""
+        """Begin with the turn."""
         self.write(PHASE, MissionPhase.LOOK)
-        yaw_rad = math.radians(self.port_value("degrees"))
-        self._mover.start(self.mission.proposals, self.clock.now(), yaw_rad=yaw_rad)
+        self._begun = False
 
     def work(self, state: DroneState) -> Status:
-        """Propose the turn until the drone reports its end."""
-        match self._mover.update(state, self.clock.now()):
-            case Progress.RUNNING if self._mover.proposal:
-                self.propose(self._mover.proposal)
-                return Status.RUNNING
-            case Progress.DONE:
-                return Status.SUCCESS
-            case _:
-                return Status.FAILURE
+        """Turn until the drone reports the end."""
+        if not self._begun:
+            self._begun = True
+            self.start_move(yaw_rad=math.radians(self.port_value("degrees")))
+            return Status.RUNNING
+        if self.moving(state):
+            return Status.RUNNING
+        if self.progress is Progress.DONE:
+            return Status.SUCCESS
+        self.feedback_message = self.trouble
+        return Status.FAILURE
 
 
 class HelipadKnown(Leaf):

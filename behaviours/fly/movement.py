@@ -1,124 +1,19 @@
-"""One relative movement at a time: proposed every tick until the drone reports its end."""
+"""The base of the leaves that move: one relative movement at a time."""
 
 from __future__ import annotations
 
-import enum
 import math
-from dataclasses import dataclass
+from typing import ClassVar
 
+from behaviours.fly.leaf_clock import LeafClock
+from behaviours.fly.mover import Mover, Progress
 from uav_bt.board import STATE
-from uav_bt.board.context import MissionContext, Proposals
+from uav_bt.board.context import MissionContext
+from uav_bt.errors import MissionError
 from uav_bt.tree import Leaf, Status
-from uav_bt.types import DroneState, Frame, GimbalTo, MoveBy, MovementState
+from uav_bt.types import DroneState, Frame, GimbalTo
 
 STRAIGHT_DOWN_RAD = -math.pi / 2
-
-
-@dataclass(frozen=True, kw_only=True)
-class MovementConfig:
-    """When a movement whose end was not reported counts as failed."""
-
-    min_speed_mps: float = 0.1  # slower than any drone flies a step
-    min_yaw_rate_radps: float = 0.2  # slower than any drone turns
-    grace_s: float = 4.0  # besides: for the command's latency, acceleration and settling
-
-
-class Progress(enum.Enum):
-    """How the movement in hand is doing."""
-
-    IDLE = "idle"  # there is none
-    RUNNING = "running"  # it was proposed again
-    DONE = "done"
-    FAILED = "failed"  # interrupted, rejected or never acknowledged
-
-
-class Mover:
-    """Holds the `MoveBy` in progress.
-
-    The owner starts one, calls `update` every tick, and proposes what `proposal` gives. Nothing is
-    commanded from here: a halted leaf stops proposing, and the arbiter cancels the movement.
-
-    Args:
-        config: when a movement counts as failed.
-    """
-
-    def __init__(self, config: MovementConfig | None = None) -> None:
-        self._config = config or MovementConfig()
-        self.proposal: MoveBy | None = None
-        self.ended_s = -math.inf  # when the last movement ended: frames before it show the old view
-        self._deadline_s = math.inf
-
-    @property
-    def busy(self) -> bool:
-        """True while a movement is in progress."""
-        return self.proposal is not None
-
-    def start(
-        self,
-        proposals: Proposals,
-        now_s: float,
-        *,
-        forward_m: float = 0.0,
-        right_m: float = 0.0,
-        down_m: float = 0.0,
-        yaw_rad: float = 0.0,
-    ) -> MoveBy:
-        """Start a movement, in place of the one in progress, and return it.
-
-        Args:
-            proposals: numbers the movement.
-            now_s: the mission clock's time.
-            forward_m: in the body frame of now; negative is backward.
-            right_m: in the body frame of now.
-            down_m: negative climbs.
-            yaw_rad: clockwise positive.
-        """
-        self.proposal = MoveBy(
-            id=proposals.next_id(),
-            forward_m=forward_m,
-            right_m=right_m,
-            down_m=down_m,
-            yaw_rad=yaw_rad,
-        )
-        cfg, length_m = self._config, abs(forward_m) + abs(right_m) + abs(down_m)
-        self._deadline_s = (
-            now_s
-            + length_m / cfg.min_speed_mps
-            + abs(yaw_rad) / cfg.min_yaw_rate_radps
-            + cfg.grace_s
-        )
-        return self.proposal
-
-    def update(self, state: DroneState, now_s: float) -> Progress:
-        """Return what the drone reports on the movement, which is dropped when it has ended.
-
-        Args:
-            state: the drone's newest telemetry.
-            now_s: the mission clock's time.
-        """
-        if self.proposal is None:
-            return Progress.IDLE
-        status = state.movement
-        if status is not None and status.id == self.proposal.id:
-            if status.state is MovementState.DONE:
-                self._end(state.captured_s)
-                return Progress.DONE
-            if status.state in {MovementState.INTERRUPTED, MovementState.REJECTED}:
-                self._end(state.captured_s)
-                return Progress.FAILED
-        if now_s > self._deadline_s:
-            self._end(now_s)
-            return Progress.FAILED
-        return Progress.RUNNING
-
-    def drop(self, now_s: float) -> None:
-        """Forget the movement: its owner was halted or changed its mind."""
-        if self.proposal is not None:
-            self._end(now_s)
-
-    def _end(self, time_s: float) -> None:
-        self.proposal = None
-        self.ended_s = time_s
 
 
 def camera_points_at(
@@ -135,12 +30,22 @@ def camera_points_at(
 
 
 class MovingLeaf(Leaf):
-    """Base of the leaves that make relative movements; what they do in a tick is `work`."""
+    """Base of the leaves that make relative movements; what they do in a tick is `work`.
+
+    A movement that ends early, because an override let the drone hover or a person flew, goes on by
+    itself: the heading by the attitude, the height by the altimeter, a step by dead reckoning. Only
+    a step that a person interrupted does not, because nobody knows where the drone was flown; it
+    has ended, and the leaf decides anew.
+    """
+
+    resumes: ClassVar[bool] = True  # False: a movement that ends early has ended; decide anew
 
     def on_setup(self, mission: MissionContext) -> None:
         """Begin without a movement."""
-        del mission
-        self._mover = Mover()
+        self._mover = Mover(mission.proposals, resumes=self.resumes)
+        self._progress = Progress.IDLE
+        self._newest: DroneState | None = None
+        self.leaf_clock = LeafClock(mission.clock)
 
     def update(self) -> Status:
         """Do the leaf's work, once there is telemetry, and point the gimbal while it is RUNNING.
@@ -148,12 +53,19 @@ class MovingLeaf(Leaf):
         A leaf that has ended points nothing: the next one may do so within the same tick.
         """
         state = self.state()
-        status = Status.RUNNING if state is None else self.work(state)
+        status = Status.RUNNING if state is None else self._work(state)
         if status is Status.RUNNING:
             pitch_rad = self.gimbal_pitch_rad()
             if pitch_rad is not None:
                 self.point(GimbalTo(pitch_rad=pitch_rad))
         return status
+
+    def _work(self, state: DroneState) -> Status:
+        self._newest = state
+        paused_s = self.leaf_clock.tick()
+        if paused_s > 0.0:
+            self._mover.pause(paused_s)
+        return self.work(state)
 
     def work(self, state: DroneState) -> Status:
         """Propose what the leaf wants in this tick, or end."""
@@ -167,18 +79,31 @@ class MovingLeaf(Leaf):
         """Drop the movement; the arbiter cancels what is no longer proposed."""
         del new_status
         self._mover.drop(self.clock.now())
+        self.leaf_clock.stop()
 
     def state(self) -> DroneState | None:
         """Return the drone's state, None when telemetry is stale."""
         return self.read(STATE).value
 
+    @property
+    def progress(self) -> Progress:
+        """What `moving` found in this tick; that a movement has ended it finds once."""
+        return self._progress
+
+    @property
+    def trouble(self) -> str:
+        """Why the last movement that FAILED did, in a few words."""
+        return self._mover.trouble
+
     def moving(self, state: DroneState) -> bool:
-        """Propose the movement in progress again; False when there is none (any more)."""
-        if self._mover.update(state, self.clock.now()) is not Progress.RUNNING:
-            return False
+        """Propose the movement in progress again; False when there is none (any more).
+
+        `progress` says how it ended.
+        """
+        self._progress = self._mover.update(state, self.clock.now())
         if self._mover.proposal is not None:
             self.propose(self._mover.proposal)
-        return True
+        return self._progress is Progress.RUNNING
 
     def start_move(
         self,
@@ -195,10 +120,15 @@ class MovingLeaf(Leaf):
             right_m: in the body frame of now.
             down_m: negative climbs.
             yaw_rad: clockwise positive.
+
+        Raises:
+            MissionError: no telemetry has come yet.
         """
+        if self._newest is None:
+            raise MissionError("a movement starts from a known state: call start_move in work")
         self.propose(
             self._mover.start(
-                self.mission.proposals,
+                self._newest,
                 self.clock.now(),
                 forward_m=forward_m,
                 right_m=right_m,

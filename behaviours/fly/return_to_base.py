@@ -101,7 +101,7 @@ class ReturnToBase(SteeringLeaf):
         self._heading = HeadingController()
         self._path = PathToPad()
         self._phase = _Phase.SEARCH
-        self._entered_s = self._clear_s = 0.0  # when the phase began, and was last not blocked
+        self._entered_s = self._clear_s = 0.0  # leaf time: the phase began, was last not blocked
         self._judged_s, self._room_m = -math.inf, math.inf  # by the policy, facing the pad
         self._to_scan_rad = self._scan_yaw_rad = 0.0
 
@@ -110,7 +110,7 @@ class ReturnToBase(SteeringLeaf):
         self._enter(_Phase.SEARCH)
         self._detour_steps = 0
         self._pointing = GimbalPointing()
-        self._next_scan_s = self.clock.now() + self.config.first_scan_s
+        self._next_scan_s = self.leaf_clock.now() + self.config.first_scan_s
 
     def work(self, state: DroneState) -> Status:
         """Do what the phase asks."""
@@ -142,7 +142,7 @@ class ReturnToBase(SteeringLeaf):
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
         self._judged_s, self._room_m = -math.inf, math.inf
-        self._entered_s = self._clear_s = self.clock.now()
+        self._entered_s = self._clear_s = self.leaf_clock.now()
         self._path.drop()
         self._heading.reset()
         self.restart_view()
@@ -155,8 +155,8 @@ class ReturnToBase(SteeringLeaf):
             self._enter(_Phase.APPROACH)
             self._approach()
             return
-        if self.clock.now() >= self._next_scan_s and not self._mover.busy:
-            self._next_scan_s = self.clock.now() + self.config.next_scan_s
+        if self.leaf_clock.now() >= self._next_scan_s and not self._mover.busy:
+            self._next_scan_s = self.leaf_clock.now() + self.config.next_scan_s
             self._to_scan_rad = 2.0 * math.pi
             self._scan_yaw_rad = state.attitude.yaw_rad
             self._enter(_Phase.SCAN)
@@ -208,7 +208,7 @@ class ReturnToBase(SteeringLeaf):
         if self._by_policy:
             self._approach_by_policy(fix)
             return
-        heading_rad, now_s = self._free_heading(fix), self.clock.now()
+        heading_rad, now_s = self._free_heading(fix), self.leaf_clock.now()
         if not self._is_blocked_ahead():
             self._clear_s = now_s
         if heading_rad is None or now_s - self._clear_s > cfg.blocked_s:
@@ -278,7 +278,7 @@ class ReturnToBase(SteeringLeaf):
 
     def _path_is_known_again(self) -> bool:
         fix = self.read(HELIPAD).value
-        lasts = self.clock.now() - self._entered_s > self.config.min_detour_s
+        lasts = self.leaf_clock.now() - self._entered_s > self.config.min_detour_s
         if self._by_policy or fix is None or not lasts or self._mover.busy:
             return False
         return self._free_heading(fix) is not None and not self._is_blocked_ahead()

@@ -56,6 +56,7 @@ class SteeringLeaf(MovingLeaf):
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY,)
     reads: ClassVar[tuple[Key[Any], ...]] = (STATE, FLIGHT_HEIGHT, *VIEW_KEYS)
     writes = (PHASE, HELD_TURN)
+    resumes = False  # an interrupted step is decided anew, on what is in view then
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy.

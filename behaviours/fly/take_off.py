@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from behaviours.fly.movement import MovingLeaf, camera_points_at
+from behaviours.fly.mover import Progress
 from uav_bt.board import FLIGHT_HEIGHT, FRAME, PHASE, STATE
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
@@ -27,7 +28,7 @@ class TakeOff(MovingLeaf):
     ports = (
         Port("height_m", float, default=1.5, doc="flight height above the carpet, m"),
         Port("gimbal_deg", float, default=-30.0, doc="camera pitch in flight, degrees"),
-        Port("give_up_s", float, default=20.0, doc="seconds until the take-off has failed"),
+        Port("give_up_s", float, default=20.0, doc="seconds until it has failed, take-overs apart"),
     )
     reads = (STATE, FRAME)
     writes = (PHASE, FLIGHT_HEIGHT)
@@ -36,7 +37,7 @@ class TakeOff(MovingLeaf):
         """Set the height that the whole mission flies at, and note the time."""
         self.write(PHASE, MissionPhase.TAKE_OFF)
         self.write(FLIGHT_HEIGHT, self.port_value("height_m"))
-        self._started_s = self.clock.now()
+        self._started_s = self.leaf_clock.now()
 
     def gimbal_pitch_rad(self) -> float:
         """Return the camera's pitch in flight."""
@@ -44,7 +45,7 @@ class TakeOff(MovingLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Ask for the take-off, then for the climb, then wait until the camera points ahead."""
-        if self.clock.now() - self._started_s > self.port_value("give_up_s"):
+        if self.leaf_clock.now() - self._started_s > self.port_value("give_up_s"):
             self.feedback_message = f"still {state.flying.value}"
             return Status.FAILURE
         if state.flying not in {FlyingState.HOVERING, FlyingState.FLYING}:
@@ -52,6 +53,9 @@ class TakeOff(MovingLeaf):
             return Status.RUNNING
         if self.moving(state):
             return Status.RUNNING
+        if self.progress is Progress.FAILED:
+            self.feedback_message = self.trouble
+            return Status.FAILURE
         error_m = state.height_above_carpet_m - self.port_value("height_m")
         if abs(error_m) > self.config.height_slack_m:
             self.start_move(down_m=error_m)

@@ -82,6 +82,15 @@ def live(bench: LeafBench, **world: Any) -> Status:
     return bench.tick()
 
 
+def wait(bench: LeafBench, seconds: float, **world: Any) -> Status:
+    """Let a leaf run for a while, in ticks of half a second at most, until it ends."""
+    status = Status.RUNNING
+    while seconds > 1e-9 and status is Status.RUNNING:
+        status = live(bench, seconds=min(0.5, seconds), **world)
+        seconds -= 0.5
+    return status
+
+
 def halted_proposals(bench: LeafBench) -> tuple[object, object]:
     """Halt the leaf at the start of a tick; return what the halting proposed."""
     assert STATE in bench.board

@@ -43,6 +43,14 @@ def look(
     return bench.tick()
 
 
+def search(bench: LeafBench, seconds: float, **world: float) -> Status:
+    """Go on without the pad in view, tick by tick."""
+    status = Status.RUNNING
+    for _ in range(round(seconds / 0.1)):
+        status = look(bench, None, **world)
+    return status
+
+
 def climbed(**attributes: object) -> LeafBench:
     """Return a bench whose leaf has climbed and looks down; its movement had the id 1."""
     bench = LeafBench(HelipadCenter, **attributes)
@@ -158,13 +166,53 @@ def test_without_a_sight_of_it_it_looks_from_higher() -> None:
     bench = climbed(climb_m=0.2)
     look(bench, None, seconds=1.0, ended=1)
     assert bench.proposed is None
-    look(bench, None, seconds=1.1)
+    search(bench, 1.1)
     second = moved(bench)
     assert second.down_m == pytest.approx(-0.2)
 
     look(bench, None, seconds=1.0, ended=second.id, height_m=2.3)
-    look(bench, None, seconds=1.1, height_m=2.3)
+    search(bench, 1.1, height_m=2.3)
     assert bench.proposed is None
+
+
+def test_time_in_which_a_person_flies_does_not_count() -> None:
+    """Neither until it climbs for a wider view nor until the pad is lost."""
+    bench = climbed(give_up_s=5.0)
+    look(bench, None, seconds=1.0, ended=1)
+    search(bench, 0.5)
+    assert look(bench, None, seconds=60.0) is Status.RUNNING
+    assert bench.proposed is None
+    search(bench, 0.9)
+    assert bench.proposed is None
+    search(bench, 0.2)
+    assert moved(bench).down_m < 0.0
+
+
+@pytest.mark.parametrize("seconds", [0.1, 10.0])
+def test_an_interrupted_descent_goes_on_and_is_not_taken_for_flown(seconds: float) -> None:
+    """What is left is known by the altimeter, after a take-over, too."""
+    bench = climbed(low_m=1.1)
+    look(bench, (0.0, 0.0), seconds=1.0, ended=1)
+    look(bench, (0.0, 0.0))
+    descent = moved(bench)
+    over = MovementState.INTERRUPTED
+    look(bench, (0.0, 0.0), seconds=seconds, height_m=1.5, ended=descent.id, word=over)
+
+    assert moved(bench).id != descent.id
+    assert moved(bench).down_m == pytest.approx(1.5 - 1.1)
+
+
+@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
+def test_refused_again_and_again_it_fails_and_says_so(word: MovementState) -> None:
+    bench = climbed()
+    status = Status.RUNNING
+    while status is Status.RUNNING:
+        now = bench.proposed
+        ended = now.id if isinstance(now, MoveBy) else None
+        status = look(bench, None, height_m=1.5, ended=ended, word=word)
+
+    assert status is Status.FAILURE
+    assert word.value in bench.feedback
 
 
 def test_lost_for_too_long_is_a_failure() -> None:
@@ -172,7 +220,8 @@ def test_lost_for_too_long_is_a_failure() -> None:
     bench = climbed(give_up_s=5.0)
     look(bench, None, seconds=1.0, ended=1, height_m=2.3)
 
-    assert look(bench, None, seconds=4.5, height_m=2.3) is Status.FAILURE
+    assert search(bench, 3.9, height_m=2.3) is Status.RUNNING
+    assert search(bench, 0.2, height_m=2.3) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
     assert bench.feedback == "helipad lost"
 

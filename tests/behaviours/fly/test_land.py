@@ -16,6 +16,7 @@ from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
 from uav_bt.types import (
+    BodyVelocity,
     ClassMap,
     FlyingState,
     Frame,
@@ -74,12 +75,38 @@ def test_the_step_is_as_long_as_the_camera_is_ahead() -> None:
     assert bench.proposed == MoveBy(id=1, forward_m=0.07)
 
 
+def test_an_interrupted_step_goes_on_with_the_rest() -> None:
+    """By dead reckoning; an override lets it hover in the middle."""
+    bench = bench_with_lens(0.15)
+    flies = {"velocity": BodyVelocity(forward_mps=0.2), "flying": FlyingState.FLYING}
+    for _ in range(6):
+        live(bench, **flies)
+    live(bench, movement=MovementStatus(id=1, state=MovementState.INTERRUPTED))
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.id == 2
+    assert bench.proposed.forward_m == pytest.approx(0.04, abs=0.01)
+
+
+def test_where_a_person_flew_it_there_it_lands() -> None:
+    """The step was for another place."""
+    bench = bench_with_lens(0.15)
+    live(bench)
+    live(bench, seconds=10.0, movement=MovementStatus(id=1, state=MovementState.INTERRUPTED))
+
+    assert bench.proposed == LandCommand()
+
+
 @pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
 def test_kept_from_the_step_it_lands_all_the_same(word: MovementState) -> None:
     """Fifteen centimetres off is better than flying on."""
     bench = LeafBench(Land)
     live(bench)
-    live(bench, movement=MovementStatus(id=1, state=word))
+    for _ in range(60):
+        show(bench)
+        if isinstance(bench.proposed, MoveBy):
+            bench.finish_movement(word)
+        bench.tick()
 
     assert bench.proposed == LandCommand()
 
@@ -231,7 +258,7 @@ def test_without_carpet_in_view_it_lands_after_a_while(missing: object) -> None:
     """It looks for a few seconds, blind or not; then anywhere is better than nowhere."""
     bench = LeafBench(EmergencyLand, look_s=2.0)
 
-    def blind(seconds: float) -> Status:
+    def blind(seconds: float = 0.2) -> Status:
         show(bench, seconds=seconds, gimbal_deg=-90.0, ids=0 * carpet())
         if missing is not None:
             del bench.board[missing]  # type: ignore[arg-type]
@@ -239,8 +266,29 @@ def test_without_carpet_in_view_it_lands_after_a_while(missing: object) -> None:
 
     assert blind(0.1) is Status.RUNNING
     assert (bench.proposed, bench.pointed) == (None, DOWN)
-    blind(1.9)
+    for _ in range(9):
+        blind()
+    blind(60.0)  # a person flies, which does not count
     assert bench.proposed is None
-    blind(0.2)
+    blind()
+    blind()
 
+    assert bench.proposed == LandCommand()
+
+
+def test_flown_elsewhere_by_a_person_it_looks_for_a_new_spot() -> None:
+    """The one that it was flying to was seen from another place."""
+    ids = carpet()
+    ids[:, :20] = BACKGROUND
+    bench = LeafBench(EmergencyLand, radius_m=0.15)
+    live(bench, gimbal_deg=-90.0, ids=ids)
+    step = bench.proposed
+    assert isinstance(step, MoveBy)
+    over = MovementStatus(id=step.id, state=MovementState.INTERRUPTED)
+    live(bench, seconds=10.0, gimbal_deg=-90.0, ids=ids, movement=over)
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.id != step.id
+    done = MovementStatus(id=bench.proposed.id, state=MovementState.DONE)
+    live(bench, gimbal_deg=-90.0, movement=done)
     assert bench.proposed == LandCommand()

@@ -7,11 +7,19 @@ import math
 import pytest
 
 from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, Turn
-from tests.behaviours.leaf_world import halted_proposals, live
+from tests.behaviours.leaf_world import halted_proposals, live, show, wait
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, GimbalTo, HelipadFix, Hover, MoveBy, MovementState
+from uav_bt.types import (
+    BodyVelocity,
+    GimbalTo,
+    HelipadFix,
+    Hover,
+    MoveBy,
+    MovementState,
+    MovementStatus,
+)
 
 
 def test_hovers_for_its_time() -> None:
@@ -20,10 +28,21 @@ def test_hovers_for_its_time() -> None:
     assert live(bench) is Status.RUNNING
     assert bench.proposed == Hover()
     assert bench.board[PHASE] == "hover"
-    assert live(bench, seconds=1.9) is Status.RUNNING
+    assert wait(bench, 1.9) is Status.RUNNING
 
     assert live(bench, seconds=0.2) is Status.SUCCESS
     assert bench.proposed is None
+
+
+def test_time_in_which_a_person_flies_is_not_hovered() -> None:
+    """The tree is not ticked then; what is left of the time is hovered afterwards."""
+    bench = LeafBench(HoverFor, seconds=2.0)
+    live(bench)
+    wait(bench, 1.0)
+
+    assert live(bench, seconds=10.0) is Status.RUNNING
+    assert wait(bench, 0.9) is Status.RUNNING
+    assert live(bench, seconds=0.2) is Status.SUCCESS
 
 
 def test_halted_the_hover_starts_again() -> None:
@@ -33,7 +52,7 @@ def test_halted_the_hover_starts_again() -> None:
     assert halted_proposals(bench) == (None, None)
 
     assert live(bench, seconds=2.0) is Status.RUNNING
-    assert live(bench, seconds=1.1) is Status.SUCCESS
+    assert wait(bench, 1.1) is Status.SUCCESS
 
 
 def test_points_until_a_frame_comes_from_there() -> None:
@@ -57,25 +76,54 @@ def test_without_a_frame_it_goes_on_pointing() -> None:
     assert bench.pointed is not None
 
 
-@pytest.mark.parametrize(
-    ("word", "answer"),
-    [
-        (MovementState.DONE, Status.SUCCESS),
-        (MovementState.INTERRUPTED, Status.FAILURE),
-        (MovementState.REJECTED, Status.FAILURE),
-    ],
-)
-def test_turns_until_the_drone_says_it_ended(word: MovementState, answer: Status) -> None:
-    """Clockwise positive; kept from it is a failure."""
+def test_turns_until_the_drone_says_it_ended() -> None:
+    """Clockwise positive."""
     bench = LeafBench(Turn, degrees=-90.0)
     assert live(bench) is Status.RUNNING
     assert bench.proposed == MoveBy(id=1, yaw_rad=-math.pi / 2)
     assert live(bench) is Status.RUNNING
     assert bench.proposed == MoveBy(id=1, yaw_rad=-math.pi / 2)
 
-    bench.finish_movement(word)
-    assert bench.tick(advance_s=0.1) is answer
+    bench.finish_movement()
+    assert bench.tick(advance_s=0.1) is Status.SUCCESS
     assert bench.proposed is None
+
+
+@pytest.mark.parametrize("seconds", [0.1, 10.0])
+@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
+def test_an_interrupted_turn_goes_on_to_the_same_heading(
+    seconds: float, word: MovementState
+) -> None:
+    """After an override as after a person who turned it back a little."""
+    bench = LeafBench(Turn, degrees=200.0)
+    for heading_deg in (150, 170, 190, 210):
+        live(bench, yaw_rad=math.remainder(math.radians(heading_deg), 2.0 * math.pi))
+    over = MovementStatus(id=1, state=word)
+    yaw_rad = math.radians(200 - 360)
+
+    assert live(bench, seconds=seconds, yaw_rad=yaw_rad, movement=over) is Status.RUNNING
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.id == 2
+    assert math.degrees(bench.proposed.yaw_rad) == pytest.approx(150)
+    done = MovementStatus(id=2, state=MovementState.DONE)
+    assert live(bench, yaw_rad=yaw_rad, movement=done) is Status.SUCCESS
+
+
+@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
+def test_a_drone_that_will_not_turn_is_a_failure_that_says_so(word: MovementState) -> None:
+    """After several attempts."""
+    bench = LeafBench(Turn, degrees=90.0)
+    status, attempts = live(bench), set()
+    while status is Status.RUNNING:
+        show(bench)
+        if isinstance(bench.proposed, MoveBy):
+            attempts.add(bench.proposed.id)
+            bench.finish_movement(word)
+        status = bench.tick()
+
+    assert status is Status.FAILURE
+    assert len(attempts) > 3
+    assert word.value in bench.feedback
 
 
 def test_a_turn_without_telemetry_stops() -> None:
@@ -96,6 +144,18 @@ def test_a_halted_turn_begins_anew() -> None:
 
     live(bench)
     assert bench.proposed == MoveBy(id=2, yaw_rad=math.radians(30))
+
+
+def test_a_turn_waits_for_the_first_telemetry() -> None:
+    """From where it begins to turn is not known before."""
+    bench = LeafBench(Turn, degrees=30.0)
+    show(bench)
+    del bench.board[STATE]
+    assert bench.tick() is Status.RUNNING
+    assert bench.proposed is None
+
+    live(bench)
+    assert bench.proposed == MoveBy(id=1, yaw_rad=math.radians(30))
 
 
 def _fix(captured_s: float) -> HelipadFix:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from behaviours.fly.take_off import TakeOff
-from tests.behaviours.leaf_world import halted_proposals, live
+from tests.behaviours.leaf_world import halted_proposals, live, show, wait
 from uav_bt.board import FLIGHT_HEIGHT, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
@@ -94,11 +94,34 @@ def test_a_failed_climb_is_tried_again(word: MovementState) -> None:
 def test_too_long_is_a_failure() -> None:
     """A drone that stays on the ground is given up, and told nothing more."""
     bench = on_the_ground(give_up_s=5.0)
-    assert live(bench, seconds=4.9, flying=FlyingState.LANDED) is Status.RUNNING
+    assert wait(bench, 4.9, flying=FlyingState.LANDED) is Status.RUNNING
 
     assert live(bench, seconds=0.2, flying=FlyingState.LANDED) is Status.FAILURE
     assert (bench.proposed, bench.pointed) == (None, None)
     assert "landed" in bench.feedback
+
+
+def test_time_in_which_a_person_flies_does_not_count() -> None:
+    """The tree is not ticked then."""
+    bench = on_the_ground(give_up_s=5.0)
+    wait(bench, 4.5, flying=FlyingState.LANDED)
+
+    assert live(bench, seconds=60.0, flying=FlyingState.LANDED) is Status.RUNNING
+    assert wait(bench, 0.6, flying=FlyingState.LANDED) is Status.FAILURE
+
+
+@pytest.mark.parametrize("word", [MovementState.INTERRUPTED, MovementState.REJECTED])
+def test_a_climb_refused_again_and_again_is_a_failure_that_says_so(word: MovementState) -> None:
+    bench = LeafBench(TakeOff, height_m=1.5)
+    status = live(bench, height_m=1.0)
+    while status is Status.RUNNING:
+        show(bench, height_m=1.0)
+        if isinstance(bench.proposed, MoveBy):
+            bench.finish_movement(word)
+        status = bench.tick()
+
+    assert status is Status.FAILURE
+    assert word.value in bench.feedback
 
 
 def test_without_telemetry_it_asks_for_nothing() -> None:

@@ -1,0 +1,195 @@
+"""Whole missions that are interrupted: by a person, a stalled video, a link that comes back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, Says, carpet
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, STATE
+from uav_bt.board.context import MissionContext
+from uav_bt.mission.judge import Judge, Outcome, Verdict
+from uav_bt.mission.runner import MissionRunner
+from uav_bt.mission.safety import Override
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import LeafPolicy
+from uav_bt.testing import ScriptedDrone
+from uav_bt.testing.drone import ScriptedDroneConfig
+from uav_bt.testing.faults import Fault, FaultyDrone
+from uav_bt.tree import Leaf, NodeRegistry, Status, parse_tree
+from uav_bt.types import ClassMap, HelipadFix, MoveBy
+
+MISSION = """
+<ReactiveSequence>
+  <Sense/>
+  <Sequence>
+    <TakeOff height_m="1.5" give_up_s="8"/>
+    <Turn degrees="90"/>
+    <HoverFor seconds="3"/>
+    <ForceSuccess><Timeout msec="20000"><Explore policy="segmentation"/></Timeout></ForceSuccess>
+    <Avoid policy="corridor"/>
+    <ReturnToBase policy="segmentation"/>
+    <HelipadCenter give_up_s="12"/>
+    <Land/>
+  </Sequence>
+</ReactiveSequence>"""
+
+NEAREST_AHEAD_M = 1.0  # what is nearer is below the view ahead
+
+
+def sense(drone: ScriptedDrone) -> type[Leaf]:
+    """Return a leaf that sees carpet everywhere and the pad where the drone took off."""
+
+    class Sense(Leaf):
+        """Perceive."""
+
+        condition = True
+        reads = (FRAME, STATE, CAMERA)
+        writes = (CLASS_MAP, HELIPAD)
+        seen_s = 0.0
+
+        def update(self) -> Status:
+            frame = self.read(FRAME).value
+            if frame is None:
+                return Status.SUCCESS
+            self.write(CLASS_MAP, ClassMap(ids=carpet(), captured_s=frame.captured_s))
+            heading, x_m, y_m = drone.state.attitude.yaw_rad, -drone.x_m, -drone.y_m
+            ahead = math.hypot(x_m, y_m) > NEAREST_AHEAD_M
+            detected = ahead or frame.gimbal_pitch_rad < math.radians(-80)
+            if detected:
+                self.seen_s = frame.captured_s
+            fix = HelipadFix(
+                captured_s=self.seen_s,
+                forward_m=x_m * math.cos(heading) - y_m * math.sin(heading),
+                right_m=-x_m * math.sin(heading) - y_m * math.cos(heading),
+                detected=detected,
+            )
+            self.write(HELIPAD, fix, self.seen_s)
+            return Status.SUCCESS
+
+    return Sense
+
+
+class World:
+    """A mission on a scripted drone, and what interrupts it."""
+
+    def __init__(self, body: str, fault: str | None = None) -> None:
+        # A movement takes 1.5 s, so that it is under way when it is interrupted.
+        self.inner = ScriptedDrone(config=ScriptedDroneConfig(movement_ticks=15))
+        self.inner.camera = replace(self.inner.camera, forward_offset_m=0.15)
+        self.drone: Any = self.inner
+        listeners: list[Any] = [self]
+        if fault is not None:
+            self.drone = FaultyDrone(self.inner, Fault.parse(fault))
+            listeners.append(self.drone)
+        # In place of the installed ones, which would need something to see.
+        policies: dict[str, LeafPolicy] = {
+            "segmentation": Says(ADVANCE),
+            "corridor": Says(*[TURN_RIGHT] * 30, ADVANCE),
+        }
+        context = MissionContext(clock=self.inner.clock, policy=policies.__getitem__)
+        registry = NodeRegistry.installed().with_nodes(sense(self.inner))
+        tree = parse_tree(
+            f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>', registry
+        )
+        tree.setup(context)
+        self.tree = tree
+        self.runner = MissionRunner(self.drone, tree, context, Judge(), listeners=listeners)
+        self.records: list[TickRecord] = []
+        self.takes_over: str | None = None  # PHASE+SECONDS
+        self._took_over_s: float | None = None
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Take over for 10 s, where it was asked for."""
+        self.records.append(record)
+        if self.takes_over is None:
+            return
+        phase, _, after_s = self.takes_over.partition("+")
+        if self._took_over_s is None and record.phase == phase:
+            self._took_over_s = record.time_s + float(after_s)
+        if self._took_over_s is not None:
+            late_s = record.time_s - self._took_over_s
+            self.runner.set_manual(manual=-1e-6 <= late_s < 10.0)
+
+    def fly(self) -> Verdict:
+        self.drone.connect()
+        return self.runner.run()
+
+    @property
+    def overrides(self) -> set[Override | None]:
+        return {record.override for record in self.records}
+
+
+PLACES = {
+    "TakeOff": "take-off+1",
+    "Turn": "look+0.5",
+    "HoverFor": "hover+0.5",
+    "Explore": "explore+1",
+    "Avoid": "explore+21",
+    "ReturnToBase": "approach+2",
+    "HelipadCenter, up": "center+0.5",
+    "HelipadCenter, down": "center+2",
+    "Land": "land+0.5",
+}
+at_each_leaf = pytest.mark.parametrize("place", PLACES.values(), ids=PLACES.keys())
+
+
+@at_each_leaf
+def test_a_person_takes_over_for_ten_seconds(place: str) -> None:
+    """Longer than the leaves' own time limits leave room for."""
+    world = World(MISSION)
+    world.takes_over = place
+
+    assert world.fly() == Verdict(outcome=Outcome.SUCCESS, reason="landed")
+    assert sum(each.override is Override.MANUAL for each in world.records) >= 99
+
+
+@at_each_leaf
+@pytest.mark.parametrize("fault", ["pilot", "video-lost", "link-lost", "interrupted"])
+def test_what_passes_ends_no_mission(place: str, fault: str) -> None:
+    """A pilot at the remote control, seconds without video or link, movements that break off."""
+    duration_s = 10.0 if fault == "pilot" else 2.5
+    world = World(MISSION, f"{fault}@{place}~{duration_s}")
+
+    assert world.fly() == Verdict(outcome=Outcome.SUCCESS, reason="landed")
+    assert world.drone.began_s is not None
+
+
+@pytest.mark.parametrize("fault", [None, "pilot", "video-lost", "link-lost", "interrupted"])
+def test_an_interrupted_turn_ends_at_its_heading(fault: str | None) -> None:
+    """By hand when no fault is named."""
+    body = '<Sequence><TakeOff height_m="1"/><Turn degrees="90"/><Land/></Sequence>'
+    world = World(body, None if fault is None else f"{fault}@look+0.5~3")
+    world.takes_over = "look+0.5" if fault is None else None
+
+    assert world.fly().outcome is Outcome.SUCCESS
+    assert math.degrees(world.inner.state.attitude.yaw_rad) == pytest.approx(90)
+    assert world.overrides != {None} or fault == "interrupted"
+    turns = {
+        record.command.movement.id
+        for record in world.records
+        if isinstance(record.command.movement, MoveBy) and record.command.movement.yaw_rad != 0.0
+    }
+    assert len(turns) > 1, "it was begun again"
+
+
+def test_a_drone_that_never_turns_ends_the_mission_and_the_leaf_says_why() -> None:
+    """A fault that lasts is no override that passes."""
+    body = '<Sequence><TakeOff height_m="1"/><Turn degrees="90"/><Land/></Sequence>'
+    world = World(body, "interrupted@look+0.5")
+
+    assert world.fly().outcome is Outcome.ABORTED
+    (turn,) = (leaf for leaf in world.tree.leaves() if leaf.name == "Turn")
+    assert "interrupted 6 times" in turn.feedback_message
+
+
+@pytest.mark.parametrize("fault", ["pilot", "video-lost", "link-lost", "interrupted"])
+def test_an_emergency_landing_goes_on_too(fault: str) -> None:
+    """It is no success, but it ends on the ground."""
+    body = '<Sequence><Sense/><TakeOff height_m="1"/><EmergencyLand/></Sequence>'
+    world = World(body, f"{fault}@emergency landing+0.2~8")
+
+    assert world.fly().reason == "the tree failed; landed"
