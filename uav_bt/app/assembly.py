@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from perception.camera.frame_watch import FrameWatch
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.loading import Mission, check_ceiling, load_mission
@@ -152,6 +153,7 @@ class Flight(Generic[DroneT]):
             limits=limits_of(self.options),
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=listeners,
+            judge_frame=FrameWatch(),
             clock=self._clock,
         )
 

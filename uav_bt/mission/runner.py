@@ -13,7 +13,8 @@ from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.judge import Judge, Outcome, Verdict
-from uav_bt.mission.safety import Arbiter, Circumstances, Limits, Override
+from uav_bt.mission.safety import Arbiter, Circumstances, Lasting, Limits, Override
+from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
@@ -56,6 +57,7 @@ class MissionRunner:
         limits: what no command may exceed.
         config: how the mission is run.
         listeners: what follows the flight tick by tick.
+        judge_frame: says why a frame's image cannot be flown by; None trusts all images.
         clock: the context's, where it stands still from tick to tick; None where the drone's own
             time does so, as simulated time does.
         timer: the wall clock that computing is measured with, seconds.
@@ -71,6 +73,7 @@ class MissionRunner:
         limits: Limits | None = None,
         config: RunnerConfig | None = None,
         listeners: Sequence[TickListener] = (),
+        judge_frame: FrameJudge | None = None,
         clock: TickClock | None = None,
         timer: Callable[[], float] = time.perf_counter,
     ) -> None:
@@ -84,6 +87,7 @@ class MissionRunner:
         self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer
+        self._screening = Screening(drone.camera, judge_frame)
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
@@ -91,7 +95,7 @@ class MissionRunner:
         self._cut = False
         self._given_up = False
         self.descent = DescentEnd(airborne=False, faults=())  # known when the run is over
-        self._override_since: tuple[Override | None, float] = (None, 0.0)
+        self._lasting = Lasting()
 
     @property
     def slow_leaves_s(self) -> dict[str, float]:
@@ -153,7 +157,7 @@ class MissionRunner:
     def _tick(self) -> Verdict | None:
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
-        observation = self._drone.observe()
+        observation = self._screening.usable(self._drone.observe(), start_s)
         self._write_board(observation, start_s)
         self._context.proposals.clear()
 
@@ -184,6 +188,7 @@ class MissionRunner:
             truth=truth,
             feedback=active[-1].feedback_message if active else "",
             slow=self._budgets.take(),
+            refused=self._screening.refused,
             decided=decided,
         )
         self.listeners.on_tick(record)
@@ -230,13 +235,17 @@ class MissionRunner:
         Raises:
             DroneError: no telemetry has come for too long.
         """
-        override = self._arbiter.override
-        if override is not self._override_since[0]:
-            self._override_since = (override, now_s)
-        lasting_s = now_s - self._override_since[1]
+        override, screening = self._arbiter.override, self._screening
+        lasting_s = self._lasting.update(override, now_s)
         if override is Override.STALE_FRAME and lasting_s > self._limits.blind_s:
-            self.request_abort(f"no new frame for {lasting_s:.0f} s")
+            why = f": {screening.frame_fault}" if screening.frame_fault else ""
+            self.request_abort(f"no usable frame for {lasting_s:.0f} s{why}")
         if override is Override.LINK and lasting_s > self._limits.link_lost_s:
+            if screening.state_fault is not None:  # it is heard, and what it says cannot be
+                self.request_abort(
+                    f"no usable telemetry for {lasting_s:.0f} s: {screening.state_fault}"
+                )
+                return
             raise DroneError(
                 f"nothing heard from the drone for {lasting_s:.0f} s: it hovers, lands or returns "
                 "by its own rules; take it over with its remote control"

@@ -55,7 +55,8 @@ class Limits:
         yaw_rate_radps: turning rate.
         ceiling_m: height above the carpet.
         critical_battery: charge, 0 to 1, below which the drone lands.
-        stale_frame_s: the drone hovers while its newest frame is older.
+        stale_frame_s: the drone hovers while its newest frame is older; leaves do not see it then
+            either (`uav_bt.board.keys`).
         stale_state_s: the drone hovers while its newest telemetry is older; it comes at 5 Hz.
         blind_s: the drone lands after so long without a fresh frame.
         link_lost_s: the mission ends after so long without telemetry.
@@ -69,7 +70,7 @@ class Limits:
     yaw_rate_radps: float = 1.6
     ceiling_m: float = 2.4
     critical_battery: float = 0.1
-    stale_frame_s: float = 1.0
+    stale_frame_s: float = 0.7
     stale_state_s: float = 1.5
     blind_s: float = 15.0
     link_lost_s: float = 10.0
@@ -200,3 +201,30 @@ class Arbiter:
                 ),
             )
         return movement
+
+
+class Lasting:
+    """How long an override has been in force; a gap shorter than a second does not end it.
+
+    A video that is late by just as much as it may be is fresh and stale in turn.
+    """
+
+    _GAP_S: Final = 1.0
+
+    def __init__(self) -> None:
+        self._override: Override | None = None
+        self._since_s = self._last_s = 0.0
+
+    def update(self, override: Override | None, now_s: float) -> float:
+        """Return for how many seconds the override of this tick has been in force.
+
+        Args:
+            override: of this tick, None without one.
+            now_s: mission clock.
+        """
+        if override is None:
+            return 0.0
+        if override is not self._override or now_s - self._last_s > self._GAP_S:
+            self._override, self._since_s = override, now_s
+        self._last_s = now_s
+        return now_s - self._since_s

@@ -18,7 +18,7 @@ class TickRecord:
 
     index: int
     time_s: float
-    observation: Observation
+    observation: Observation  # what the mission was flown by, screened
     tree_status: Status
     phase: str  # set by the mission leaves; empty before they set one
     active: tuple[str, ...]  # names from the root to the deepest running node
@@ -29,6 +29,7 @@ class TickRecord:
     truth: Truth | None
     feedback: str = ""  # of the deepest running node, a policy's reason for instance
     slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
+    refused: tuple[str, ...] = ()  # of what the drone reported: frame or telemetry, and why
     decided: Command | None = None  # by the arbiter, before the drone's own limits
 
 
