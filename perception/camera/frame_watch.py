@@ -68,7 +68,8 @@ class FrameWatch:
             state: the newest telemetry.
         """
         grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-        return self._frozen(frame, grey, state) or self._blank(grey)
+        frozen = self._frozen(frame, grey, state)
+        return self._blank(grey) or frozen
 
     def _blank(self, grey: NDArray[np.uint8]) -> str | None:
         config = self._config

@@ -13,6 +13,7 @@ from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.judge import Judge, Outcome, Verdict
+from uav_bt.mission.obedience import ObedienceWatch
 from uav_bt.mission.safety import Arbiter, Circumstances, Lasting, Limits, Override
 from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
@@ -88,6 +89,7 @@ class MissionRunner:
         self._clock = clock
         self._timer = timer
         self._screening = Screening(drone.camera, judge_frame)
+        self._obedience = ObedienceWatch()
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
@@ -205,6 +207,9 @@ class MissionRunner:
             self.request_abort(
                 f"critical battery: {100 * (observation.state.battery or 0.0):.0f} %"
             )
+        fault = self._obedience.complaint(command, observation.state, start_s)
+        if fault is not None and self._arbiter.override is not Override.MANUAL:
+            self.request_abort(f"the drone does not obey: {fault}")
         self._escalate(start_s)
         if verdict is None:
             clock.sleep_until(start_s + self._config.tick_s)

@@ -140,7 +140,8 @@ SAFETY: Final = (
     SafetyRule(
         override=Override.LINK,
         holds=lambda now, limits: (
-            now.airborne and (not now.state.connected or now.state_age_s > limits.stale_state_s)
+            (now.airborne or now.state.flying is FlyingState.TAKING_OFF)
+            and (not now.state.connected or now.state_age_s > limits.stale_state_s)
         ),
         movement=Hover(),
         why="what gets through should hold it still until it is heard again",
