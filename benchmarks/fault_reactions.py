@@ -92,7 +92,7 @@ EXPECTED: Final = {
     "deaf": Expected(named="still (flies|in the air)|not land|obey|command", may_fly=True),
     "motors-cut": Expected(named="motors|emergency", may_fall=True),
     "emergency-state": Expected(named="motors|emergency"),
-    "landed-state": Expected(named="has landed.*motors|still (flies|in the air)"),
+    "landed-state": Expected(named="has landed.*motors|still (flies|in the air)|not take off"),
     "pilot": Expected(named="pilot|manual", may_fly=True),
     "wind": Expected(named="wind|drift|pushed", bearable=True),
     "drift": Expected(named="wind|drift|pushed", bearable=True),

@@ -23,9 +23,11 @@ class ObedienceConfig:
     """How long a drone may take before it counts as disobedient.
 
     Attributes:
-        start_s: until a movement is reported, a gimbal points, or a landing begins.
-        speed_mps: the slowest mean speed of a movement ...
-        yaw_rate_radps: ... and of a turn.
+        unheard_s: telemetry older than this is not held against it.
+        start_s: until a gimbal points or a landing begins.
+        movement_s: until a movement that goes on counts as one that does not end ...
+        undone: ... so many of them in a row ...
+        longest_s: ... or one that goes on for so long.
         gimbal_rad: how far the camera may point elsewhere.
         turned_share: of the turns that were commanded, at least so much must be seen ...
         turn_rad: ... counted over so much of turning.
@@ -34,9 +36,11 @@ class ObedienceConfig:
         drift_s: ... over so long.
     """
 
+    unheard_s: float = 0.5
     start_s: float = 6.0
-    speed_mps: float = 0.08
-    yaw_rate_radps: float = 0.15
+    movement_s: float = 4.0
+    undone: int = 3
+    longest_s: float = 40.0
     gimbal_rad: float = math.radians(6)
     turned_share: float = 0.3
     turn_rad: float = math.radians(150)
@@ -60,7 +64,7 @@ class ObedienceWatch:
         self._since_s: dict[str, float] = {}  # since when something has not been as commanded
         self._asked_rad = self._turned_rad = 0.0
         self._ended = False  # whether the end of that movement was heard
-        self._interrupted = 0
+        self._interrupted = self._undone = 0  # movements in a row
         self._gimbal_rad: float | None = None
         self._drift_m = [0.0, 0.0]
         self._hover_s = 0.0
@@ -76,8 +80,10 @@ class ObedienceWatch:
         passed_s = 0.0 if self._last_s is None else now_s - self._last_s
         turned_rad = math.remainder(state.attitude.yaw_rad - self._yaw_rad, math.tau)
         self._last_s, self._yaw_rad = now_s, state.attitude.yaw_rad
+        landing = self._landing(command, state, now_s)
+        if landing is not None or now_s - state.captured_s > self._config.unheard_s:
+            return landing  # old measurements say nothing about what it does now
         found = (
-            self._landing(command, state, now_s),
             self._movement(command, state, now_s),
             self._turning(command, passed_s, turned_rad),
             self._camera(command, state, now_s),
@@ -103,31 +109,36 @@ class ObedienceWatch:
         return None
 
     def _movement(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        """Complain of a movement that is not heard of or takes too long, or of many broken off."""
+        """Complain of movements that the drone breaks off or never ends, several in a row."""
         move = command.movement if isinstance(command.movement, MoveBy) else None
+        self._hear_of(self._move, state)
+        lasted_s = self._lasts("movement", now_s, holds=self._move is not None)
         if move is None or self._move is None or move.id != self._move.id:
+            # A step that flows into the next is soon superseded; one that was waited for is not.
+            unended = self._move is not None and not self._ended
+            if unended and lasted_s > self._config.movement_s:
+                self._undone += 1
             self._since_s.pop("movement", None)
             self._ended = False
         self._move = move
-        if move is None:
-            return None
-        status = state.movement
-        word = MovementState.RUNNING if status is None or status.id != move.id else status.state
-        if word is not MovementState.RUNNING and not self._ended:
-            self._ended = True
-            done = word is MovementState.DONE
-            self._asked_rad += abs(move.yaw_rad) if done else 0.0
-            self._interrupted = 0 if done else self._interrupted + 1
         config = self._config
         if self._interrupted >= config.interruptions:
             return f"{self._interrupted} movements in a row were interrupted"
-        way_m = math.hypot(move.forward_m, move.right_m, move.down_m)
-        turn_s = abs(move.yaw_rad) / config.yaw_rate_radps
-        most_s = config.start_s + way_m / config.speed_mps + turn_s
-        if self._lasts("movement", now_s, holds=not self._ended) > most_s:
-            turn_deg = math.degrees(move.yaw_rad)
-            return f"a movement of {way_m:.1f} m and {turn_deg:.0f} deg is not done"
+        if self._undone >= config.undone or lasted_s > config.longest_s:
+            return "its movements are not done"
         return None
+
+    def _hear_of(self, move: MoveBy | None, state: DroneState) -> None:
+        """Note the end of the movement that was commanded last."""
+        status = state.movement
+        if move is None or self._ended or status is None or status.id != move.id:
+            return
+        if status.state is MovementState.DONE:
+            self._asked_rad += abs(move.yaw_rad)
+            self._interrupted = self._undone = 0
+        elif status.state is not MovementState.RUNNING:
+            self._interrupted += 1
+        self._ended = status.state is not MovementState.RUNNING
 
     def _turning(self, command: Command, passed_s: float, turned_rad: float) -> str | None:
         """Complain of a drone that does not turn; turns by `MoveBy` count when they are done."""

@@ -97,7 +97,7 @@ class MissionRunner:
         self._cut = False
         self._given_up = False
         self.descent = DescentEnd(airborne=False, faults=())  # known when the run is over
-        self._lasting = Lasting()
+        self._blind, self._refused, self._unheard, self._landing = (Lasting() for _ in range(4))
 
     @property
     def slow_leaves_s(self) -> dict[str, float]:
@@ -198,6 +198,9 @@ class MissionRunner:
         verdict = self._judge.verdict(
             start_s, observation.state, truth, status, abort_reason=self._abort_reason
         )
+        landing_s = self._landing.update(start_s, holds=self._arbiter.override is Override.ABORT)
+        if landing_s > self._config.landing_grace_s:
+            self.give_up()
         if verdict is None and self._given_up and self._abort_reason is not None:
             verdict = Verdict(outcome=Outcome.ABORTED, reason=self._abort_reason)
         if status in _OVER and observation.state.flying is not FlyingState.LANDED:
@@ -240,19 +243,20 @@ class MissionRunner:
         Raises:
             DroneError: no telemetry has come for too long.
         """
-        override, screening = self._arbiter.override, self._screening
-        lasting_s = self._lasting.update(override, now_s)
-        if override is Override.STALE_FRAME and lasting_s > self._limits.blind_s:
+        limits, override, screening = self._limits, self._arbiter.override, self._screening
+        blind_s = self._blind.update(now_s, holds=override is Override.STALE_FRAME)
+        if blind_s > limits.blind_s:
             why = f": {screening.frame_fault}" if screening.frame_fault else ""
-            self.request_abort(f"no usable frame for {lasting_s:.0f} s{why}")
-        if override is Override.LINK and lasting_s > self._limits.link_lost_s:
-            if screening.state_fault is not None:  # it is heard, and what it says cannot be
-                self.request_abort(
-                    f"no usable telemetry for {lasting_s:.0f} s: {screening.state_fault}"
-                )
-                return
+            self.request_abort(f"no usable frame for {blind_s:.0f} s{why}")
+        refused_s = self._refused.update(now_s, holds=screening.state_fault is not None)
+        if refused_s > limits.link_lost_s:  # it is heard, and what it says cannot be
+            self.request_abort(
+                f"no usable telemetry for {refused_s:.0f} s: {screening.state_fault}"
+            )
+        unheard_s = self._unheard.update(now_s, holds=override is Override.LINK)
+        if unheard_s > limits.link_lost_s and screening.state_fault is None:
             raise DroneError(
-                f"nothing heard from the drone for {lasting_s:.0f} s: it hovers, lands or returns "
+                f"nothing heard from the drone for {unheard_s:.0f} s: it hovers, lands or returns "
                 "by its own rules; take it over with its remote control"
             )
 

@@ -205,7 +205,7 @@ class Arbiter:
 
 
 class Lasting:
-    """How long an override has been in force; a gap shorter than a second does not end it.
+    """How long something has held; a gap shorter than a second does not end it.
 
     A video that is late by just as much as it may be is fresh and stale in turn.
     """
@@ -213,19 +213,18 @@ class Lasting:
     _GAP_S: Final = 1.0
 
     def __init__(self) -> None:
-        self._override: Override | None = None
-        self._since_s = self._last_s = 0.0
+        self._since_s = self._last_s = -math.inf
 
-    def update(self, override: Override | None, now_s: float) -> float:
-        """Return for how many seconds the override of this tick has been in force.
+    def update(self, now_s: float, *, holds: bool) -> float:
+        """Return for how many seconds it has held.
 
         Args:
-            override: of this tick, None without one.
             now_s: mission clock.
+            holds: whether it does in this tick.
         """
-        if override is None:
+        if not holds:
             return 0.0
-        if override is not self._override or now_s - self._last_s > self._GAP_S:
-            self._override, self._since_s = override, now_s
+        if now_s - self._last_s > self._GAP_S:
+            self._since_s = now_s
         self._last_s = now_s
         return now_s - self._since_s
