@@ -66,6 +66,21 @@ RIGHT = (
     "pilot@explore~3",
     "never-done@explore",
     "wind@explore",
+    "frozen@explore",
+    "black@explore",
+    "white@explore",
+    "covered@explore",
+    "half-size@explore",
+    "empty-image@explore",
+    "late=0.65@explore",
+    "no-telemetry@take-off+1",
+    "height-nan@explore",
+    "height-absurd@land",
+    "attitude-nan@explore",
+    "velocity-nan@explore",
+    "gimbal-nan@explore",
+    "battery-nan@take-off+1",
+    "no-landing@land",
 )
 
 

@@ -115,7 +115,8 @@ class LiveStatus:
             (f"helipad {fix.range_m:.1f} m" if fix is not None else "helipad -", ""),
         ]
         if record.override is not None:
-            parts.append((record.override.value, "bold red"))
+            why = f": {record.refused[0]}" if record.refused else ""
+            parts.append((f"{record.override.value}{why}", "bold red"))
         elif record.active:
             word = f": {record.feedback}" if record.feedback else ""
             parts.append((f"{record.active[-1]}{word}", "cyan"))

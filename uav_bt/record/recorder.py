@@ -81,6 +81,7 @@ class FlightRecorder:
         self._timeline = Timeline(start_ns=start_ns, start_s=context.clock.now())
         self._phase = ""
         self._override: str | None = None
+        self._refused: tuple[str, ...] = ()
         self._movement: type[Movement] | None = None
         self._ended = False
         self.losses = RecordLosses()
@@ -151,6 +152,10 @@ class FlightRecorder:
         if override != self._override:
             self._override = override
             self._log("Warning", f"override: {override}" if override else "override over")
+        if record.refused != self._refused:
+            self._refused = record.refused
+            told = "; ".join(record.refused)
+            self._log("Warning", f"refused: {told}" if told else "nothing is refused any more")
         kind = type(record.command.movement)
         if kind is not self._movement:
             self._movement = kind

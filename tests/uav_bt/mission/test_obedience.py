@@ -1,0 +1,144 @@
+"""Obedience: a drone that does not do what it was commanded is named; one that does never is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from uav_bt.mission.obedience import ObedienceWatch
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    Command,
+    DroneState,
+    FlyingState,
+    GimbalTo,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    MovementState,
+    MovementStatus,
+    TakeOff,
+    Velocity,
+)
+
+TICK_S = 0.1
+HOVERS = DroneState(captured_s=0.0, flying=FlyingState.HOVERING)
+
+Body = Callable[[float], tuple[Movement, DroneState]]
+"""From the time, the movement that is commanded and what the drone reports then."""
+
+
+def first_complaint(body: Body, *, seconds: float = 60.0, gimbal_rad: float | None = None) -> str:
+    watch = ObedienceWatch()
+    gimbal = None if gimbal_rad is None else GimbalTo(pitch_rad=gimbal_rad)
+    for tick in range(round(seconds / TICK_S)):
+        now_s = tick * TICK_S
+        movement, state = body(now_s)
+        command = Command(movement=movement, gimbal=gimbal)
+        found = watch.complaint(command, replace(state, captured_s=now_s), now_s)
+        if found is not None:
+            return found
+    return ""
+
+
+def status(number: int, state: MovementState) -> DroneState:
+    return replace(HOVERS, movement=MovementStatus(id=number, state=state))
+
+
+def steps(lasts_s: float, end: MovementState, *, yaw_rad: float = 0.0) -> Body:
+    """Return a mission of one step after the other, each reported as over after a while."""
+
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        number = int(now_s // lasts_s)
+        over = now_s % lasts_s > lasts_s - 2.5 * TICK_S
+        word = end if over else MovementState.RUNNING
+        turned_rad = yaw_rad * (now_s / lasts_s)
+        state = replace(status(number, word), attitude=Attitude(yaw_rad=turned_rad))
+        return MoveBy(id=number, forward_m=0.3, yaw_rad=abs(yaw_rad)), state
+
+    return body
+
+
+def test_steps_that_are_done_are_obedience() -> None:
+    assert first_complaint(steps(3.0, MovementState.DONE)) == ""
+
+
+def test_steps_that_flow_into_each_other_need_no_end() -> None:
+    assert first_complaint(steps(1.5, MovementState.RUNNING)) == ""
+
+
+def test_steps_that_never_end_are_named() -> None:
+    assert "movements are not done" in first_complaint(steps(6.0, MovementState.RUNNING))
+
+
+@pytest.mark.parametrize("end", [MovementState.INTERRUPTED, MovementState.REJECTED])
+def test_steps_that_the_drone_breaks_off_are_named(end: MovementState) -> None:
+    assert "in a row were interrupted" in first_complaint(steps(1.0, end))
+
+
+def test_a_turn_that_is_reported_and_not_seen_is_named() -> None:
+    stays = steps(2.0, MovementState.DONE, yaw_rad=0.0)
+
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        move, state = stays(now_s)
+        assert isinstance(move, MoveBy)
+        return replace(move, forward_m=0.0, yaw_rad=0.6), state
+
+    assert first_complaint(body) == "it does not turn"
+
+
+def test_a_turn_that_is_seen_is_obedience() -> None:
+    assert first_complaint(steps(2.0, MovementState.DONE, yaw_rad=0.6)) == ""
+
+
+@pytest.mark.parametrize(("rate_radps", "said"), [(0.0, "it does not turn"), (0.5, "")])
+def test_velocity_orders_must_turn_it_too(rate_radps: float, said: str) -> None:
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        heading = math.remainder(rate_radps * now_s, math.tau)
+        return Velocity(yaw_rate_radps=0.5), replace(HOVERS, attitude=Attitude(yaw_rad=heading))
+
+    assert first_complaint(body) == said
+
+
+def test_a_camera_that_stays_is_named() -> None:
+    stuck = first_complaint(lambda _: (Hover(), HOVERS), gimbal_rad=-1.0)
+    assert "gimbal stuck" in stuck
+    points = replace(HOVERS, gimbal_pitch_rad=-0.97)
+    assert first_complaint(lambda _: (Hover(), points), gimbal_rad=-1.0) == ""
+
+
+def test_a_landing_that_does_not_begin_is_named() -> None:
+    assert first_complaint(lambda _: (Land(), HOVERS)) == "it does not land"
+    lands = replace(HOVERS, flying=FlyingState.LANDING)
+    assert first_complaint(lambda _: (Land(), lands)) == ""
+
+
+def test_a_take_off_that_does_not_begin_is_named() -> None:
+    stands = replace(HOVERS, flying=FlyingState.LANDED)
+    assert first_complaint(lambda _: (TakeOff(), stands)) == "it does not take off"
+
+
+@pytest.mark.parametrize(("speed_mps", "said"), [(0.4, True), (0.1, False)])
+def test_a_drone_that_is_carried_away_is_named(speed_mps: float, said: bool) -> None:  # noqa: FBT001
+    blown = replace(HOVERS, velocity=BodyVelocity(right_mps=speed_mps))
+    assert ("is there wind?" in first_complaint(lambda _: (Hover(), blown))) is said
+
+
+def test_to_and_fro_is_no_drift() -> None:
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        sway = BodyVelocity(forward_mps=0.5 * math.sin(6.0 * now_s))
+        return Hover(), replace(HOVERS, velocity=sway)
+
+    assert first_complaint(body) == ""
+
+
+def test_old_telemetry_is_held_against_nobody() -> None:
+    watch = ObedienceWatch()
+    blown = replace(HOVERS, velocity=BodyVelocity(right_mps=2.0))
+    for tick in range(200):
+        assert watch.complaint(Command(movement=Hover()), blown, 5.0 + tick * TICK_S) is None

@@ -1,0 +1,115 @@
+"""Screening: what cannot be is refused, and what is left ages like a missing measurement."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uav_bt.mission.screening import Screening
+from uav_bt.testing import blank_frame, pinhole
+from uav_bt.types import Attitude, BodyVelocity, DroneState, FlyingState, Observation
+
+CAMERA = pinhole()
+STATE = DroneState(captured_s=1.0, flying=FlyingState.HOVERING, altitude_m=1.5, height_m=1.5)
+
+HALF = np.zeros((18, 32, 3), np.uint8)
+EMPTY = np.zeros((0, 0, 3), np.uint8)
+
+
+def observed(state: DroneState, *, index: int = 0, **changes: Any) -> Observation:
+    frame = blank_frame(CAMERA, STATE, index=index, captured_s=state.captured_s)
+    return Observation(frame=replace(frame, **changes), state=state)
+
+
+def test_what_can_be_passes_unchanged() -> None:
+    screening = Screening(CAMERA)
+    first = observed(STATE)
+    assert screening.usable(first, 1.0) == first
+    later = observed(replace(STATE, captured_s=1.1, altitude_m=1.55), index=1)
+    assert screening.usable(later, 1.1) == later
+    assert screening.refused == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"height_m": math.nan}, "its height is nan"),
+        ({"height_above_carpet_m": 1e4}, "its height above the carpet is 10000"),
+        ({"attitude": Attitude(roll_rad=math.nan)}, "its roll is nan"),
+        ({"attitude": Attitude(yaw_rad=math.inf)}, "its yaw is inf"),
+        ({"velocity": BodyVelocity(right_mps=math.nan)}, "its speed is nan"),
+        ({"velocity": BodyVelocity(forward_mps=500.0)}, "its speed is 500"),
+        ({"gimbal_pitch_rad": 50.0}, "its gimbal pitch is 50"),
+        ({"battery": math.nan}, "its battery is nan"),
+        ({"link": -3.0}, "its link is -3"),
+        ({"altitude_m": 4.0}, "its altitude changed by 2.5 m in 0.1 s"),
+        ({"captured_s": 60.0}, "its time is 58.8 s in the future"),
+        ({"captured_s": math.nan}, "its time is nan s in the future"),
+    ],
+)
+def test_telemetry_that_cannot_be_is_the_last_good_one_growing_old(
+    changes: dict[str, Any], why: str
+) -> None:
+    screening = Screening(CAMERA)
+    screening.usable(observed(STATE), 1.0)
+    bad = replace(STATE, **{"captured_s": 1.2, "flying": FlyingState.LANDED, **changes})
+    screening.usable(observed(replace(STATE, captured_s=1.1), index=1), 1.1)
+    seen = screening.usable(Observation(frame=None, state=bad), 1.2).state
+    assert screening.state_fault == why
+    assert seen.captured_s == 1.1
+    assert (seen.altitude_m, seen.battery, seen.velocity) == (1.5, 1.0, BodyVelocity())
+    assert seen.flying is FlyingState.LANDED  # what it says in words is believed
+
+
+def test_without_any_good_telemetry_it_is_infinitely_old() -> None:
+    screening = Screening(CAMERA)
+    seen = screening.usable(Observation(frame=None, state=replace(STATE, height_m=math.nan)), 1.0)
+    assert seen.state.captured_s == -math.inf
+    assert seen.frame is None
+
+
+def test_an_unknown_battery_is_no_fault() -> None:
+    screening = Screening(CAMERA)
+    screening.usable(observed(replace(STATE, battery=None, link=None)), 1.0)
+    assert screening.state_fault is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        (
+            {"image": np.zeros((18, 32, 3), np.uint8)},
+            "its image is (18, 32, 3), expected (36, 64, 3)",
+        ),
+        ({"image": np.zeros((0, 0, 3), np.uint8)}, "its image is (0, 0, 3), expected (36, 64, 3)"),
+        ({"gimbal_pitch_rad": math.nan}, "its gimbal pitch is nan"),
+        ({"captured_s": 9.0}, "its time is 7.9 s in the future"),
+    ],
+)
+def test_a_frame_that_cannot_be_leaves_the_last_good_one(changes: dict[str, Any], why: str) -> None:
+    screening = Screening(CAMERA)
+    good = screening.usable(observed(STATE), 1.0).frame
+    later = replace(STATE, captured_s=1.1)
+    assert screening.usable(observed(later, index=1, **changes), 1.1).frame is good
+    assert screening.refused == (f"frame: {why}",)
+    assert screening.usable(observed(later, index=2), 1.1).frame is not good
+    assert screening.refused == ()
+
+
+def test_each_image_is_judged_once() -> None:
+    asked: list[int] = []
+
+    def judge(frame: Any, _: DroneState) -> str | None:
+        asked.append(frame.index)
+        return "too dark" if frame.index == 1 else None
+
+    screening = Screening(CAMERA, judge)
+    for index in (0, 0, 1, 1, 2):
+        seen = screening.usable(observed(STATE, index=index), 1.0)
+        assert seen.frame is not None
+        assert seen.frame.index == (0 if index == 1 else index)
+    assert asked == [0, 1, 2]
