@@ -53,7 +53,7 @@ class Screening:
         judge: FrameJudge | None = None,
         config: ScreeningConfig | None = None,
     ) -> None:
-        self._shape = (camera.height_px, camera.width_px, 3)
+        self._size_px = (camera.width_px, camera.height_px)
         self._judge = judge
         self._config = config or ScreeningConfig()
         self._state: DroneState | None = None
@@ -106,14 +106,19 @@ class Screening:
         self.frame_fault = _first(
             self._late_or_early(frame.captured_s, now_s),
             self._impossible(frame),
-            None
-            if frame.image.shape == self._shape
-            else f"its image is {frame.image.shape}, expected {self._shape}",
+            self._wrong_size(frame),
         )
         if self.frame_fault is None and self._judge is not None:
             self.frame_fault = self._judge(frame, state)
         if self.frame_fault is None:
             self._frame = frame
+
+    def _wrong_size(self, frame: Frame) -> str | None:
+        height_px, width_px = frame.image.shape[:2]
+        if (width_px, height_px) == self._size_px:
+            return None
+        expected = "{}x{}".format(*self._size_px)
+        return f"its image is {width_px}x{height_px}, expected {expected} as the camera's"
 
     def _late_or_early(self, captured_s: float, now_s: float) -> str | None:
         if math.isnan(captured_s) or captured_s - now_s > self._config.ahead_s:

@@ -28,6 +28,8 @@ from uav_bt.types import (
     wrap_angle,
 )
 
+_STRIPE_GREY = 180
+
 
 def pinhole(
     width_px: int = 64, height_px: int = 36, fov_rad: float = math.radians(69)
@@ -138,12 +140,18 @@ class ScriptedDrone:
         self.connected = False
 
     def observe(self) -> Observation:
-        """Return the script's next observation, or a black frame and the state of now."""
+        """Return the script's next observation, or the state of now and a frame of bright stripes.
+
+        The stripes wander from frame to frame: an image that stays the same while the drone moves
+        would be taken for a frozen video.
+        """
         if self._script:
             self._shown = min(self._shown + 1, len(self._script))
             return self._script[self._shown - 1]
         self.state = replace(self.state, captured_s=self.clock.now())
         frame = blank_frame(self.camera, self.state, index=self._frames)
+        stripes = (np.arange(self.camera.width_px) + self._frames) % 16 < 8
+        frame.image[:, stripes] = _STRIPE_GREY
         self._frames += 1
         return Observation(frame=frame, state=self.state)
 

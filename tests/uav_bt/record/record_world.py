@@ -40,7 +40,7 @@ class NoisyDrone(ScriptedDrone):
         if seen.frame is None:
             return seen
         image = np.random.default_rng(seen.frame.index).integers(
-            0, 256, seen.frame.image.shape, dtype=np.uint8
+            100, 140, seen.frame.image.shape, dtype=np.uint8
         )
         return replace(seen, frame=replace(seen.frame, image=image))
 
