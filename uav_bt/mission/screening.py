@@ -26,7 +26,7 @@ class ScreeningConfig:
         height_m: above or below anything, at most.
         speed_mps: at most.
         vertical_speed_mps: the fastest change of the altitude between two reports ...
-        altitude_noise_m: ... beyond this.
+        altitude_noise_m: ... beyond this: barometers are slow to forget a gust or a door.
         ahead_s: how far a time of capture may lie in the future: two clocks differ a little.
     """
 
@@ -34,7 +34,7 @@ class ScreeningConfig:
     height_m: float = 150.0
     speed_mps: float = 20.0
     vertical_speed_mps: float = 4.0
-    altitude_noise_m: float = 0.5
+    altitude_noise_m: float = 1.6
     ahead_s: float = 0.5
 
 
