@@ -10,8 +10,15 @@ import threading
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final
+
+import click
 
 from uav_bt.mission.runner import MissionRunner
+
+KEYS_HELP: Final = (
+    "keys: m takes over and hands back, l lands, X (shift) cuts the motors in flight, Ctrl-C lands"
+)
 
 
 def obey(key: str, runner: MissionRunner) -> None:
@@ -32,10 +39,11 @@ def obey(key: str, runner: MissionRunner) -> None:
 
 @contextmanager
 def pilot_keys(runner: MissionRunner) -> Iterator[None]:
-    """Obey keys while a mission flies; where there is no terminal there are none."""
+    """Name the keys and obey them while a mission flies; without a terminal there are none."""
     if not sys.stdin.isatty():
         yield
         return
+    click.echo(KEYS_HELP, err=True)
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     stop_read, stop_write = os.pipe()

@@ -19,12 +19,17 @@ from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.phrases import describe_flight, lands_on_helipad
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
+from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import DroneState
 
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
 _DESCENT_LINE_EVERY_S: Final = 5.0  # wall time: whoever must act now has no ten seconds
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
+_ACT: Final = {  # what a person must do at once; it stays on the screen
+    Override.CUT: "keep clear, then take the remote control",
+    Override.LINK: "take the remote control",
+}
 
 
 class StandardError(Console):
@@ -43,7 +48,7 @@ class LiveStatus:
     """A tick listener that keeps one line up to date. Use it as a context manager, or close it.
 
     On a terminal the line is redrawn in place; elsewhere one is written every ten seconds of
-    mission time, so that a log stays short.
+    mission time, so that a log stays short. An override is shown at once, wherever.
 
     Args:
         board: of the mission; time and helipad fix are read from it.
@@ -66,23 +71,28 @@ class LiveStatus:
         self._shown_s = 0.0  # wall time of the last redraw, mission time of the last line
         self._descent_shown_s: float | None = None  # wall time of the last line about the landing
         self._live: Live | None = None
+        self._override: Override | None = None  # of the last tick
 
     def on_tick(self, record: TickRecord) -> None:
         """Show a tick, when it is time to."""
         self._flown.add(record)
         now_s = self._wall_clock_s()
-        first = self._began is None
+        at_once = self._began is None or record.override is not self._override
         if self._began is None:
             self._began = (record.time_s, now_s)
+        if at_once and record.override in _ACT:
+            words = f"{record.override.value}: {_ACT[record.override]}"
+            self._console.print(Text(words, style="bold red"), soft_wrap=True)
+        self._override = record.override
         if not self._console.is_terminal:
-            if first or record.time_s - self._shown_s >= _LINE_EVERY_S - 1e-6:
+            if at_once or record.time_s - self._shown_s >= _LINE_EVERY_S - 1e-6:
                 self._shown_s = record.time_s
                 self._console.print(self.line(record, now_s), soft_wrap=True)
             return
         if self._live is None:
             self._live = Live(console=self._console, auto_refresh=False, transient=True)
             self._live.start()
-        if first or now_s - self._shown_s >= _REDRAW_S:
+        if at_once or now_s - self._shown_s >= _REDRAW_S:
             self._shown_s = now_s
             self._live.update(self.line(record, now_s), refresh=True)
 

@@ -10,7 +10,7 @@ import threading
 
 import pytest
 
-from uav_bt.cli.keys import obey, pilot_keys
+from uav_bt.cli.keys import KEYS_HELP, obey, pilot_keys
 
 
 class Noted:
@@ -74,7 +74,7 @@ def test_without_a_terminal_there_are_no_keys(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_key_at_a_terminal_counts_and_reader_and_terminal_are_as_before(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     ours, theirs = pty.openpty()
     noted = Noted()
@@ -90,3 +90,4 @@ def test_a_key_at_a_terminal_counts_and_reader_and_terminal_are_as_before(
         assert termios.tcgetattr(terminal.fileno()) == before
     os.close(ours)
     assert noted.manual
+    assert capsys.readouterr().err == f"{KEYS_HELP}\n"

@@ -7,10 +7,18 @@ import pytest
 from rich.console import Console
 
 from tests.uav_bt.display.display_world import World, flight_report
+from uav_bt.board.context import MissionContext
 from uav_bt.display.status import LiveStatus, StandardError, summary
 from uav_bt.mission.flight_report import FlightReport, Percentiles
+from uav_bt.mission.judge import Judge, Outcome, Verdict
+from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Override
-from uav_bt.types import Pose
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.testing import ScriptedDrone
+from uav_bt.testing.faults import Fault, FaultyDrone
+from uav_bt.tree import parse_tree
+from uav_bt.types import CutMotors, FlyingState, Pose
 
 
 class Wall:
@@ -63,6 +71,62 @@ def test_an_override_takes_the_place_of_the_leaf() -> None:
     status.on_tick(record)
     line = status.line(record, wall.now_s).plain
     assert line.endswith("helipad -  manual take-over")
+
+
+def test_an_override_is_shown_at_once_and_so_is_its_end() -> None:
+    world = World()
+    status, out, _ = watch(world, terminal=False)
+    for override in (None, None, Override.STALE_FRAME, Override.STALE_FRAME, None, None):
+        status.on_tick(world.tick(override=override))
+    ends = [line.split("  ")[-1] for line in out.getvalue().splitlines()]
+    assert ends == ["Explore: clear", "stale frame", "Explore: clear"]
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_a_lost_link_says_what_to_do(*, terminal: bool) -> None:
+    world = World()
+    status, out, _ = watch(world, terminal=terminal)
+    with status:
+        for override in (None, Override.LINK, Override.LINK):
+            status.on_tick(world.tick(override=override))
+    assert out.getvalue().count("link lost: take the remote control") == 1
+
+
+CUT_SHORT = """
+<root BTCPP_format="4"><BehaviorTree ID="M">
+  <Sequence><TakeOff height_m="1"/><HoverFor seconds="60"/><Land/></Sequence>
+</BehaviorTree></root>"""
+
+
+@pytest.mark.parametrize("says", [FlyingState.LANDED, FlyingState.EMERGENCY])
+def test_cut_motors_end_the_mission_at_once_and_are_shown(says: FlyingState) -> None:
+    scripted = ScriptedDrone()
+    # The scripted drone says that it has landed, an ANAFI that its motors were cut.
+    drone: Drone = scripted
+    if says is FlyingState.EMERGENCY:
+        drone = FaultyDrone(scripted, Fault.parse("emergency-state@hover+1.1"))
+    context = MissionContext(clock=scripted.clock)
+    tree = parse_tree(CUT_SHORT)
+    tree.setup(context)
+    out = io.StringIO()
+    console = Console(file=out, force_terminal=True, width=120, color_system=None)
+    ticks: list[TickRecord] = []
+
+    class Pilot:
+        def on_tick(self, record: TickRecord) -> None:
+            ticks.append(record)
+            if [each.phase for each in ticks].count("hover") == 11:
+                runner.cut_motors("a person cut the motors")
+
+    with LiveStatus(context.board, console=console) as status:
+        followers = [each for each in (status, drone, Pilot()) if hasattr(each, "on_tick")]
+        runner = MissionRunner(drone, tree, context, Judge(), listeners=followers)
+        drone.connect()
+        verdict = runner.run()
+    assert verdict == Verdict(outcome=Outcome.ABORTED, reason="a person cut the motors")
+    assert isinstance(scripted.commands[-1].movement, CutMotors)
+    assert [each.override for each in ticks].count(Override.CUT) in {1, 2}
+    assert out.getvalue().count("motors cut: keep clear, then take the remote control") == 1
 
 
 def test_on_a_terminal_the_line_is_redrawn_no_faster_than_it_is_read() -> None:
