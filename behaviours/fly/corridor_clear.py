@@ -34,17 +34,40 @@ class CorridorClear(Leaf):
     config: ClassVar[CorridorClearConfig] = CorridorClearConfig()
     condition = True
     ports = (
-        Port("ahead_m", float, default=0.8, doc="room ahead of the body's centre, m"),
-        Port("impact_s", float, default=1.2, doc="least time to impact at the present speed, s"),
+        Port(
+            "ahead_m",
+            float,
+            default=0.8,
+            least=0,
+            most=50,
+            doc="room ahead of the body's centre, m",
+        ),
+        Port(
+            "impact_s",
+            float,
+            default=1.2,
+            least=0,
+            most=60,
+            doc="least time to impact at the present speed, s",
+        ),
         # Shorter than the shortest step.
         Port(
-            "way_m", float, default=0.3, doc="path that must keep clear of remembered obstacles, m"
+            "way_m",
+            float,
+            default=0.3,
+            least=0,
+            most=20,
+            doc="path that must keep clear of remembered obstacles, m",
         ),
-        Port("beside_m", float, default=0.42, doc="room to them along that path, m"),
+        Port(
+            "beside_m", float, default=0.42, least=0, most=20, doc="room to them along that path, m"
+        ),
         Port(
             "carpet_m",
             float,
             default=0.6,
+            least=0,
+            most=50,
             doc="carpet ahead of the body's centre, m; not needed where the pad lies ahead",
         ),
     )

@@ -32,10 +32,38 @@ class HelipadCenter(MovingLeaf):
 
     config: ClassVar[CenterConfig] = CenterConfig()
     ports = (
-        Port("climb_m", float, default=0.2, doc="how much to climb for a view of the pad, m"),
-        Port("low_m", float, default=1.1, doc="height above the carpet of the second centring, m"),
-        Port("tolerance_m", float, default=0.04, doc="largest offset that counts as centred, m"),
-        Port("give_up_s", float, default=20.0, doc="seconds until it is lost, take-overs apart"),
+        Port(
+            "climb_m",
+            float,
+            default=0.2,
+            least=0,
+            most=5,
+            doc="how much to climb for a view of the pad, m",
+        ),
+        Port(
+            "low_m",
+            float,
+            default=1.1,
+            least=0.3,
+            most=20,
+            doc="height above the carpet of the second centring, m",
+        ),
+        Port(
+            "tolerance_m",
+            float,
+            default=0.04,
+            least=0.01,
+            most=1,
+            doc="largest offset that counts as centred, m",
+        ),
+        Port(
+            "give_up_s",
+            float,
+            default=20.0,
+            least=0,
+            most=3600,
+            doc="seconds until it is lost, take-overs apart",
+        ),
     )
     reads = (STATE, FRAME, CAMERA, HELIPAD)
     writes = (PHASE,)

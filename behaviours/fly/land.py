@@ -98,8 +98,22 @@ class EmergencyLand(MovingLeaf):
 
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
     ports = (
-        Port("radius_m", float, default=0.25, doc="radius of the free disc to land on, m"),
-        Port("look_s", float, default=6.0, doc="seconds to look for carpet before landing anyway"),
+        Port(
+            "radius_m",
+            float,
+            default=0.25,
+            least=0.05,
+            most=5,
+            doc="radius of the free disc to land on, m",
+        ),
+        Port(
+            "look_s",
+            float,
+            default=6.0,
+            least=0,
+            most=600,
+            doc="seconds to look for carpet before landing anyway",
+        ),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (PHASE,)

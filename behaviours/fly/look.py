@@ -16,7 +16,7 @@ from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
 class HoverFor(Leaf):
     """Hover for a while; time in which a person flies does not count."""
 
-    ports = (Port("seconds", float, default=3.0, doc="how long, s"),)
+    ports = (Port("seconds", float, default=3.0, least=0, most=3600, doc="how long, s"),)
     writes = (PHASE,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -45,7 +45,16 @@ class HoverFor(Leaf):
 class PointCamera(Leaf):
     """Tilt the camera and wait until frames come from there."""
 
-    ports = (Port("pitch_deg", float, default=-28.0, doc="0 level, -90 straight down, degrees"),)
+    ports = (
+        Port(
+            "pitch_deg",
+            float,
+            default=-28.0,
+            least=-90,
+            most=90,
+            doc="0 level, -90 straight down, degrees",
+        ),
+    )
     reads = (FRAME,)
 
     def update(self) -> Status:
@@ -64,7 +73,9 @@ class Turn(MovingLeaf):
     to turn to.
     """
 
-    ports = (Port("degrees", float, doc="clockwise positive, seen from above"),)
+    ports = (
+        Port("degrees", float, least=-360, most=360, doc="clockwise positive, seen from above"),
+    )
     reads = (STATE,)
     writes = (PHASE,)
 
@@ -91,7 +102,11 @@ class HelipadKnown(Leaf):
     """SUCCESS while the helipad is in view or tracked."""
 
     condition = True
-    ports = (Port("max_age_s", float, default=1.0, doc="age of the last detection, s"),)
+    ports = (
+        Port(
+            "max_age_s", float, default=1.0, least=0, most=3600, doc="age of the last detection, s"
+        ),
+    )
     reads = (HELIPAD,)
 
     def update(self) -> Status:
@@ -106,7 +121,14 @@ class Hovering(Leaf):
 
     condition = True
     ports = (
-        Port("below_mps", float, default=0.15, doc="horizontal speed that counts as none, m/s"),
+        Port(
+            "below_mps",
+            float,
+            default=0.15,
+            least=0,
+            most=10,
+            doc="horizontal speed that counts as none, m/s",
+        ),
     )
     reads = (STATE,)
 

@@ -76,8 +76,22 @@ class ReturnToBase(SteeringLeaf):
     ports = (
         POLICY,
         FLOWING,
-        Port("gimbal_deg", float, default=-30.0, doc="camera pitch while searching, degrees"),
-        Port("arrive_m", float, default=0.12, doc="horizontal distance that counts as above, m"),
+        Port(
+            "gimbal_deg",
+            float,
+            default=-30.0,
+            least=-90,
+            most=90,
+            doc="camera pitch while searching, degrees",
+        ),
+        Port(
+            "arrive_m",
+            float,
+            default=0.12,
+            least=0.01,
+            most=2,
+            doc="horizontal distance that counts as above, m",
+        ),
         Port(
             "approach",
             str,

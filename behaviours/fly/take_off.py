@@ -26,9 +26,30 @@ class TakeOff(MovingLeaf):
 
     config: ClassVar[TakeOffConfig] = TakeOffConfig()
     ports = (
-        Port("height_m", float, default=1.5, doc="flight height above the carpet, m"),
-        Port("gimbal_deg", float, default=-30.0, doc="camera pitch in flight, degrees"),
-        Port("give_up_s", float, default=20.0, doc="seconds until it has failed, take-overs apart"),
+        Port(
+            "height_m",
+            float,
+            default=1.5,
+            least=0.3,
+            most=20,
+            doc="flight height above the carpet, m",
+        ),
+        Port(
+            "gimbal_deg",
+            float,
+            default=-30.0,
+            least=-90,
+            most=90,
+            doc="camera pitch in flight, degrees",
+        ),
+        Port(
+            "give_up_s",
+            float,
+            default=20.0,
+            least=0,
+            most=3600,
+            doc="seconds until it has failed, take-overs apart",
+        ),
     )
     reads = (STATE, FRAME)
     writes = (PHASE, FLIGHT_HEIGHT)

@@ -92,6 +92,8 @@ class FindHelipad(Leaf):
         Port(
             *("pad_height_m", float),
             default=PAD_HEIGHT_M,
+            least=0,
+            most=2,
             doc="top of the helipad above the carpet, m",
         ),
     )

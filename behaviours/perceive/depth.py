@@ -101,10 +101,33 @@ class BuildCorridor(Leaf):
     """Look for what is inside the safety corridor of each new metric depth; SUCCESS always."""
 
     ports = (
-        Port("side_m", float, default=0.5, doc="left and right wall from the drone's centre, m"),
-        Port("front_m", float, default=2.0, doc="front plane from the drone's centre, m"),
-        Port("up_down_m", float, default=0.8, doc="upper and lower wall from its centre, m"),
-        Port("focal_factor", float, default=1.0, doc="the paper's f, 0.8 to 1.2"),
+        Port(
+            "side_m",
+            float,
+            default=0.5,
+            least=0.05,
+            most=20,
+            doc="left and right wall from the drone's centre, m",
+        ),
+        Port(
+            "front_m",
+            float,
+            default=2.0,
+            least=0.05,
+            most=50,
+            doc="front plane from the drone's centre, m",
+        ),
+        Port(
+            "up_down_m",
+            float,
+            default=0.8,
+            least=0.05,
+            most=20,
+            doc="upper and lower wall from its centre, m",
+        ),
+        Port(
+            "focal_factor", float, default=1.0, least=0.5, most=2, doc="the paper's f, 0.8 to 1.2"
+        ),
         Port("background", bool, default=False, doc="count what is no box and no helipad, too"),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, METRIC_DEPTH)

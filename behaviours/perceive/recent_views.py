@@ -16,7 +16,9 @@ class RememberViews(Leaf):
     """Keep the frames of the last seconds and where they were captured; SUCCESS always."""
 
     # As far back as any network of ours looks, twice two seconds, and the frames' rhythm beside it.
-    ports = (Port("keep_s", float, default=4.2, doc="how long frames are kept, s"),)
+    ports = (
+        Port("keep_s", float, default=4.2, least=0, most=30, doc="how long frames are kept, s"),
+    )
     reads = (STATE, FRAME)
     writes = (RECENT_VIEWS,)
 

@@ -166,17 +166,25 @@ def attached_files(reader: RecordReader, folder: Path) -> tuple[Path | None, Pat
         The tree file and the scene file, None where the record has none.
 
     Raises:
-        FileError: an attachment's name leads out of the folder.
+        FileError: an attachment's name leads out of the folder, or is no file's.
     """
     root = folder.resolve()
     for name, attachment in reader.attachments.items():
-        file = (root / name).resolve()
-        if not file.is_relative_to(root):
-            raise FileError(reader.path, f"its attachment '{name}' lies outside its folder")
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(attachment.data)
-    tree, scene = root / _TREE_FOLDER / reader.metadata.get("tree", ""), root / _SCENE_FILE
-    return (tree if tree.is_file() else None), (scene if scene.is_file() else None)
+        try:
+            file = (root / name).resolve()
+            if not file.is_relative_to(root):
+                raise FileError(reader.path, f"its attachment '{name:.80}' lies outside its folder")
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(attachment.data)
+        except (OSError, ValueError) as error:  # no name of a file, or the disk is full
+            reason = getattr(error, "strerror", None) or error
+            raise FileError(
+                reader.path, f"its attachment '{name:.80}' cannot be written out: {reason}"
+            ) from error
+    tree, files = f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}", reader.attachments
+    return (root / tree if tree in files else None), (
+        root / _SCENE_FILE if _SCENE_FILE in files else None
+    )
 
 
 class FlightRecord:

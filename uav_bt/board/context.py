@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
@@ -39,8 +39,10 @@ class Proposals:
         """Ask for a movement.
 
         Raises:
+            TypeError: it is no movement.
             ProposalConflictError: another leaf already asked for one in this tick.
         """
+        _check_type(movement, Movement, "a movement")
         if self._movement is not None and self._movement[0] != owner:
             raise ProposalConflictError(
                 f"leaves '{self._movement[0]}' and '{owner}' both propose a movement in one tick"
@@ -51,8 +53,10 @@ class Proposals:
         """Ask for a camera direction.
 
         Raises:
+            TypeError: it is no camera direction.
             ProposalConflictError: another leaf already asked for one in this tick.
         """
+        _check_type(gimbal, GimbalTo, "a camera direction")
         if self._gimbal is not None and self._gimbal[0] != owner:
             raise ProposalConflictError(
                 f"leaves '{self._gimbal[0]}' and '{owner}' both propose a gimbal pitch in one tick"
@@ -73,6 +77,12 @@ class Proposals:
     def gimbal(self) -> GimbalTo | None:
         """The proposed camera direction of this tick."""
         return self._gimbal[1] if self._gimbal else None
+
+
+def _check_type(value: object, kind: Any, words: str) -> None:
+    if not isinstance(value, kind):
+        names = " or ".join(one.__name__ for one in get_args(kind) or (kind,))
+        raise TypeError(f"expected {words} ({names}), got {value!r:.80}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,7 +37,8 @@ def nodes(*, names: tuple[str, ...], format_: str) -> None:
       node_id, kind  Action, Condition, Control, Decorator or SubTree
       doc            one line
       ports          objects with name, type, default (null: none), doc,
-                     direction (input, output, inout), choices, required
+                     direction (input, output, inout), choices, required,
+                     least and most (of a number; null: no bound), range in words
       reads, writes  names of board keys
       builtin        true for nodes of the format itself
       origin         module and class
@@ -70,6 +71,7 @@ def _described(info: NodeInfo) -> str:
 def _attribute(port: PortInfo) -> str:
     given = f'{port.name}="{port.default}"' if port.default is not None else port.name
     kind = " or ".join(port.choices) or port.type
+    kind += f", {port.range}" if port.range else ""
     direction = "" if port.direction == "input" else f", {port.direction}"
     return f"{given}  {kind}{direction}" + (f": {port.doc}" if port.doc else "")
 

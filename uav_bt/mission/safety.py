@@ -54,6 +54,8 @@ class Limits:
         climb_mps: vertical speed.
         yaw_rate_radps: turning rate.
         ceiling_m: height above the carpet.
+        floor_m: height above the carpet below which no step leads; a landing is no step.
+        step_m: horizontal length of a step.
         critical_battery: charge, 0 to 1, below which the drone lands.
         stale_frame_s: the drone hovers while its newest frame is older; leaves do not see it then
             either (`uav_bt.board.keys`).
@@ -69,6 +71,8 @@ class Limits:
     climb_mps: float = 0.6
     yaw_rate_radps: float = 1.6
     ceiling_m: float = 2.4
+    floor_m: float = 0.3
+    step_m: float = 10.0
     critical_battery: float = 0.1
     stale_frame_s: float = 0.7
     stale_state_s: float = 1.5
@@ -188,7 +192,16 @@ class Arbiter:
         # Down is positive: the most negative step that stays below the ceiling.
         headroom_m = max(0.0, limits.ceiling_m - state.height_above_carpet_m)
         if isinstance(movement, MoveBy):
-            return replace(movement, down_m=max(movement.down_m, -headroom_m))
+            room_m = max(0.0, state.height_above_carpet_m - limits.floor_m)
+            length_m = math.hypot(movement.forward_m, movement.right_m)
+            shrink = min(1.0, limits.step_m / length_m) if length_m > 0 else 1.0
+            return replace(
+                movement,
+                forward_m=movement.forward_m * shrink,
+                right_m=movement.right_m * shrink,
+                down_m=min(max(movement.down_m, -headroom_m), room_m),
+                yaw_rad=min(max(movement.yaw_rad, -math.tau), math.tau),
+            )
         if isinstance(movement, Velocity):
             horizontal = math.hypot(movement.forward_mps, movement.right_mps)
             shrink = min(1.0, limits.speed_mps / horizontal) if horizontal > 0 else 1.0

@@ -6,7 +6,6 @@ of what is there is.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, fields
 from typing import Any, Final, Literal
 
@@ -35,6 +34,7 @@ from uav_bt.types import (
 Quality = Literal["lossless", "high", "small"]
 
 _STATUSES: Final = frozenset({*Status.__members__, "INVALID"})  # older records have the latter
+_MAX_TIME_S: Final = 1e9  # views count nanoseconds in 64 bits
 _OVERRIDES: Final = frozenset({None, *(override.value for override in Override)})
 
 
@@ -86,7 +86,7 @@ class TickNote:
     slow_leaves: tuple[str, ...] = ()  # that blocked
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.time_s) and self.index >= 0):
+        if not (abs(self.time_s) < _MAX_TIME_S and self.index >= 0):
             raise ValueRangeError(f"tick {self.index} at {self.time_s} s is none")
 
     @classmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from uav_bt.json_text import parse_json
 from uav_bt.record import channels
 from uav_bt.record.channels import Channel, CommandNote, FrameNote, StatusNote, TickNote
 from uav_bt.record.images import decode_image, image_bytes, raw_image
-from uav_bt.record.values import decode
+from uav_bt.record.values import decode, decode_float
 from uav_bt.types import (
     ClassMap,
     Corridor,
@@ -108,10 +108,13 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
 def _board(found: Mapping[str, bytes]) -> dict[str, Any]:
     """Return the board's entries, each with a value and the time of its capture."""
     board = parse_json(found.get(channels.BOARD.topic, b"{}"))
-    entries = board.values() if isinstance(board, dict) else (None,)
-    if not all(isinstance(one, dict) and {"value", "captured_s"} <= one.keys() for one in entries):
-        raise InputError(f"expected board keys with value and captured_s, got {board!s:.80}")
-    return cast("dict[str, Any]", board)
+    if not isinstance(board, dict):
+        raise InputError(f"expected the board's keys, got {board!s:.80}")
+    for key, entry in board.items():
+        if not (isinstance(entry, dict) and "value" in entry):
+            raise InputError(f"expected value and captured_s of board key '{key:.40}'")
+        entry["captured_s"] = decode_float(entry.get("captured_s"))
+    return board
 
 
 def _frame(note: FrameNote | None, found: Mapping[str, bytes]) -> StoredFrame | None:
@@ -125,7 +128,7 @@ def _class_map(found: Mapping[str, bytes], board: Mapping[str, Any]) -> ClassMap
     message = found.get(channels.CLASS_MAP.topic)
     if message is None:
         return None
-    return ClassMap(ids=raw_image(message), captured_s=float(board["class_map"]["captured_s"]))
+    return ClassMap(ids=raw_image(message), captured_s=_entry(board, "class_map")["captured_s"])
 
 
 def _depth(
@@ -134,12 +137,25 @@ def _depth(
     message = found.get(channel.topic)
     if message is None:
         return None
-    pixels, entry = raw_image(message), board[key]
+    pixels, entry = raw_image(message), _entry(board, key)
     metric = pixels.dtype == np.uint16
     depth = np.where(pixels > 0, pixels / np.float32(1000.0), np.nan) if metric else pixels
     return DepthMap(
         depth=depth.astype(np.float32),
         metric=metric,
-        captured_s=float(entry["captured_s"]),
-        confidence=float(entry["value"]["confidence"]),
+        captured_s=entry["captured_s"],
+        confidence=_confidence(entry["value"]),
     )
+
+
+def _entry(board: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    if key not in board:
+        raise InputError(f"a tick of the record has '{key}', its board does not")
+    entry: Mapping[str, Any] = board[key]
+    return entry
+
+
+def _confidence(value: object) -> float:
+    if not isinstance(value, dict):
+        raise InputError(f"expected a depth map's confidence, got {value!s:.80}")
+    return decode_float(value.get("confidence"))

@@ -13,6 +13,7 @@ from typing import Any, Final
 from uav_bt import board as keys
 from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.clock import ManualClock
+from uav_bt.errors import BoardAccessError, FileError, InputError
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record.moment import Moment
@@ -74,9 +75,14 @@ class Playback:
         for moment in self._reader.moments(from_s=from_s, to_s=to_s):
             self._clock.sleep_until(moment.tick.time_s)
             self._statuses = moment.statuses
-            if moment.frame is not None and moment.frame.image is not None:
-                self._frame = moment.frame.frame()
-            self._write_board(moment)
+            try:
+                if moment.frame is not None and moment.frame.image is not None:
+                    self._frame = moment.frame.frame()
+                self._write_board(moment)
+            except (InputError, BoardAccessError) as error:
+                raise FileError(
+                    self._reader.path, f"tick {moment.tick.index} of the record is damaged: {error}"
+                ) from error
             yield self._tick(moment)
 
     def _tick(self, moment: Moment) -> TickRecord:
@@ -105,19 +111,13 @@ class Playback:
             if entry is None or entry["value"] is None:
                 board.forget(key)
             elif value is not None:
-                captured_s = _seconds(entry["captured_s"])
-                board.write(key, value, captured_s=captured_s)
+                board.write(key, value, captured_s=entry["captured_s"])
         for plain in (keys.ELAPSED, keys.PHASE):
             entry = moment.board.get(plain.name)
             if entry is not None:
-                board.write(plain, entry["value"], captured_s=_seconds(entry["captured_s"]))
+                board.write(plain, entry["value"], captured_s=entry["captured_s"])
         board.write(keys.STATE, moment.state, captured_s=moment.state.captured_s)
         board.write(keys.HEIGHT, moment.state.height_above_carpet_m)
         board.write(keys.CAMERA, self._reader.camera)
         if self._frame is not None:
             board.write(keys.FRAME, self._frame, captured_s=self._frame.captured_s)
-
-
-def _seconds(plain: object) -> float:
-    """Return a number that JSON may have had no number for."""
-    return float(str(plain).replace("Infinity", "inf"))

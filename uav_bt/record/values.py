@@ -24,6 +24,7 @@ from uav_bt.errors import InputError
 T = TypeVar("T")
 
 _TYPE: Final = "type"  # distinguishes the members of a union
+_MAX_INTEGER: Final = 2**63 - 1
 _ODD: Final = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 
 
@@ -52,7 +53,14 @@ def decode(kind: type[T], data: object) -> T:
     """
     try:
         return cast("T", _codec(cast("Any", kind)).decode(data))
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+    except (
+        InputError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        ArithmeticError,
+    ) as error:
         raise InputError(
             f"expected the fields of {kind.__name__}, got {data!s:.120} "
             f"({type(error).__name__}: {error})"
@@ -88,8 +96,17 @@ def _encode_float(value: float) -> float | str:
     return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
 
 
-def _decode_float(data: float | str) -> float:
-    return _ODD[data] if isinstance(data, str) else float(data)
+def decode_float(data: object) -> float:
+    """Return a number that JSON may have had no number for.
+
+    Raises:
+        InputError: it is none.
+    """
+    if isinstance(data, str) and data in _ODD:
+        return _ODD[data]
+    if isinstance(data, int | float) and not isinstance(data, bool):
+        return float(data)
+    raise InputError(f"expected a number, got {data!s:.40}")
 
 
 # --- codecs, made once for each type --------------------------------------------------------------
@@ -97,7 +114,7 @@ def _decode_float(data: float | str) -> float:
 
 _FLOAT: Final = _Codec(
     encode=_encode_float,
-    decode=_decode_float,
+    decode=decode_float,
     schema={"anyOf": [{"type": "number"}, {"enum": list(_ODD)}]},
 )
 _NAMES: Final = {bool: "boolean", int: "integer", str: "string", type(None): "null"}
@@ -131,7 +148,9 @@ def _codec(hint: Any) -> _Codec:
 def _exact(kind: type[Any]) -> _Codec:
     def read(data: Any) -> Any:
         if type(data) is not kind:
-            raise TypeError(f"{data!r} is no {_NAMES[kind]}")
+            raise TypeError(f"{data!r:.40} is no {_NAMES[kind]}")
+        if kind is int and abs(data) > _MAX_INTEGER:
+            raise ValueError(f"{data!r:.40} has more than 64 bits")
         return data
 
     # A number of numpy's becomes one of Python's.
@@ -203,7 +222,7 @@ def _array(dtype: np.dtype[Any]) -> _Codec:
         return {"shape": list(array.shape), "values": [_encode_float(x) for x in array.flat]}
 
     def read(data: Any) -> Any:
-        values = np.array([_decode_float(x) for x in data["values"]], dtype=dtype)
+        values = np.array([decode_float(x) for x in data["values"]], dtype=dtype)
         return values.reshape(data["shape"])
 
     numbers = {"type": "array", "items": _FLOAT.schema}

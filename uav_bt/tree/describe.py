@@ -25,6 +25,9 @@ class PortInfo:
     doc: str
     direction: str
     choices: tuple[str, ...] = ()
+    least: float | None = None
+    most: float | None = None
+    range: str = ""  # both in words
     required: bool = False  # a tree file must give it
 
 
@@ -56,6 +59,9 @@ def _describe_port(port: Port[Any]) -> PortInfo:
         doc=port.doc,
         direction=port.direction,
         choices=tuple(port_text(choice) for choice in port.choices),
+        least=port.least,
+        most=port.most,
+        range=port.range,
         required=port.required,
     )
 
@@ -115,4 +121,4 @@ def add_model(parent: ET.Element, node: type[Node]) -> None:
         entry = ET.SubElement(element, f"{port.direction}_port", name=port.name, type=name)
         if port.default is not Port.REQUIRED:
             entry.set("default", port_text(port.default))
-        entry.text = port.doc
+        entry.text = f"{port.doc} ({port.range})" if port.range else port.doc

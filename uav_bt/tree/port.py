@@ -17,6 +17,7 @@ T = TypeVar("T")
 
 RESERVED_ATTRIBUTES: Final = frozenset({"ID", "name"})
 
+_MAX_INTEGER: Final = 2**63  # as far as the format's own engine reads
 _PORT_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 REFERENCE_KEY: Final = r"[A-Za-z_][A-Za-z0-9_.\-]*|="
 _REFERENCE: Final = re.compile(rf"\s*\{{\s*(?P<board>@?)(?P<key>{REFERENCE_KEY})\s*\}}\s*")
@@ -92,12 +93,14 @@ class Port(Generic[T]):
         doc: one line, with the unit.
         direction: whether the node reads the value, writes it, or both.
         choices: all values there are; empty: any of the type.
+        least: bound of a number, itself allowed; None: there is none.
+        most: likewise, above.
         check: returns normally or raises ValueError (or an InputError) saying what was expected.
         look_up: likewise, where what the value names (a file, a network) is not there. `uav-bt
             check` asks; dry runs and benches, which load nothing, do not.
 
     Raises:
-        ValueError: the name cannot be an attribute's.
+        ValueError: the name cannot be an attribute's, or what has a range is no number.
     """
 
     REQUIRED: ClassVar[Any] = _Required()
@@ -108,12 +111,16 @@ class Port(Generic[T]):
     doc: str = ""
     direction: Literal["input", "output", "inout"] = "input"
     choices: tuple[T, ...] = ()
+    least: float | None = None
+    most: float | None = None
     check: Callable[[T], object] | None = None
     look_up: Callable[[T], object] | None = None
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:
             raise ValueError(f"'{self.name}' cannot be a port's name")
+        if self.range and self.type not in {int, float}:
+            raise ValueError(f"port '{self.name}': only numbers have a range")
 
     @property
     def required(self) -> bool:
@@ -123,7 +130,16 @@ class Port(Generic[T]):
     @property
     def takes_all(self) -> bool:
         """True when every value of the type will do."""
-        return self.check is None and not self.choices
+        return self.check is None and not self.choices and not self.range
+
+    @property
+    def range(self) -> str:
+        """What a number must keep to, in words; empty: any will do."""
+        if self.least is None:
+            return "" if self.most is None else f"{self.most:g} or less"
+        return (
+            f"{self.least:g} or more" if self.most is None else f"{self.least:g} to {self.most:g}"
+        )
 
     def bind(self, given: object) -> T | Reference:
         """Turn what a tree file or a Python caller gives into a checked value or a reference.
@@ -150,6 +166,10 @@ class Port(Generic[T]):
             known = [str(choice) for choice in self.choices]
             hint = did_you_mean(str(typed), known)
             raise ValueError(f"expected one of {', '.join(known)}; got '{typed}'{hint}")
+        if not (self.least is None or typed >= self.least) or not (
+            self.most is None or typed <= self.most
+        ):
+            raise ValueError(f"expected {self.range}, got {typed}")
         if self.check is not None:
             try:
                 self.check(typed)
@@ -182,7 +202,7 @@ class Port(Generic[T]):
             if self.type is bool:
                 return stripped.lower() in {"true", "1"}
             value: Any = self.type(stripped)  # type: ignore[call-arg]  # int or float
-            if math.isfinite(value):
+            if abs(value) < (_MAX_INTEGER if self.type is int else math.inf):
                 return value
         raise ValueError(f"expected {self._type_words()}, got '{text}'")
 

@@ -58,6 +58,9 @@ def test_nodes_as_json_has_an_object_for_each() -> None:
         "doc": "milliseconds; 0: no limit",
         "direction": "input",
         "choices": [],
+        "least": 0,
+        "most": None,
+        "range": "0 or more",
         "required": True,
     }
 

@@ -348,6 +348,25 @@ def test_turning_is_limited_both_ways(asked: float, given: float) -> None:
     assert decide(Velocity(yaw_rate_radps=asked)) == Velocity(yaw_rate_radps=given)
 
 
+def test_a_step_is_bounded_and_keeps_its_direction() -> None:
+    far = decide(MoveBy(id=1, forward_m=3e9, right_m=-4e9, yaw_rad=1e6))
+    assert isinstance(far, MoveBy)
+    assert (far.forward_m, far.right_m) == pytest.approx((6.0, -8.0))
+    assert far.yaw_rad == pytest.approx(2 * math.pi)
+
+
+def test_no_step_leads_into_the_ground() -> None:
+    """From 1.2 m it goes down to 0.3 m; from below that not at all."""
+    state = state_of()
+    down = decide(MoveBy(id=1, down_m=50.0))
+    assert isinstance(down, MoveBy)
+    assert down.down_m == pytest.approx(state.height_above_carpet_m - LIMITS.floor_m)
+    low = Arbiter(dataclasses.replace(LIMITS, floor_m=5.0)).decide(
+        proposals_of(MoveBy(id=1, down_m=0.1)), Circumstances(state=state)
+    )
+    assert low.movement == MoveBy(id=1)
+
+
 def test_nobody_climbs_through_the_ceiling() -> None:
     """A step ends at the ceiling; under it only sinking is left."""
     step = decide(MoveBy(id=1, forward_m=0.3, down_m=-2.0), height_m=1.5)

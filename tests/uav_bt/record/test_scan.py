@@ -18,6 +18,7 @@ from mcap.writer import Writer
 from tests.uav_bt.record.record_world import copy_part, fly_noisy
 from uav_bt.errors import FileError
 from uav_bt.record.info import record_info
+from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.scan import RecordScan, opened
 
@@ -258,3 +259,24 @@ def test_damaged_messages_are_one_error(
     copy_part(whole, path, messages={topic: data})
     with pytest.raises(FileError, match=f"^{path}: the record's tick is damaged: "):
         list(RecordReader(path).moments())
+
+
+@pytest.mark.parametrize(
+    ("topic", "data"),
+    [
+        ("/mission/board", b'{"phase": {"value": 3, "captured_s": 0.0}}'),
+        ("/mission/board", b'{"phase": {"value": "x", "captured_s": "Mission/x"}}'),
+        ("/mission/commands", b'{"override": "mutiny"}'),
+        ("/mission/tick", b'{"index": 1, "time_s": 1e300, "tree_status": "RUNNING"}'),
+        ("/camera/image", b"\x12\x04GIF8"),
+    ],
+)
+def test_what_cannot_be_played_is_one_error(
+    whole: Path, tmp_path: Path, topic: str, data: bytes
+) -> None:
+    path = tmp_path / "damaged.mcap"
+    copy_part(whole, path, messages={topic: data})
+    with pytest.raises(
+        FileError, match=f"^{path}: .*tick.* of the record is damaged: |record's tick"
+    ):
+        list(Playback(RecordReader(path)).ticks())

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from uav_bt.errors import InputError
 from uav_bt.record.channels import CHANNELS, Channel, CommandNote, FrameNote, TickNote, schema_of
-from uav_bt.record.values import decode, dump, encode, finite, json_schema
+from uav_bt.record.values import decode, decode_float, dump, encode, finite, json_schema
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
@@ -33,6 +33,7 @@ from uav_bt.types import (
     Velocity,
 )
 
+WHOLE = st.integers(-(2**63) + 1, 2**63 - 1)  # as viewers have them
 ANY = st.floats(allow_nan=False)
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -48,15 +49,14 @@ states = st.builds(
     height_above_carpet_m=ANY,
     gimbal_pitch_rad=ANY,
     battery=ANY,
-    movement=st.none()
-    | st.builds(MovementStatus, id=st.integers(), state=st.sampled_from(MovementState)),
+    movement=st.none() | st.builds(MovementStatus, id=WHOLE, state=st.sampled_from(MovementState)),
     pilot_has_control=st.booleans(),
 )
 movements = st.one_of(
     st.builds(TakeOff),
     st.builds(Hover),
     st.builds(Land),
-    st.builds(MoveBy, id=st.integers(), forward_m=FINITE, yaw_rad=FINITE),
+    st.builds(MoveBy, id=WHOLE, forward_m=FINITE, yaw_rad=FINITE),
     st.builds(Velocity, forward_mps=FINITE, yaw_rate_radps=FINITE),
 )
 commands = st.builds(
@@ -64,9 +64,7 @@ commands = st.builds(
     movement=movements,
     gimbal=st.none() | st.builds(GimbalTo, pitch_rad=st.floats(-1.5, 1.5)),
 )
-frames = st.builds(
-    FrameNote, index=st.integers(), captured_s=ANY, gimbal_pitch_rad=ANY, attitude=attitudes
-)
+frames = st.builds(FrameNote, index=WHOLE, captured_s=ANY, gimbal_pitch_rad=ANY, attitude=attitudes)
 
 
 def there_and_back(value: Any) -> Any:
@@ -159,3 +157,16 @@ def test_a_schema_names_fields_and_their_types() -> None:
     movement = schema["properties"]["sent"]["properties"]["movement"]
     assert "MoveBy" in movement["properties"]["type"]["enum"]
     assert "forward_m" in movement["properties"]
+
+
+@pytest.mark.parametrize("data", [2**63, -(2**63), True, 0.5, "7", None, [0]])
+def test_whole_numbers_have_64_bits(data: object) -> None:
+    """What no viewer and no array can hold is damage."""
+    with pytest.raises(InputError, match="expected the fields of FrameNote"):
+        decode(FrameNote, {"index": data, "captured_s": 0.0})
+
+
+@pytest.mark.parametrize("data", ["Infinite", "1.5", True, None, [1.0], {}])
+def test_only_numbers_and_three_words_are_numbers(data: object) -> None:
+    with pytest.raises(InputError, match="expected a number"):
+        decode_float(data)

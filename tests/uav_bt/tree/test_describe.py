@@ -21,7 +21,7 @@ class Pretty(Leaf):
     ports = (
         Port("side", str, doc="left & right", choices=("left", "right")),
         Port("fast", bool, default=True),
-        Port("size", float, default="{@height_above_carpet_m}", doc="size, m"),
+        Port("size", float, default="{@height_above_carpet_m}", doc="size, m", least=0.1, most=5),
         Port("count", int, direction="output", doc="how many"),
     )
     reads = (HEIGHT,)
@@ -60,7 +60,24 @@ def test_a_node_in_one_line() -> None:
         "{@height_above_carpet_m}",
         None,
     ]
+    assert [(p.least, p.most, p.range) for p in info.ports[1:3]] == [
+        (None, None, ""),
+        (0.1, 5, "0.1 to 5"),
+    ]
     assert not info.builtin
+
+
+def test_every_number_of_a_shipped_leaf_has_a_range() -> None:
+    """What a tree file asks of a drone is bounded where it is checked, before anything flies."""
+    infos = [info for info in describe_all(NodeRegistry.installed()) if not info.builtin]
+    numbers = [
+        (info.node_id, port.name, port.least, port.most)
+        for info in infos
+        for port in info.ports
+        if port.type in ("int", "float") and port.direction == "input"
+    ]
+    assert len(numbers) > 20
+    assert [number for number in numbers if None in number] == []
 
 
 def test_every_node_of_the_format_describes_itself() -> None:
@@ -82,7 +99,10 @@ def test_missions_own_nodes_come_first() -> None:
 def test_the_palette_is_a_model_that_the_loader_accepts() -> None:
     """What an editor imports and saves again is valid."""
     palette = palette_xml(REGISTRY)
-    assert 'type="double" default="{@height_above_carpet_m}">size, m</input_port>' in palette
+    assert (
+        'type="double" default="{@height_above_carpet_m}">size, m (0.1 to 5)</input_port>'
+        in palette
+    )
     assert "left &amp; right" in palette
     model = palette.split("\n", 1)[1].rsplit("</root>", 1)[0]
     parse_tree(document("<AlwaysSuccess/>", model), REGISTRY)

@@ -113,6 +113,37 @@ def test_checks_speak_for_themselves() -> None:
         Port("p", float, check=positive).bind("-1")
 
 
+@pytest.mark.parametrize(
+    ("least", "most", "words", "wrong"),
+    [(0.3, 20, "0.3 to 20", "0.29"), (0, None, "0 or more", "-1"), (None, 9, "9 or less", "9.5")],
+)
+def test_numbers_keep_to_their_range(
+    least: float | None, most: float | None, words: str, wrong: str
+) -> None:
+    """Literals and variables alike; the bounds themselves are inside."""
+    port = Port("p", float, least=least, most=most)
+    assert port.range == words
+    assert not port.takes_all
+    for bound in (least, most):
+        assert bound is None or port.bind(f"{bound}") == bound
+    with pytest.raises(ValueError, match=f"expected {words}, got {wrong}"):
+        port.bind(wrong)
+    with pytest.raises(ValueError, match=f"expected {words}, got {wrong}"):
+        port.read(float(wrong))
+
+
+def test_only_numbers_have_a_range() -> None:
+    with pytest.raises(ValueError, match="only numbers have a range"):
+        Port("p", str, most=3)
+
+
+@pytest.mark.parametrize("text", ["9" * 19, "-" + "9" * 400, "9" * 5000])
+def test_integers_have_64_bits(text: str) -> None:
+    """A Timeout of 10**400 ms would otherwise end a mission when it is computed with."""
+    with pytest.raises(ValueError, match="integer"):
+        Port("p", int).bind(text)
+
+
 def test_output_ports_need_a_reference() -> None:
     """A literal cannot be written to."""
     port = Port("out", int, direction="output")

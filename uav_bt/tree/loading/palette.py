@@ -129,7 +129,7 @@ def _port_of(
 ) -> PalettePort | None:
     type_name = " ".join(element.attributes.get("type", "").split())
     default = element.attributes.get("default", "")
-    type_, check, choices = _type_of(type_name)
+    type_, choices = _type_of(type_name)
     try:
         port = PalettePort(
             name=name,
@@ -138,7 +138,7 @@ def _port_of(
             doc=" ".join(element.text.split()),
             direction=PORT_DIRECTIONS[element.tag],  # type: ignore[arg-type]  # one of the three
             choices=choices,
-            check=check,
+            least=0 if type_name in _UNSIGNED else None,
         )
         if default:
             port.bind(default)
@@ -151,17 +151,10 @@ def _port_of(
     return port
 
 
-def _type_of(name: str) -> tuple[type, Any, tuple[str, ...]]:
-    if name in _UNSIGNED:
-        return int, _not_negative, ()
+def _type_of(name: str) -> tuple[type, tuple[str, ...]]:
     if name in _STATUSES:
-        return str, None, _STATUS_NAMES
-    return _TYPES.get(name, object), None, ()
-
-
-def _not_negative(value: int) -> None:
-    if value < 0:
-        raise ValueError(f"expected 0 or more, got {value}")
+        return str, _STATUS_NAMES
+    return int if name in _UNSIGNED else _TYPES.get(name, object), ()
 
 
 def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeRegistry:

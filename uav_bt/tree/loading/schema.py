@@ -63,10 +63,11 @@ def _document(element: ET.Element, text: str) -> None:
 
 def _add_restriction(
     parent: ET.Element, base: str, facet: str, values: Iterable[str], **name: str
-) -> None:
+) -> ET.Element:
     restriction = _add(_add(parent, "simpleType", **name), "restriction", base=base)
     for value in values:
         _add(restriction, facet, value=value)
+    return restriction
 
 
 def _add_attribute(parent: ET.Element, name: str, type_: str, *, required: bool = False) -> None:
@@ -175,13 +176,21 @@ def _add_port(content: ET.Element, port: Port[Any]) -> None:
     attribute = _add(content, "attribute", name=port.name, use=use)
     has_default = port.default is not Port.REQUIRED
     default = f"default: {port_text(port.default)}" if has_default else ""
-    _document(attribute, "; ".join(text for text in (port.doc, default) if text))
+    _document(attribute, "; ".join(text for text in (port.doc, port.range, default) if text))
     if port.direction != "input":
         attribute.set("type", "value.reference")
     elif port.type is str and port.choices:
         either = _add(attribute, "simpleType")
         union = _add(either, "union", memberTypes="value.reference")
         _add_restriction(union, "xs:string", "enumeration", map(str, port.choices))
+    elif port.range:
+        union = _add(_add(attribute, "simpleType"), "union", memberTypes="value.reference")
+        base = "xs:integer" if port.type is int else "xs:double"
+        pattern = PORT_TYPES[port.type].pattern or ""
+        number = _add_restriction(union, base, "pattern", [pattern])
+        for facet, bound in (("minInclusive", port.least), ("maxInclusive", port.most)):
+            if bound is not None:
+                _add(number, facet, value=f"{bound:g}")
     elif port.type in _NAMES:
         attribute.set("type", f"port.{_NAMES[port.type]}")
     elif port.type in {str, object}:

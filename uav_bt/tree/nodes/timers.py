@@ -11,15 +11,10 @@ from uav_bt.tree.status import FAILURE, RUNNING, SUCCESS, Status
 _EPSILON_S = 1e-9
 
 
-def _not_negative(value: int) -> None:
-    if value < 0:
-        raise ValueError(f"expected milliseconds, 0 or more; got {value}")
-
-
 class Timeout(DecoratorNode):
     """Halts its child and fails when the child still runs after so long."""
 
-    MSEC = Port("msec", int, doc="milliseconds; 0: no limit", check=_not_negative)
+    MSEC = Port("msec", int, doc="milliseconds; 0: no limit", least=0)
     ports = (MSEC,)
 
     _deadline_s: float | None = None  # None: not started
@@ -53,7 +48,7 @@ class Timeout(DecoratorNode):
 class Delay(DecoratorNode):
     """Waits so long before it ticks its child."""
 
-    DELAY_MSEC = Port("delay_msec", int, doc="milliseconds", check=_not_negative)
+    DELAY_MSEC = Port("delay_msec", int, doc="milliseconds", least=0)
     ports = (DELAY_MSEC,)
 
     _start_at_s: float | None = None  # None: not waiting
@@ -80,7 +75,7 @@ class Delay(DecoratorNode):
 class Sleep(Leaf):
     """Runs for so long, then succeeds."""
 
-    MSEC = Port("msec", int, doc="milliseconds", check=_not_negative)
+    MSEC = Port("msec", int, doc="milliseconds", least=0)
     ports = (MSEC,)
 
     _end_s = 0.0
