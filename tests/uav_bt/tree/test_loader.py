@@ -119,7 +119,7 @@ def test_a_file_becomes_a_tree(tmp_path: Path) -> None:
         ("<Inverter/>", "needs exactly one child, has 0"),
         ("<Inverter><Safe/><Safe/></Inverter>", "needs exactly one child, has 2"),
         ('<Repeat num_cycles="two"><Safe/></Repeat>', "expected an integer, got 'two'"),
-        ('<Timeout msec="-1"><Safe/></Timeout>', "expected milliseconds, 0 or more; got -1"),
+        ('<Timeout msec="-1"><Safe/></Timeout>', "expected 0 or more, got -1"),
         ("<SubTree/>", "attribute 'ID' is missing"),
         ('<SubTree ID="Othr"/>', "there is no tree 'Othr'; did you mean 'Other'?"),
         ('<SubTree ID="Main"/>', "the tree contains itself: Main > Main"),
