@@ -1,6 +1,9 @@
 """The process that flies: tasks come in as lines of JSON, answers go out as lines of JSON.
 
-    python -m uav_bt.campaign.worker_process MODULE:FUNCTION
+    python -m uav_bt.campaign.worker_process MODULE:FUNCTION FOLDER
+
+Its temporary files go into the folder, which is removed by what started it, or by itself when that
+is gone.
 
 It flies one task after the other, so that what is slow to import is imported once. Whatever goes
 wrong in it, a crash included, costs one flight and nothing else.
@@ -13,7 +16,9 @@ import importlib
 import json
 import os
 import queue
+import shutil
 import sys
+import tempfile
 import threading
 import traceback
 from collections.abc import Callable
@@ -39,25 +44,28 @@ def _answer(fly: FlyFunction, task: dict[str, Any]) -> dict[str, Any]:
         return {FAILED: reason, "details": traceback.format_exc()}
 
 
-def _read(requests: queue.Queue[str]) -> None:
+def _read(requests: queue.Queue[str], temporary: str) -> None:
     for line in sys.stdin:
         requests.put(line)
     # The campaign is gone: no one waits for the flight that may be under way.
+    shutil.rmtree(temporary, ignore_errors=True)
     os._exit(0)
 
 
-def main(name: str) -> None:
+def main(name: str, temporary: str) -> None:
     """Answer tasks until the standard input ends.
 
     Args:
         name: MODULE:FUNCTION of what flies a task.
+        temporary: the folder of its temporary files.
     """
     faulthandler.enable()
+    tempfile.tempdir = temporary
     # What libraries print must not get among the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     requests: queue.Queue[str] = queue.Queue()
-    threading.Thread(target=_read, args=(requests,), daemon=True).start()
+    threading.Thread(target=_read, args=(requests, temporary), daemon=True).start()
     module, _, function = name.partition(":")
     fly: FlyFunction = getattr(importlib.import_module(module), function)
     while True:
@@ -66,4 +74,4 @@ def main(name: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

@@ -40,6 +40,7 @@ class Worker:
         self._process: subprocess.Popen[bytes] | None = None
         self._stopped = False
         self._lock = threading.Lock()  # a process is not started while it is being stopped
+        self._temporary = tempfile.TemporaryDirectory(prefix="uav-bt-worker-")
         self._stderr = tempfile.TemporaryFile("w+b")  # noqa: SIM115 - closed with the worker
 
     def fly(self, task: Mapping[str, Any], timeout_s: float) -> dict[str, Any]:
@@ -74,6 +75,7 @@ class Worker:
         self.stop()
         self._discard()
         self._stderr.close()
+        self._temporary.cleanup()
 
     def _running(self) -> subprocess.Popen[bytes] | None:
         """Return the process, a new one if need be; None once it was stopped."""
@@ -86,7 +88,10 @@ class Worker:
 
     def _started(self) -> subprocess.Popen[bytes]:
         return subprocess.Popen(  # noqa: S603 - our own interpreter and module
-            [sys.executable, "-m", "uav_bt.campaign.worker_process", self._function],
+            [
+                *(sys.executable, "-m", "uav_bt.campaign.worker_process", self._function),
+                self._temporary.name,
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._stderr,

@@ -27,6 +27,8 @@ _LOG: Final = logging.getLogger(__name__)
 
 _MAX_PORT: Final = 65_534  # the next one must exist
 _MAX_FRAME_BYTES: Final = 65_536  # of a request; a longer one ends the client's connection
+# Requests and answers of a client; Groot2 has one at a time. More for one that never reads is lost.
+_MAX_WAITING: Final = 8
 _FREE_PAIR_TRIES: Final = 20  # for two free neighbours when any port will do
 _STOP: Final = "inproc://stop"
 
@@ -160,6 +162,8 @@ class GrootPublisher:
         socket: zmq.Socket[bytes] = context.socket(kind)
         socket.setsockopt(self._zmq.LINGER, 0)
         socket.setsockopt(self._zmq.MAXMSGSIZE, _MAX_FRAME_BYTES)
+        socket.setsockopt(self._zmq.SNDHWM, _MAX_WAITING)
+        socket.setsockopt(self._zmq.RCVHWM, _MAX_WAITING)
         if ":" in self._config.host:
             socket.setsockopt(self._zmq.IPV6, 1)
         return socket

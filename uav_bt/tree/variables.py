@@ -17,6 +17,11 @@ class Entry:
     writes: int = 1
 
 
+@dataclass(slots=True)
+class _Texts:
+    characters: int = 0  # that the variables of a whole tree hold
+
+
 class Variables:
     """One tree's scope.
 
@@ -42,6 +47,7 @@ class Variables:
         self._remapped = dict(remapped or {})
         self._board = dict(board or {})
         self._autoremap = autoremap
+        self._texts: _Texts = _Texts() if parent is None else parent._texts  # noqa: SLF001  # of the same class
         self._entries = {key: Entry(value) for key, value in (constants or {}).items()}
         # Where names lead, found once: the walk through the doors is most of a read.
         self._places: dict[str, tuple[Variables, str]] = {}
@@ -115,6 +121,7 @@ class Variables:
         """
         entries, name = self._own(key)
         entry = entries.get(name)
+        self._count(value, entry)
         if entry is None:
             entries[name] = Entry(value)
         else:
@@ -128,7 +135,18 @@ class Variables:
             BoardAccessError: the name is a key of the mission board.
         """
         entries, name = self._own(key)
-        entries.pop(name, None)
+        self._count(None, entries.pop(name, None))
+
+    def _count(self, new: object, old: Entry | None) -> None:
+        if isinstance(new, str):
+            self._texts.characters += len(new)
+        if old is not None and isinstance(old.value, str):
+            self._texts.characters -= len(old.value)
+
+    @property
+    def characters(self) -> int:
+        """Of the texts that the variables of the whole tree hold."""
+        return self._texts.characters
 
     def __contains__(self, key: str) -> bool:
         """Return whether the variable has a value."""

@@ -7,19 +7,24 @@ the page shows it; `undo` takes back the last one.
 from __future__ import annotations
 
 import json
+import threading
 from dataclasses import asdict
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
+import cv2
+
 from perception.segmentation.training.picks import Pick, read_picks, write_picks
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES, class_id
 from uav_bt.errors import FileError, UavBtError, ValueRangeError
+from uav_bt.json_text import parse_json
 
 _MEDIA: Final = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 _LONGEST_REQUEST: Final = 4096  # bytes; a click takes a hundred
+_IDLE_S: Final = 10.0  # a connection that says nothing is closed then
 
 
 class PickSession:
@@ -39,6 +44,8 @@ class PickSession:
         if not self.names:
             raise FileError(folder, f"holds no photographs ({', '.join(_MEDIA)})")
         self.picks = read_picks(picks_path) if picks_path.exists() else []
+        self._sizes_px: dict[str, tuple[int, int]] = {}
+        self._lock = threading.Lock()  # several tabs may click at once
 
     def picture(self, name: str) -> Path:
         """Return the file of a listed photograph.
@@ -54,18 +61,34 @@ class PickSession:
         """Keep a click.
 
         Raises:
-            ValueRangeError: the photograph is not on the list or the pixel is negative.
+            ValueRangeError: the photograph is not on the list, or has no such pixel.
             UnknownNameError: there is no such class.
+            FileError: the photograph cannot be read, or the picks not be written.
         """
         self.picture(name)
-        self.picks.append(Pick(image=name, x=x, y=y, class_id=class_id(class_name)))
-        write_picks(self._path, self.picks)
+        pick = Pick(image=name, x=x, y=y, class_id=class_id(class_name))
+        with self._lock:
+            width_px, height_px = self._size_px(name)
+            if x >= width_px or y >= height_px:
+                raise ValueRangeError(f"({x}, {y}) lies outside of {width_px}x{height_px} pixels")
+            write_picks(self._path, [*self.picks, pick])
+            self.picks.append(pick)
+
+    def _size_px(self, name: str) -> tuple[int, int]:
+        path = self.picture(name)
+        if name not in self._sizes_px:
+            image = cv2.imread(str(path))  # as training reads it, turned as the camera was held
+            if image is None:
+                raise FileError(path, "is no image that can be read")
+            self._sizes_px[name] = (image.shape[1], image.shape[0])
+        return self._sizes_px[name]
 
     def undo(self) -> None:
         """Take the last click back; nothing happens when there is none."""
-        if self.picks:
-            self.picks.pop()
-            write_picks(self._path, self.picks)
+        with self._lock:
+            if self.picks:
+                write_picks(self._path, self.picks[:-1])
+                self.picks.pop()
 
 
 def make_pick_server(session: PickSession, *, port: int = 0) -> HTTPServer:
@@ -79,11 +102,12 @@ def make_pick_server(session: PickSession, *, port: int = 0) -> HTTPServer:
     class Handler(_Handler):
         picks_of = session
 
-    return HTTPServer(("127.0.0.1", port), Handler)
+    return ThreadingHTTPServer(("127.0.0.1", port), Handler)
 
 
 class _Handler(BaseHTTPRequestHandler):
     picks_of: PickSession
+    timeout = _IDLE_S
 
     def do_GET(self) -> None:
         path = unquote(urlsplit(self.path).path)
@@ -114,18 +138,19 @@ class _Handler(BaseHTTPRequestHandler):
             if self.path == "/undo":
                 self.picks_of.undo()
             else:
-                click = json.loads(body)
-                self.picks_of.add(
-                    str(click["image"]), int(click["x"]), int(click["y"]), str(click["class"])
-                )
-        except (UavBtError, ValueError, KeyError, TypeError) as error:
+                self.picks_of.add(*_click_of(body))
+        except UavBtError as error:
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
             return
         self._send_state()
 
     def _is_ours(self) -> bool:
-        # A foreign page whose name resolves to this machine would send its own name here.
-        if self.headers.get("Host", "").split(":")[0] in ("127.0.0.1", "localhost"):
+        # A foreign page whose name resolves to this machine would send its own name as the host; a
+        # browser names one that only posts here as the origin.
+        port = self.connection.getsockname()[1]
+        hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost")}
+        origins = {None, *(f"http://{host}" for host in hosts)}
+        if self.headers.get("Host") in hosts and self.headers.get("Origin") in origins:
             return True
         self._refuse(HTTPStatus.FORBIDDEN, "only this machine may ask")
         return False
@@ -152,6 +177,19 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *_: Any) -> None:
         """Say nothing: the page shows what happened."""
+
+
+def _click_of(body: bytes) -> tuple[str, int, int, str]:
+    """Return photograph, column, row and class of a click.
+
+    Raises:
+        InputError: it is none.
+    """
+    click = parse_json(body)
+    kinds = {"image": str, "x": int, "y": int, "class": str}
+    if not isinstance(click, dict) or any(type(click.get(n)) is not k for n, k in kinds.items()):
+        raise ValueRangeError("expected a click: texts image and class, whole numbers x and y")
+    return click["image"], click["x"], click["y"], click["class"]
 
 
 _PAGE: Final = """<!doctype html><title>Picks</title>

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,8 @@ def line(seed: int = 0, **fields: Any) -> dict[str, Any]:
 
 def fly(task: dict[str, Any]) -> dict[str, Any]:
     """End as the plan's policies have it for this seed; the number of the process is `wall_s`."""
+    if task.get("litters"):
+        tempfile.mkdtemp()
     fate = task["policies"].get(str(task["seed"]), "lands")
     if fate == "crashes":
         sys.stderr.write("a library's last words\n")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -80,3 +83,26 @@ def test_closing_stops_what_still_flies() -> None:
     assert not asked.is_alive()
     assert FAILED in answers[0]
     assert pool.fly(task("lands"), 60.0) == {FAILED: "the campaign was stopped"}
+
+
+@pytest.mark.parametrize("fate", ["lands", "crashes", "hangs"])
+def test_a_worker_leaves_no_temporary_files(
+    fate: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not even one that was killed in flight, which could not tidy up."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    worker = Worker(FLY)
+    (folder,) = tmp_path.glob("uav-bt-worker-*")
+    answer = worker.fly({**task(fate), "litters": True}, 20.0 if fate != "hangs" else 5.0)
+    assert (FLOWN in answer) == (fate == "lands")
+    assert list(folder.iterdir())
+    worker.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_worker_whose_campaign_is_gone_tidies_up_itself(tmp_path: Path) -> None:
+    folder = tmp_path / "worker"
+    folder.mkdir()
+    command = [sys.executable, "-m", "uav_bt.campaign.worker_process", FLY, str(folder)]
+    subprocess.run(command, stdin=subprocess.DEVNULL, timeout=60, check=True)  # noqa: S603
+    assert not folder.exists()

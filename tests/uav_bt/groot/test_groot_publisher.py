@@ -370,3 +370,10 @@ def test_ticking_and_answering_do_not_disturb_each_other(
     done.set()
     asking.join()
     assert failures == []
+
+
+def test_answers_that_a_client_never_reads_are_few(publisher: GrootPublisher) -> None:
+    """ZeroMQ keeps a thousand for each by itself."""
+    with zmq.Context() as context, publisher._socket(context, zmq.ROUTER) as replies:
+        assert 0 < replies.getsockopt(zmq.SNDHWM) <= 8
+        assert 0 < replies.getsockopt(zmq.RCVHWM) <= 8

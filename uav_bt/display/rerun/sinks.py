@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from uav_bt.display.rerun.keeper import KEPT
 from uav_bt.errors import FileError, InputError, MissingDependencyError, UavBtError
 from uav_bt.files import whole_file
 from uav_bt.plugins import need
@@ -61,9 +62,13 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
     """
     need("view", "rerun", what="a view")
     import rerun as rr  # noqa: PLC0415 - only views need it
+    from rerun_bindings import flush_and_cleanup_orphaned_recordings  # noqa: PLC0415
 
     if path.suffix.lower() != ".rrd":
         raise FileError(path, "a view's name must end in .rrd")
+    # The threads of a stream that nobody has any more end when Rerun is told to look, as `rr.init`
+    # does it: here those of the file before.
+    flush_and_cleanup_orphaned_recordings()
     with whole_file(path) as partial:
         partial.touch()  # the system's error for a bad folder is clearer than Rerun's
         stream = rr.RecordingStream(_APPLICATION)
@@ -113,7 +118,9 @@ class Viewer:
         self._web_port = _free_port(web_port) if web else None
         try:
             self._process = subprocess.Popen(  # noqa: S603 - Rerun's own program
-                viewer_command(self.port, self._web_port),
+                # A server without a window would be forgotten if this process were killed.
+                [*(KEPT if web else ()), *viewer_command(self.port, self._web_port)],
+                stdin=subprocess.PIPE if web else subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,  # Ctrl-C lands the drone; it must not close the window
@@ -154,7 +161,10 @@ class Viewer:
                 self.stream.flush(timeout_sec=_FLUSH_S)
         self.stream.disconnect()
         if end and self._process.poll() is None:
-            self._process.terminate()
+            if self._process.stdin is None:
+                self._process.terminate()
+            else:
+                self._process.stdin.close()  # the keeper ends it
             self._process.wait()
 
 

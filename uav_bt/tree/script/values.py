@@ -17,6 +17,7 @@ from uav_bt.tree.variables import Variables
 Value = int | float | str
 
 MAX_TEXT: Final = 100_000  # characters; `s += s` at every tick would fill the memory
+MAX_TEXTS: Final = 2_000_000  # characters of all texts of a tree: thousands of scripts make many
 _EPSILON: Final = 2.0**-23  # reals closer than this are equal: the engine's, of a C float
 _WORDS: Final = {"true": 1.0, "false": 0.0}
 
@@ -154,10 +155,16 @@ class Environment:
         if key is not None:
             what = f"'{name}' is a board key" if name == f"@{key}" else f"'{name}' is '@{key}'"
             raise ScriptError(f"{what}; leaves write those, scripts only read")
+        old = self._variables.get(name)
         try:
-            self._variables[name] = kept = assigned(self._variables.get(name), value)
+            kept = assigned(old, value)
         except ScriptError as error:
             raise ScriptError(f"'{name}': {error}") from error
+        if isinstance(kept, str):
+            more = len(kept) - (len(old) if isinstance(old, str) else 0)
+            if more > 0 and self._variables.characters + more > MAX_TEXTS:
+                raise ScriptError(f"'{name}': the tree's texts grow longer than {MAX_TEXTS}")
+        self._variables[name] = kept
         return kept
 
     def _board_key(self, name: str) -> str | None:

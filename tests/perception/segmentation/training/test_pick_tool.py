@@ -1,6 +1,7 @@
 """The page on which a person clicks picks."""
 
 import json
+import socket
 import threading
 from collections.abc import Iterator
 from http.client import HTTPConnection
@@ -81,8 +82,16 @@ def test_nothing_but_the_listed_photographs_is_served(page: HTTPConnection, name
         (_click(image="../secret.png"), b"no photograph"),
         (_click(**{"class": "carpte"}), b"did you mean 'carpet'"),
         (_click(x=-1), b"not be negative"),
-        ("{", b"Expecting"),
-        ("[]", b"list"),
+        (_click(x=16), b"(16, 4) lies outside of 16x9 pixels"),
+        (_click(y=9), b"(3, 9) lies outside of 16x9 pixels"),
+        (_click(x=1.5), b"expected a click"),
+        (_click(x="3"), b"expected a click"),
+        (_click(image=None), b"expected a click"),
+        ('{"x": 1e999}', b"beyond a double's range"),
+        ("[" * 4000, b"nested too deeply"),
+        ("\xff", b"no JSON"),
+        ("{", b"no JSON"),
+        ("[]", b"expected a click"),
         ("x" * 5000, b"at most 4096"),
     ],
 )
@@ -98,6 +107,29 @@ def test_a_bad_click_is_refused_and_nothing_is_written(
 def test_another_sites_name_for_this_machine_is_refused(page: HTTPConnection) -> None:
     assert _ask(page, "/state", Host="evil.example")[0] == 403
     assert _ask(page, "/pick", _click(), Host="evil.example:80")[0] == 403
+
+
+@pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1"])
+def test_what_another_page_sends_is_refused(
+    page: HTTPConnection, tmp_path: Path, origin: str
+) -> None:
+    assert _ask(page, "/pick", _click(), Origin=origin)[0] == 403
+    assert not (tmp_path / "picks.csv").exists()
+    assert _ask(page, "/pick", _click(), Origin=f"http://127.0.0.1:{page.port}")[0] == 200
+
+
+def test_connections_that_say_nothing_keep_nobody_out(page: HTTPConnection) -> None:
+    idle = [socket.create_connection(("127.0.0.1", page.port)) for _ in range(5)]
+    idle[0].sendall(b"POST /pick HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100\r\n\r\n{")
+    assert _ask(page, "/state")[0] == 200
+    for connection in idle:
+        connection.close()
+
+
+def test_an_image_that_cannot_be_read_takes_no_click(page: HTTPConnection, folder: Path) -> None:
+    (folder / "a.png").write_bytes(b"no image")
+    status, answer = _ask(page, "/pick", _click())
+    assert (status, b"no image that can be read" in answer) == (400, True)
 
 
 def test_earlier_picks_are_gone_on_with(folder: Path, tmp_path: Path) -> None:

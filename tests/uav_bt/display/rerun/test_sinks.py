@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +62,64 @@ def test_viewers_listen_on_loopback_only(web_port: int | None) -> None:
     assert command[command.index("--port") + 1] == "9876"
     assert ("--serve-web" in command) == (web_port is not None)
     assert Path(command[0]).is_file()
+
+
+def threads() -> int:
+    return len(list(Path("/proc/self/task").iterdir()))
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads in Linux's /proc")
+def test_files_leave_no_threads_behind(tmp_path: Path) -> None:
+    """Each stream has some; those of one file may wait for the next."""
+    counts = []
+    for number in range(6):
+        with sinks.saved(tmp_path / f"{number}.rrd") as stream:
+            draw(stream)
+        counts.append(threads())
+    assert counts[5] <= counts[1]
+
+
+KILLED = """
+import os, signal, sys
+from uav_bt.display.rerun import sinks
+viewer = sinks.Viewer(web=True)
+print(viewer.port, flush=True)
+sys.stdin.readline()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_server_ends_with_the_process_that_started_it() -> None:
+    """However that ends: nothing of it can run after SIGKILL."""
+    with subprocess.Popen(  # noqa: S603 - our own interpreter
+        [sys.executable, "-c", KILLED], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        port = int(process.stdout.readline())
+        assert answers(port, True)
+        process.stdin.write("\n")
+        process.stdin.close()
+    assert answers(port, False)
+
+
+def answers(port: int, wanted: object) -> bool:
+    """Return whether a port is, within some time, listened to or not."""
+    until_s = time.monotonic() + 30.0
+    while time.monotonic() < until_s:
+        with socket.socket() as probe:
+            if (probe.connect_ex(("127.0.0.1", port)) == 0) is wanted:
+                return True
+        time.sleep(0.1)
+    return False
+
+
+def test_closing_a_web_view_ends_its_server() -> None:
+    viewer = sinks.Viewer(web=True)
+    assert answers(viewer.port, True)
+    viewer.close(end=True)
+    assert viewer.closed
+    assert answers(viewer.port, False)
 
 
 def test_a_port_that_is_taken_is_refused() -> None:
