@@ -44,10 +44,12 @@ def read_plan(folder: Path) -> tuple[CampaignPlan, list[dict[str, Any]]]:
         version, plan, runs = content["format"], content["plan"], content["runs"]
     except (KeyError, TypeError) as error:
         raise FileError(path, "not a campaign: needs 'format', 'plan' and 'runs'") from error
+    if not isinstance(runs, list):
+        raise FileError(path, f"not a campaign: 'runs' must be a list, got {runs!r:.40}")
     if version != _FORMAT:
         raise FileError(path, f"has format {version}, this version of uav-bt reads {_FORMAT}")
     try:
-        return CampaignPlan.from_json(plan), list(runs)
+        return CampaignPlan.from_json(plan), runs
     except InputError as error:
         raise FileError(path, str(error)) from error
 

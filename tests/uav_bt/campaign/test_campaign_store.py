@@ -101,6 +101,7 @@ def test_a_file_in_the_folders_place_is_refused(tmp_path: Path) -> None:
     ("content", "why"),
     [
         (b"{", "damaged: no JSON"),
+        (b'{"format": 1, "plan": {}, "runs": 3}', "'runs' must be a list, got 3"),
         (b"[" * 100_000, "damaged: no JSON that can be read: nested too deeply"),
         (b'{"format": 1e999}', "damaged: no JSON that can be read: 1e999"),
         (b"\xff", "damaged: no JSON"),
