@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from uav_bt.errors import WeightsError
+from uav_bt.errors import InputError, WeightsError
 from uav_bt.files import write_whole
+from uav_bt.json_text import parse_json
 
 SHIPPED_WEIGHTS: Final = Path(__file__).parents[1] / "weights"
 """The folder of the weights that come with the package."""
@@ -79,8 +80,8 @@ def read_weights(
         with safe_open(path, framework="numpy") as file:
             note = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
-        details = json.loads(note.get("details", "{}"))
-    except (SafetensorError, OSError, ValueError) as error:
+        details = parse_json(note.get("details", "{}"))
+    except (SafetensorError, OSError, ValueError, InputError) as error:
         raise WeightsError(path, f"the weights are damaged ({error}); {remedy}") from error
     if note.get("kind") != kind:
         raise WeightsError(

@@ -1,0 +1,20 @@
+"""Files of weights: what is damaged in them is one error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from perception.networks.weights_file import read_weights
+from uav_bt.errors import WeightsError
+
+
+@pytest.mark.parametrize("details", ["{", "[" * 100_000, "1e999", "9" * 5000])
+def test_damaged_details_are_refused(tmp_path: Path, details: str) -> None:
+    path = tmp_path / "net.safetensors"
+    save_file({"a": np.zeros(1)}, path, metadata={"kind": "unet", "details": details})
+    with pytest.raises(WeightsError, match=r"damaged \(no JSON.*; train it"):
+        read_weights(path, kind="unet", remedy="train it")
