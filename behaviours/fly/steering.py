@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from behaviours.fly.movement import MovingLeaf
+from behaviours.fly.mover import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from uav_bt.board import FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.board.blackboard import Key
@@ -45,6 +46,7 @@ class SteeringConfig:
     turn_lag_s: float = 0.1  # for which a turn goes on after the command that ends it is sent
     turn_back_rad: float = math.radians(4)  # a smaller overshoot of a turn is left
     settle_s: float = 0.2  # the airframe swings on after a turn and would deflect a step
+    interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
     lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
     min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
 
@@ -79,7 +81,8 @@ class SteeringLeaf(MovingLeaf):
         """Propose the movement in progress again; False when there is none (any more)."""
         goes_on = super().moving(state)
         if not goes_on:
-            self._view_from_s = max(self._view_from_s, self._mover.ended_s)
+            wait_s = self.steering.interrupted_s if self.progress is Progress.INTERRUPTED else 0.0
+            self._view_from_s = max(self._view_from_s, self._mover.ended_s + wait_s)
         return goes_on
 
     def move(self, state: DroneState, decision: Decision) -> None:
