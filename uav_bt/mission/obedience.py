@@ -31,7 +31,8 @@ class ObedienceConfig:
         gimbal_rad: how far the camera may point elsewhere.
         turned_share: of the turns that were commanded, at least so much must be seen ...
         turn_rad: ... counted over so much of turning.
-        interruptions: movements in a row that end interrupted or rejected by the drone itself.
+        interruptions: movements in a row that end interrupted or rejected by the drone itself ...
+        interrupted_s: ... from the first to the last over at least so long: a gust passes.
         drift_mps: mean speed of a drone that was told to hover ...
         drift_s: ... over so long.
     """
@@ -45,6 +46,7 @@ class ObedienceConfig:
     turned_share: float = 0.3
     turn_rad: float = math.radians(150)
     interruptions: int = 6
+    interrupted_s: float = 5.0
     drift_mps: float = 0.25
     drift_s: float = 4.0
 
@@ -112,6 +114,7 @@ class ObedienceWatch:
         """Complain of movements that the drone breaks off or never ends, several in a row."""
         move = command.movement if isinstance(command.movement, MoveBy) else None
         self._hear_of(self._move, state)
+        interrupted_s = self._lasts("interrupted", now_s, holds=self._interrupted > 0)
         lasted_s = self._lasts("movement", now_s, holds=self._move is not None)
         if move is None or self._move is None or move.id != self._move.id:
             # A step that flows into the next is soon superseded; one that was waited for is not.
@@ -122,7 +125,7 @@ class ObedienceWatch:
             self._ended = False
         self._move = move
         config = self._config
-        if self._interrupted >= config.interruptions:
+        if self._interrupted >= config.interruptions and interrupted_s > config.interrupted_s:
             return f"{self._interrupted} movements in a row were interrupted"
         if self._undone >= config.undone or lasted_s > config.longest_s:
             return "its movements are not done"
