@@ -1,7 +1,7 @@
 r"""What teaches the depth network: telemetry, a pose network, labels without truth, or exact depth.
 
     python benchmarks/depth_training.py fly F/train-a-101.mcap --scene train-a --seed 101
-    python benchmarks/depth_ablation.py F/train-?-10[12].mcap --steps 300 --run runs/ablation
+    python -m benchmarks.depth_ablation F/train-?-10[12].mcap --steps 300 --run runs/ablation
 
 Every variant begins with the same random weights and sees the same clips for equally many steps;
 each is scored on images of the validation scenes. Exact depth is the upper bound: nothing else

@@ -1,8 +1,8 @@
 r"""Injects faults into flights and says whether the reactions are right.
 
-    python benchmarks/faults.py --out runs/faults                       # all kinds, all phases
-    python benchmarks/faults.py --kind video-lost~3 late=0.7 --phase explore land
-    python benchmarks/faults.py --list
+    python -m benchmarks.faults --out runs/faults                       # all kinds, all phases
+    python -m benchmarks.faults --kind video-lost~3 late=0.7 --phase explore land
+    python -m benchmarks.faults --list
 
 Each flight is a line of flights.jsonl in the output folder, written at once: the same command goes
 on where it was stopped. A right reaction: nothing but the ground touched, on the carpet, motors off

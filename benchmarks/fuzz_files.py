@@ -1,7 +1,7 @@
 """Damaged files: every reader of files from outside, on mutated ones.
 
-    python benchmarks/fuzz_files.py                    # 500 files of each kind
-    python benchmarks/fuzz_files.py --cases 50 record  # a few of one kind
+    python -m benchmarks.fuzz_files                    # 500 files of each kind
+    python -m benchmarks.fuzz_files --cases 50 record  # a few of one kind
 
 A reader may read a file or refuse it with an error of its own (`InputError`). Whatever else it
 raises, and a process that ends, takes too long or too much memory, is a fault: the exit code is 1,

@@ -1,6 +1,6 @@
 """Identify the twin's yaw response, print the heading loop's margins, and fly steps.
 
-    python benchmarks/heading.py [--image docs/images/heading_step.png]
+    python -m benchmarks.heading [--image docs/images/heading_step.png]
 
 Needs the `design` extra.
 """

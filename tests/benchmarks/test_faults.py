@@ -11,12 +11,14 @@ import pytest
 
 from tests.benchmarks.test_fault_reactions import TREE
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "faults.py"
+ROOT = Path(__file__).parents[2]
 
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(SCRIPT), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
+    command = [sys.executable, "-m", "benchmarks.faults", *map(str, arguments)]
+    return subprocess.run(  # noqa: S603 - ours
+        command, cwd=ROOT, capture_output=True, text=True, check=False
+    )
 
 
 def short(tmp_path: Path, *arguments: str) -> list[str]:

@@ -118,11 +118,14 @@ def check_inline(text: str) -> None:
 
 def check_script(command: Command) -> None:
     """Check a `python FILE ...` command: the file is there and knows each option."""
-    script = command.words[1]
+    script, *words = command.words[1:]
     if script == "-m":
-        return
+        module, *words = words
+        if not module.startswith("benchmarks."):
+            return
+        script = f"{module.replace('.', '/')}.py"
     source = (ROOT / script).read_text(encoding="utf-8")
-    for word in command.words[2:]:
+    for word in words:
         if word.startswith("--"):
             assert f'"{word}"' in source, f"{script} has no option {word}"
 

@@ -65,6 +65,7 @@ NOT_HERE: Final = {
     "dask": "serves until Ctrl-C",
     "mcap": "is another project's tool",
     "python benchmarks": "minutes to hours",
+    "python -m benchmarks": "minutes to hours",
     "python examples": "tests/docs/test_examples.py runs them",
     "pytest -n 2": "runs other tests",
     "pytest -m slow": "runs this test",

@@ -153,7 +153,8 @@ class Flight(Generic[DroneT]):
             limits=limits_of(self.options),
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=listeners,
-            judge_frame=FrameWatch(),
+            # A rehearsed drone moves in numbers only: its images rightly stay the same.
+            judge_frame=None if self.options.rehearse else FrameWatch(),
             clock=self._clock,
         )
 

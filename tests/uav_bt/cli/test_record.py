@@ -109,7 +109,7 @@ def test_two_outputs_in_one_file_are_refused(tmp_path: Path) -> None:
     assert_refused(result, "--report and --record name the same file")
 
 
-def test_a_full_disk_costs_the_record_and_not_the_missions_exit_code(
+def test_a_full_disk_costs_the_record_and_not_the_missions_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     flush, calls = record_file.RecordFile.flush, []
@@ -123,6 +123,8 @@ def test_a_full_disk_costs_the_record_and_not_the_missions_exit_code(
     monkeypatch.setattr(record_file.RecordFile, "flush", full)
     record = tmp_path / "flight.mcap"
     result = run("fly", tree_file(tmp_path, HOP), *SMALL, "--record", record)
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == 1, result.output  # something that was asked for is not there
+    assert "success" in result.stdout
+    assert "Error: record was lost: " in result.stderr
     assert "record is incomplete" in caplog.text
     assert "NOT WHOLE" in run("record", "info", record).stdout
