@@ -7,11 +7,12 @@ from pathlib import Path
 
 from perception.camera.camera_file import Undistorter, load_camera
 from uav_bt.errors import DroneError
-from uav_bt.protocols import Clock, Drone, Referee, Scene
-from uav_bt.types import CameraModel, Command, Frame, Observation
+from uav_bt.mission.drone_wrapper import DroneWrapper
+from uav_bt.protocols import Drone
+from uav_bt.types import CameraModel, Frame, Observation
 
 
-class CalibratedDrone:
+class CalibratedDrone(DroneWrapper):
     """Flies another drone, with a camera file in place of the intrinsics that it reports."""
 
     def __init__(self, drone: Drone, camera_file: Path) -> None:
@@ -21,15 +22,10 @@ class CalibratedDrone:
             drone: what flies; not connected yet.
             camera_file: made by `uav-bt lab calibrate`, at any size of the frames' aspect.
         """
-        self._drone = drone
+        super().__init__(drone)
         self._file = camera_file
         self._undistorter: Undistorter | None = None
         self._last: tuple[Frame, Frame] | None = None  # as sent, and undistorted
-
-    @property
-    def clock(self) -> Clock:
-        """The inner drone's clock."""
-        return self._drone.clock
 
     @property
     def camera(self) -> CameraModel:
@@ -39,26 +35,6 @@ class CalibratedDrone:
             DroneError: the drone is not connected.
         """
         return self._ready().camera
-
-    @property
-    def referee(self) -> Referee | None:
-        """The inner drone's referee."""
-        return self._drone.referee
-
-    @property
-    def scene(self) -> Scene | None:
-        """The inner drone's scene, where it is a simulated one."""
-        return self._drone.scene
-
-    @property
-    def live(self) -> bool:
-        """Whether the inner drone is a real one."""
-        return self._drone.live
-
-    @property
-    def tick_s(self) -> float | None:
-        """The inner drone's shortest tick, where it has one."""
-        return self._drone.tick_s
 
     def connect(self) -> None:
         """Connect the drone and read the camera file.
@@ -97,14 +73,6 @@ class CalibratedDrone:
             straight = replace(seen.frame, image=undistorter.undistort(seen.frame.image))
             self._last = seen.frame, straight
         return replace(seen, frame=self._last[1])
-
-    def send(self, command: Command) -> Command:
-        """Send a command to the drone; return what was really sent."""
-        return self._drone.send(command)
-
-    def disconnect(self) -> None:
-        """Disconnect; safe to call twice."""
-        self._drone.disconnect()
 
     def _ready(self) -> Undistorter:
         if self._undistorter is None:

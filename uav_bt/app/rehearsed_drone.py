@@ -12,9 +12,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from uav_bt.protocols import Clock, Drone, Scene
+from uav_bt.mission.drone_wrapper import DroneWrapper
+from uav_bt.protocols import Drone
 from uav_bt.types import (
-    CameraModel,
     Command,
     CutMotors,
     DroneState,
@@ -49,43 +49,18 @@ class _Pretence:
     last_s: float | None = None
 
 
-class RehearsedDrone:
+class RehearsedDrone(DroneWrapper):
     """Watches through another drone and commands nothing but its gimbal."""
 
     def __init__(self, drone: Drone) -> None:
         """Keep the drone; it is connected when this one is."""
-        self._drone = drone
+        super().__init__(drone)
         self._now = _Pretence()
-
-    @property
-    def clock(self) -> Clock:
-        """The inner drone's clock."""
-        return self._drone.clock
-
-    @property
-    def camera(self) -> CameraModel:
-        """The inner drone's camera."""
-        return self._drone.camera
 
     @property
     def referee(self) -> None:
         """There is no truth about a pretended flight."""
         return
-
-    @property
-    def scene(self) -> Scene | None:
-        """The inner drone's scene, where it is a simulated one."""
-        return self._drone.scene
-
-    @property
-    def live(self) -> bool:
-        """Checked like the inner drone."""
-        return self._drone.live
-
-    @property
-    def tick_s(self) -> float | None:
-        """The inner drone's shortest tick, where it has one."""
-        return self._drone.tick_s
 
     def connect(self) -> None:
         """Connect the inner drone; nothing was pretended yet.
@@ -112,10 +87,6 @@ class RehearsedDrone:
             sent = self._drone.send(Command(movement=Release(), gimbal=command.gimbal))
             return replace(command, gimbal=sent.gimbal)
         return command
-
-    def disconnect(self) -> None:
-        """Disconnect; safe to call twice."""
-        self._drone.disconnect()
 
     def _raised(self, frame: Frame) -> Frame:
         raised_m = self._now.altitude_m

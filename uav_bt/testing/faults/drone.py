@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.errors import InputError
+from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Clock, Drone, Referee, Scene
+from uav_bt.protocols import Drone, Referee
 from uav_bt.testing.faults.fault import START, Fault
 from uav_bt.testing.faults.kind import FaultMoment
-from uav_bt.types import CameraModel, Command, Frame, Observation, Truth
+from uav_bt.types import Command, Frame, Observation, Truth
 
 _PAST: Final = 64  # observations that late frames are taken from: 6 s at the usual tick
 
@@ -40,7 +41,7 @@ class Disturbed(Protocol):
         ...
 
 
-class FaultyDrone:
+class FaultyDrone(DroneWrapper):
     """Flies another drone with one fault.
 
     Args:
@@ -59,7 +60,7 @@ class FaultyDrone:
             )
         self.fault = fault
         self.began_s: float | None = None  # mission time of its first effect; None before
-        self._drone = drone
+        super().__init__(drone)
         self._phase_s: float | None = None
         self._before: Observation | None = None
         self._past: deque[Observation] = deque(maxlen=_PAST)
@@ -67,35 +68,10 @@ class FaultyDrone:
         self._shown: tuple[Frame, Frame] | None = None  # as delivered, and what it truly shows
 
     @property
-    def clock(self) -> Clock:
-        """The inner drone's clock."""
-        return self._drone.clock
-
-    @property
-    def camera(self) -> CameraModel:
-        """The inner drone's camera."""
-        return self._drone.camera
-
-    @property
     def referee(self) -> Referee | None:
         """The inner drone's referee; its masks and depths are of what a frame shows."""
         inner = self._drone.referee
         return None if inner is None else _FaultyReferee(inner, self)
-
-    @property
-    def scene(self) -> Scene | None:
-        """The inner drone's scene."""
-        return self._drone.scene
-
-    @property
-    def live(self) -> bool:
-        """Whether the inner drone is a real one."""
-        return self._drone.live
-
-    @property
-    def tick_s(self) -> float | None:
-        """The inner drone's tick."""
-        return self._drone.tick_s
 
     def connect(self) -> None:
         """Connect the inner drone.
@@ -151,10 +127,6 @@ class FaultyDrone:
         at, kind = self._moment(), self.fault.kind
         if at is not None and kind.follow is not None:
             kind.follow()
-
-    def disconnect(self) -> None:
-        """Disconnect; safe to call twice."""
-        self._drone.disconnect()
 
     def source_of(self, frame: Frame) -> Frame:
         """Return the camera's own frame whose view a delivered frame shows."""

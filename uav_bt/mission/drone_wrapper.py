@@ -1,0 +1,67 @@
+"""A drone around another one; what a wrapper does not change is the inner drone's."""
+
+from __future__ import annotations
+
+from uav_bt.protocols import Clock, Drone, Referee, Scene
+from uav_bt.types import CameraModel, Command, Observation
+
+
+class DroneWrapper:
+    """Passes everything on; derive from it and override what is to be different.
+
+    Args:
+        drone: the inner drone, not connected.
+    """
+
+    def __init__(self, drone: Drone) -> None:
+        self._drone = drone
+
+    @property
+    def clock(self) -> Clock:
+        """The inner drone's clock."""
+        return self._drone.clock
+
+    @property
+    def camera(self) -> CameraModel:
+        """The inner drone's camera."""
+        return self._drone.camera
+
+    @property
+    def referee(self) -> Referee | None:
+        """The inner drone's referee, where it is a simulated one."""
+        return self._drone.referee
+
+    @property
+    def scene(self) -> Scene | None:
+        """The inner drone's scene, where it is a simulated one."""
+        return self._drone.scene
+
+    @property
+    def live(self) -> bool:
+        """Whether the inner drone is a real one."""
+        return self._drone.live
+
+    @property
+    def tick_s(self) -> float | None:
+        """The inner drone's tick, where its own pace counts."""
+        return self._drone.tick_s
+
+    def connect(self) -> None:
+        """Connect the inner drone.
+
+        Raises:
+            DroneError: it cannot be reached.
+        """
+        self._drone.connect()
+
+    def observe(self) -> Observation:
+        """Return what the inner drone observes."""
+        return self._drone.observe()
+
+    def send(self, command: Command) -> Command:
+        """Send a command to the inner drone."""
+        return self._drone.send(command)
+
+    def disconnect(self) -> None:
+        """Disconnect the inner drone."""
+        self._drone.disconnect()
