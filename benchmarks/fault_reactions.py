@@ -120,8 +120,8 @@ def problems(expected: Expected, phase: str, facts: Facts) -> tuple[str, ...]:
         facts: what happened.
     """
     success = facts.outcome == Outcome.SUCCESS.value
-    told = "\n".join([*facts.events, facts.error or "", "" if success else facts.reason or ""])
-    words = re.sub(r"\S*/\S*", "", told)  # paths of nodes and files name no fault
+    text = "\n".join([*facts.events, facts.error or "", "" if success else facts.reason or ""])
+    words = re.sub(r"\S*/\S*", "", text)  # paths of nodes and files name no fault
     named = re.search(rf"\b(?:{expected.named})", words, re.IGNORECASE) is not None
     wrong = {
         f"touched {', '.join(facts.touched)}": bool(facts.touched) and not expected.may_fall,

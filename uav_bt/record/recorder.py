@@ -154,8 +154,8 @@ class FlightRecorder:
             self._log("Warning", f"override: {override}" if override else "override over")
         if record.refused != self._refused:
             self._refused = record.refused
-            told = "; ".join(record.refused)
-            self._log("Warning", f"refused: {told}" if told else "nothing is refused any more")
+            why = "; ".join(record.refused)
+            self._log("Warning", f"refused: {why}" if why else "nothing is refused any more")
         kind = type(record.command.movement)
         if kind is not self._movement:
             self._movement = kind

@@ -169,8 +169,8 @@ def _metrics(sets: Sequence[FlightSet]) -> Table:
                     found.count,
                     *rounded,
                 )
-                said = "; ".join(figure.text for figure in paper_figures(name, [one.tree]))
-                rows.append((*row, said or None) if known else row)
+                quoted = "; ".join(figure.text for figure in paper_figures(name, [one.tree]))
+                rows.append((*row, quoted or None) if known else row)
     shown = {name for name in METRICS if any(s.metrics[name] for _, s in summaries)}
     return Table(
         name="metrics",

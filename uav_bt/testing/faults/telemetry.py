@@ -17,50 +17,50 @@ from uav_bt.types import (
     wrap_angle,
 )
 
-Told = TypeVar("Told", DroneState, Frame)
+Report = TypeVar("Report", DroneState, Frame)
 
 
-def height(told: Told, height_m: float) -> Told:
+def height(report: Report, height_m: float) -> Report:
     """Return a height in place of all heights."""
-    return replace(told, altitude_m=height_m, height_m=height_m, height_above_carpet_m=height_m)
+    return replace(report, altitude_m=height_m, height_m=height_m, height_above_carpet_m=height_m)
 
 
-def raised(told: Told, by_m: float) -> Told:
+def raised(report: Report, by_m: float) -> Report:
     """Return telemetry from higher up."""
     return replace(
-        told,
-        altitude_m=told.altitude_m + by_m,
-        height_m=told.height_m + by_m,
-        height_above_carpet_m=told.height_above_carpet_m + by_m,
+        report,
+        altitude_m=report.altitude_m + by_m,
+        height_m=report.height_m + by_m,
+        height_above_carpet_m=report.height_above_carpet_m + by_m,
     )
 
 
-def turned(told: Told, by_rad: float) -> Told:
+def turned(report: Report, by_rad: float) -> Report:
     """Return telemetry with another heading."""
-    yaw_rad = wrap_angle(told.attitude.yaw_rad + by_rad)
-    return replace(told, attitude=replace(told.attitude, yaw_rad=yaw_rad))
+    yaw_rad = wrap_angle(report.attitude.yaw_rad + by_rad)
+    return replace(report, attitude=replace(report.attitude, yaw_rad=yaw_rad))
 
 
-def tilted(told: Told, angle_rad: float) -> Told:
+def tilted(report: Report, angle_rad: float) -> Report:
     """Return telemetry with one angle for all of attitude."""
     attitude = Attitude(roll_rad=angle_rad, pitch_rad=angle_rad, yaw_rad=angle_rad)
-    return replace(told, attitude=attitude)
+    return replace(report, attitude=attitude)
 
 
-def pointed(told: Told, pitch_rad: float) -> Told:
+def pointed(report: Report, pitch_rad: float) -> Report:
     """Return telemetry with another pitch of the camera."""
-    return replace(told, gimbal_pitch_rad=pitch_rad)
+    return replace(report, gimbal_pitch_rad=pitch_rad)
 
 
-def dated(told: Told, later_s: float) -> Told:
+def dated(report: Report, later_s: float) -> Report:
     """Return telemetry with a later stamp."""
-    return replace(told, captured_s=told.captured_s + later_s)
+    return replace(report, captured_s=report.captured_s + later_s)
 
 
 class Change(Protocol):
     """Changes the telemetry of states and of frames alike."""
 
-    def __call__(self, told: Told, by: float, /) -> Told:
+    def __call__(self, report: Report, by: float, /) -> Report:
         """Return it changed."""
         ...
 
