@@ -32,12 +32,12 @@ def reading(path: Path, error: Failure = FileError) -> Iterator[None]:
         raise error(path, f"cannot be read: {cause.strerror or cause}") from cause
 
 
-def read_bounded(path: Path, most_bytes: int, error: Failure = FileError) -> bytes:
+def read_bounded(path: Path, max_bytes: int, error: Failure = FileError) -> bytes:
     """Return a file's bytes.
 
     Args:
         path: the file.
-        most_bytes: what it may have.
+        max_bytes: what it may have.
         error: makes what is raised.
 
     Raises:
@@ -49,9 +49,9 @@ def read_bounded(path: Path, most_bytes: int, error: Failure = FileError) -> byt
         if not path.is_file():
             raise error(path, f"is a {'folder' if path.is_dir() else 'device or a pipe'}, no file")
         with path.open("rb") as file:
-            data = file.read(most_bytes + 1)
-    if len(data) > most_bytes:
-        raise error(path, f"larger than {most_bytes} bytes")
+            data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise error(path, f"larger than {max_bytes} bytes")
     return data
 
 

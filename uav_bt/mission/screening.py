@@ -159,9 +159,9 @@ class Screening:
         if good is None:
             return None
         passed_s = max(0.0, state.captured_s - good.captured_s)
-        most_m = self._config.altitude_noise_m + self._config.vertical_speed_mps * passed_s
+        max_m = self._config.altitude_noise_m + self._config.vertical_speed_mps * passed_s
         climbed_m = state.altitude_m - good.altitude_m
-        if abs(climbed_m) > most_m:
+        if abs(climbed_m) > max_m:
             return f"its altitude changed by {climbed_m:.1f} m in {passed_s:.1f} s"
         return None
 

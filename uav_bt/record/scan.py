@@ -161,19 +161,19 @@ class RecordScan:
         self.damages.append(Damage(offset=offset, reason=reason))
 
 
-def opened(chunk: Chunk, most_bytes: int = _MAX_CHUNK_BYTES) -> list[McapRecord]:
+def opened(chunk: Chunk, max_bytes: int = _MAX_CHUNK_BYTES) -> list[McapRecord]:
     """Return a chunk's records.
 
     Args:
         chunk: as it stands in a file.
-        most_bytes: what its records may have, opened.
+        max_bytes: what its records may have, opened.
 
     Raises:
         ValueError: it is larger, or not what it says to be; parsers raise more than that.
     """
     size = chunk.uncompressed_size
-    if size > most_bytes:
-        raise ValueError(f"a chunk of {size} bytes, opened, more than {most_bytes}")
+    if size > max_bytes:
+        raise ValueError(f"a chunk of {size} bytes, opened, more than {max_bytes}")
     if chunk.compression == "zstd":
         data = ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
     elif chunk.compression == "lz4":

@@ -171,7 +171,7 @@ def test_other_files_are_refused_by_what_they_are(tmp_path: Path) -> None:
         RecordReader(foreign)
 
 
-def chunk_of(data: bytes, compression: str, said_bytes: int) -> Chunk:
+def chunk_of(data: bytes, compression: str, claimed_bytes: int) -> Chunk:
     pack = {"zstd": zstandard.compress, "lz4": lz4.frame.compress, "": bytes, "brotli": bytes}
     return Chunk(
         compression=compression,
@@ -179,7 +179,7 @@ def chunk_of(data: bytes, compression: str, said_bytes: int) -> Chunk:
         message_start_time=0,
         message_end_time=0,
         uncompressed_crc=0,
-        uncompressed_size=said_bytes,
+        uncompressed_size=claimed_bytes,
     )
 
 
