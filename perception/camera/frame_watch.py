@@ -23,6 +23,8 @@ class FrameWatchConfig:
             shows less.
         noise: most noise, grey levels (J. Immerkaer, Fast Noise Variance Estimation, 1996).
         repeats: so many equal frames in a row are a frozen video where no two were equal before.
+        still_s: so long the same image is a frozen video in any case; a real camera's noise differs
+            from image to image, a simulated one may have none.
         turned_rad: a turn of body or gimbal in which the image must change.
         moved_m: a way in which the image must change.
     """
@@ -32,6 +34,7 @@ class FrameWatchConfig:
     contrast: float = 1.0
     noise: float = 30.0
     repeats: int = 6
+    still_s: float = math.inf
     turned_rad: float = math.radians(4)
     moved_m: float = 0.12
 
@@ -101,9 +104,9 @@ class FrameWatch:
         self._seen_s = frame.captured_s
         # A camera whose images always differed by their noise does not show the same one twice.
         repeats = self._config.repeats
-        if (self._noisy > repeats and self._repeats >= repeats) or self._should_differ(frame):
-            return "the video is frozen"
-        return None
+        noisy = self._noisy > repeats and self._repeats >= repeats
+        still = frame.captured_s - self._first.captured_s > self._config.still_s
+        return "the video is frozen" if noisy or still or self._should_differ(frame) else None
 
     def _should_differ(self, frame: Frame) -> bool:
         first = self._first or frame

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from perception.camera.frame_watch import FrameWatch
+from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.loading import Mission, check_ceiling, load_mission
@@ -26,6 +26,7 @@ from uav_bt.errors import DroneError, InputError
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Limits
+from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy, Referee, Segmenter
 from uav_bt.tree import MissionTree, NodeRegistry
@@ -34,6 +35,7 @@ from uav_bt.types import ClassMap, Frame
 DroneT = TypeVar("DroneT", bound=Drone)
 
 _CEILING_SLACK_M = 0.6  # of the drone's own ceiling above the mission's
+_STILL_S = 2.0  # of a real camera; longer than video needs to repeat a whole image
 
 
 class ExactSegmenter:
@@ -154,7 +156,7 @@ class Flight(Generic[DroneT]):
             config=config if tick_s is None else replace(config, tick_s=tick_s),
             listeners=listeners,
             # A rehearsed drone moves in numbers only: its images rightly stay the same.
-            judge_frame=None if self.options.rehearse else FrameWatch(),
+            judge_frame=None if self.options.rehearse else frame_judge(self.drone),
             clock=self._clock,
         )
 
@@ -176,6 +178,11 @@ def assemble(
     mission = load_mission(tree, options, registry)
     check_ceiling(mission, limits_of(options))
     return Flight(mission, make_drone(options), options)
+
+
+def frame_judge(drone: Drone) -> FrameJudge:
+    """Return what says, before a flight and in it, why an image cannot be flown by."""
+    return FrameWatch(FrameWatchConfig(still_s=_STILL_S) if drone.live else None)
 
 
 def make_drone(options: FlightOptions) -> Drone:

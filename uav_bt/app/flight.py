@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from uav_bt.app.assembly import Flight, assemble
+from uav_bt.app.assembly import Flight, assemble, frame_judge
 from uav_bt.app.interrupts import landing_on_signals
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
@@ -140,7 +140,8 @@ def _check_listeners(listeners: object) -> None:
 
 
 def _check_before_take_off(flight: Flight[Drone], on_check: Callable[[Check], None] | None) -> None:
-    checks = check_drone(flight.drone, (site_of(flight.options) or Site()).preflight)
+    drone, site = flight.drone, site_of(flight.options) or Site()
+    checks = check_drone(drone, site.preflight, judge_frame=frame_judge(drone))
     for each in checks:
         if on_check is not None:
             on_check(each)

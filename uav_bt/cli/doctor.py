@@ -8,6 +8,7 @@ import click
 
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
+from uav_bt.app.assembly import frame_judge
 from uav_bt.app.doctor import examine
 from uav_bt.cli.command import Command
 from uav_bt.errors import UavBtError
@@ -59,6 +60,6 @@ def _drone_checks(drone: str) -> Iterator[Check]:
     flown = app.make_drone(app.FlightOptions(drone=drone))
     flown.connect()
     try:
-        yield from check_drone(flown)
+        yield from check_drone(flown, judge_frame=frame_judge(flown))
     finally:
         flown.disconnect()

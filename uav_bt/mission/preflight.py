@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.errors import DroneError, ValueRangeError
+from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.protocols import Drone
-from uav_bt.types import DroneState, FlyingState, Frame, Observation
+from uav_bt.types import DroneState, FlyingState, Observation
 
 _STEP_S: Final = 0.1
 _FRAMES: Final = 3  # of a video that moves on
@@ -22,11 +23,14 @@ class PreflightConfig:
     battery: float = 0.3  # of its charge; a mission takes five minutes of twenty-five
     link: float = 0.4  # of the best link there is
     wait_s: float = 5.0  # for the first telemetry and the first frames
+    look_s: float = 2.5  # at the images, within the wait: a frozen video shows by then
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.battery <= 1.0 and 0.0 <= self.link <= 1.0 and self.wait_s > 0.0):
+        shares = 0.0 <= self.battery <= 1.0 and 0.0 <= self.link <= 1.0
+        if not (shares and self.wait_s > 0.0 and self.look_s >= 0.0):
             raise ValueRangeError(
-                f"battery and link are shares from 0 to 1, the wait is positive: {self}"
+                "battery and link are shares from 0 to 1, the wait is positive, the look at the "
+                f"images not negative: {self}"
             )
 
 
@@ -46,26 +50,33 @@ class Check:
         return f"{self.what}: {mark}, {self.found}{remedy}"
 
 
-def check_drone(drone: Drone, config: PreflightConfig | None = None) -> tuple[Check, ...]:
+def check_drone(
+    drone: Drone,
+    config: PreflightConfig | None = None,
+    *,
+    judge_frame: FrameJudge | None = None,
+) -> tuple[Check, ...]:
     """Observe a connected drone for a while and return what is good and what is not.
 
     Args:
         drone: connected, on the ground.
         config: what is good enough.
+        judge_frame: says why a frame's image cannot be flown by, as in the flight; None trusts all
+            images.
 
     Raises:
         DroneError: the drone was lost during the check.
     """
     config = config or PreflightConfig()
-    seen, frames = _watch(drone, config.wait_s)
-    now_s = drone.clock.now()
+    seen = _watch(drone, config, judge_frame)
+    state, now_s = seen.newest.state, drone.clock.now()
     return (
-        _telemetry(seen.state, now_s),
-        _standing(seen.state),
-        _battery(seen.state, config),
-        _link(seen.state, config),
-        _video(seen.frame, frames, now_s, config),
-        *_reported(seen.state),
+        _telemetry(state, seen.state_fault, now_s),
+        _standing(state),
+        _battery(state, config),
+        _link(state, config),
+        _video(seen, now_s, config),
+        *_reported(state),
     )
 
 
@@ -80,31 +91,52 @@ def refuse_faults(checks: Sequence[Check]) -> None:
         raise DroneError("\n  ".join(["not ready to take off, nothing was flown", *faults]))
 
 
-def _watch(drone: Drone, wait_s: float) -> tuple[Observation, int]:
-    """Return the last observation and how many frames came, up to what is enough."""
-    clock = drone.clock
-    end_s = clock.now() + wait_s
-    seen = drone.observe()
+@dataclass(frozen=True, kw_only=True)
+class _Seen:
+    """What a drone showed."""
+
+    newest: Observation
+    frames: int  # different ones, up to what is enough
+    frame_fault: str | None  # of the newest frame
+    state_fault: str | None  # of the newest telemetry
+
+
+def _watch(drone: Drone, config: PreflightConfig, judge_frame: FrameJudge | None) -> _Seen:
+    """Observe until all is well, or the time is over: a first bad frame is no bad video."""
+    clock, screening = drone.clock, Screening(drone.camera, judge_frame)
+    start_s = clock.now()
+    look_s = 0.0 if judge_frame is None else config.look_s
     indices = set()
     while True:
         now_s = clock.now()
-        if seen.frame is not None:
-            indices.add(seen.frame.index)
-        fresh = now_s - seen.state.captured_s <= _OLD_S
-        known = None not in (seen.state.battery, seen.state.link)
-        if now_s >= end_s or (fresh and known and len(indices) >= _FRAMES):
-            return seen, len(indices)
+        newest = drone.observe()
+        screening.usable(newest, now_s)
+        if newest.frame is not None:
+            indices.add(newest.frame.index)
+        fresh = now_s - newest.state.captured_s <= _OLD_S
+        known = None not in (newest.state.battery, newest.state.link)
+        well = fresh and known and len(indices) >= _FRAMES and not screening.refused
+        if now_s >= start_s + config.wait_s or (well and now_s >= start_s + look_s):
+            return _Seen(
+                newest=newest,
+                frames=len(indices),
+                frame_fault=screening.frame_fault,
+                state_fault=screening.state_fault,
+            )
         clock.sleep_until(now_s + _STEP_S)
-        seen = drone.observe()
 
 
-def _telemetry(state: DroneState, now_s: float) -> Check:
+def _telemetry(state: DroneState, fault: str | None, now_s: float) -> Check:
     age_s = now_s - state.captured_s
     found = f"last heard {age_s:.1f} s ago" if age_s < 1e6 else "nothing was heard"
+    if not state.connected:
+        found += ", and the connection is broken"
+    elif fault is not None:
+        found += f", and {fault}"
     return Check(
         what="telemetry",
-        good=age_s <= _OLD_S and state.connected,
-        found=found if state.connected else f"{found}, and the connection is broken",
+        good=age_s <= _OLD_S and state.connected and fault is None,
+        found=found,
         remedy="connect again; restart the drone if that does not help",
     )
 
@@ -154,7 +186,8 @@ def _link(state: DroneState, config: PreflightConfig) -> Check:
     )
 
 
-def _video(frame: Frame | None, frames: int, now_s: float, config: PreflightConfig) -> Check:
+def _video(seen: _Seen, now_s: float, config: PreflightConfig) -> Check:
+    frame, fault = seen.newest.frame, seen.frame_fault
     remedy = "see that no firewall keeps UDP out and nobody else watches the drone's video"
     if frame is None:
         return Check(
@@ -162,10 +195,14 @@ def _video(frame: Frame | None, frames: int, now_s: float, config: PreflightConf
         )
     height, width = frame.image.shape[:2]
     age_s = now_s - frame.captured_s
+    found = f"{width}x{height}, {seen.frames} frames seen, the newest {age_s:.2f} s old"
+    if fault is not None:
+        found += f", {fault}"
+        remedy = "see that the lens is clean and the place is lit; restart the drone if it is"
     return Check(
         what="video",
-        good=frames >= _FRAMES and age_s <= _OLD_S,
-        found=f"{width}x{height}, {frames} frames seen, the newest {age_s:.2f} s old",
+        good=seen.frames >= _FRAMES and age_s <= _OLD_S and fault is None,
+        found=found,
         remedy=remedy,
     )
 

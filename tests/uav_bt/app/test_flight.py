@@ -6,7 +6,7 @@ import json
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from behaviours.policies.segmentation_rule import SegmentationRule
+from sim_bridge.twin import TwinConfig
 from uav_bt import app, plugins
 from uav_bt.errors import (
     DroneError,
@@ -24,13 +25,14 @@ from uav_bt.errors import (
     TreeError,
     UnknownNameError,
 )
+from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.safety import Limits
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame
-from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Truth
+from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Observation, Truth
 
 TREES = Path(app.__file__).parents[2] / "trees"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
@@ -518,3 +520,34 @@ def test_another_seed_gives_another_flight(tmp_path: Path) -> None:
         app.fly(hop, app.FlightOptions(seed=seed, image_size_px=(160, 90))) for seed in (1, 2)
     ]
     assert reports[0].landing_error_m != reports[1].landing_error_m
+
+
+class BlackVideo(DroneWrapper):
+    """A live drone whose lens is covered."""
+
+    live = True
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        frame = seen.frame
+        if frame is None:
+            return seen
+        return replace(seen, frame=replace(frame, image=np.zeros_like(frame.image)))
+
+
+@pytest.mark.parametrize("rehearse", [False, True])
+def test_a_live_drone_whose_images_show_nothing_does_not_take_off(
+    tmp_path: Path,
+    rehearse: bool,  # noqa: FBT001
+) -> None:
+    """A rehearsal shows what is wrong; nothing takes off there."""
+    drone = BlackVideo(TwinConfig(image_size_px=(160, 90)).create())
+    options = app.FlightOptions(drone=drone, rehearse=rehearse)
+    checks: list[str] = []
+    tree = tree_file(tmp_path, "<Sequence><TakeOff/><Land/></Sequence>")
+    if rehearse:
+        app.fly(tree, options, on_check=lambda check: checks.append(str(check)))
+    else:
+        with pytest.raises(DroneError, match=r"nothing was flown\n  video: NOT READY, .*is dark"):
+            app.fly(tree, options, on_check=lambda check: checks.append(str(check)))
+    assert any("the image is dark" in check for check in checks)

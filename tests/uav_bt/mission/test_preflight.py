@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from uav_bt.app.assembly import frame_judge
 from uav_bt.clock import ManualClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.preflight import Check, PreflightConfig, check_drone, refuse_faults
@@ -32,6 +36,7 @@ class Parked:
         self.told: list[Command] = []
 
     referee = None
+    live = True
     camera = CameraModel(width_px=64, height_px=36, fx_px=50, fy_px=50, cx_px=32, cy_px=18)
 
     def connect(self) -> None:
@@ -124,7 +129,68 @@ def test_waiting_is_bounded() -> None:
     assert drone.clock.now() == pytest.approx(2.0, abs=0.2)
 
 
-@pytest.mark.parametrize("changes", [{"battery": 1.5}, {"link": -0.1}, {"wait_s": 0.0}])
+RANDOM = np.random.default_rng(0)
+LAB = RANDOM.integers(60, 180, (4, 7, 3)).repeat(9, axis=0).repeat(10, axis=1)[:, :64]
+
+
+class Filming(Parked):
+    """Its images are given by their time of capture."""
+
+    def __init__(self, image_at: Callable[[float], NDArray[np.float64]]) -> None:
+        super().__init__()
+        self._image_at = image_at
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        assert seen.frame is not None
+        image = np.clip(self._image_at(self.clock.now()), 0, 255).astype(np.uint8)
+        return replace(seen, frame=replace(seen.frame, image=image))
+
+
+def noisy(now_s: float) -> NDArray[np.float64]:
+    return LAB + RANDOM.normal(0.0, 3.0, LAB.shape)
+
+
+@pytest.mark.parametrize(
+    ("image_at", "why"),
+    [
+        (lambda _: np.zeros((36, 64, 3)), "the image is dark"),
+        (lambda _: np.full((36, 64, 3), 90.0), "the image shows nothing"),
+        (lambda _: 1.0 * LAB, "the video is frozen"),
+        (lambda now_s: noisy(now_s) if now_s < 1.5 else 1.0 * LAB, "the video is frozen"),
+        (lambda now_s: noisy(now_s) if now_s < 2.0 else np.zeros((36, 64, 3)), "dark"),
+    ],
+    ids=["black", "covered", "frozen from the start", "freezes", "goes dark"],
+)
+def test_images_that_cannot_be_flown_by_are_refused_by_the_judge_of_the_flight(
+    image_at: Callable[[float], NDArray[np.float64]], why: str
+) -> None:
+    drone = Filming(image_at)
+    judged = check_drone(drone, judge_frame=frame_judge(drone))
+    (video,) = (check for check in judged if not check.good)
+    assert video.what == "video"
+    assert f", {why}" in video.found or f", the image is {why}" in video.found
+    assert "the lens is clean and the place is lit" in str(video)
+
+
+def test_images_that_can_be_flown_by_are_looked_at_for_as_long_as_a_frozen_video_takes() -> None:
+    drone = Filming(lambda now_s: noisy(now_s) if now_s > 0.3 else np.zeros((36, 64, 3)))
+    refuse_faults(check_drone(drone, judge_frame=frame_judge(drone)))
+    assert drone.clock.now() == pytest.approx(PreflightConfig.look_s, abs=0.2)
+
+
+def test_telemetry_that_cannot_be_is_no_telemetry() -> None:
+    assert "its altitude is nan" in faults(Parked(altitude_m=math.nan))["telemetry"].found
+
+
+def test_frames_of_another_size_than_the_cameras_are_a_fault() -> None:
+    drone = Filming(lambda _: np.zeros((18, 32, 3)))
+    assert "its image is 32x18, expected 64x36" in faults(drone)["video"].found
+
+
+@pytest.mark.parametrize(
+    "changes", [{"battery": 1.5}, {"link": -0.1}, {"wait_s": 0.0}, {"look_s": -1.0}]
+)
 def test_absurd_demands_are_refused(changes: dict[str, float]) -> None:
     with pytest.raises(ValueRangeError, match="shares from 0 to 1"):
         PreflightConfig(**changes)
