@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from perception.networks.named import segmentation_file
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, ODOMETRY, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
@@ -132,10 +132,13 @@ class FindHelipad(Leaf):
 
 
 class RememberObstacles(Leaf):
-    """Remember where obstacles stand after they have left the view; SUCCESS always."""
+    """Remember where obstacles stand after they have left the view; SUCCESS always.
+
+    What that takes, how the drone moves over the ground, it writes to the board, too.
+    """
 
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
-    writes = (OBSTACLES,)
+    writes = (OBSTACLES, ODOMETRY)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the memory."""
@@ -151,10 +154,17 @@ class RememberObstacles(Leaf):
         if state is None:
             return Status.SUCCESS
         self._memory.predict(state)
+        self._look()
+        motion = self._memory.motion
+        if motion is not None:
+            self.write(ODOMETRY, motion, captured_s=motion.pose.time_s)
+        return Status.SUCCESS
+
+    def _look(self) -> None:
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map = self.read(CLASS_MAP).value
         if frame is None or camera is None or class_map is None:
-            return Status.SUCCESS
+            return
         if self._last_s != class_map.captured_s == frame.captured_s:
             self._last_s = class_map.captured_s
             height_px, width_px = class_map.ids.shape
@@ -162,4 +172,3 @@ class RememberObstacles(Leaf):
                 self._memory.update(class_map, frame, camera.resized(width_px, height_px))
         points = self._memory.points()
         self.write(OBSTACLES, points, captured_s=points.captured_s)
-        return Status.SUCCESS

@@ -21,6 +21,7 @@ from perception.obstacles.contact_scan import ContactScanConfig, find_bases
 from perception.odometry.visual import CarpetOdometry
 from uav_bt.classes import GROUP_CARPET, group_of
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
+from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.projection import project
 
 
@@ -64,6 +65,11 @@ class ObstacleMemory:
         self._newest_s = -np.inf
         self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
         self._unplaced_edges_rad = np.empty(0)
+
+    @property
+    def motion(self) -> MotionEstimate | None:
+        """How the drone moves over the ground; None before the first frame."""
+        return self._odometry.estimate
 
     def predict(self, state: DroneState) -> None:
         """Follow the drone's own motion up to a telemetry sample."""

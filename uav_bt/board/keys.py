@@ -18,6 +18,7 @@ from uav_bt.types import (
     ObstaclePoints,
     RecentViews,
 )
+from uav_bt.types.dead_reckoning import MotionEstimate
 
 # A frame is old when the drone has flown blind for longer than one 30 cm step takes to start.
 _FRAME_MAX_AGE_S = 0.7
@@ -83,6 +84,13 @@ OBSTACLES: Final = Key(
     writer="RememberObstacles",
     max_age_s=_FRAME_MAX_AGE_S,
 )
+ODOMETRY: Final = Key(
+    "odometry",
+    MotionEstimate,
+    "where the drone is and how it moves over the ground, as the ground shows it",
+    writer="RememberObstacles",
+    max_age_s=_STATE_MAX_AGE_S,
+)
 PHASE: Final = Key(
     "phase",
     str,  # a `Phase`, or its value where text is all there is (scripts, records)
@@ -131,6 +139,7 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     CORRIDOR,
     HELIPAD,
     OBSTACLES,
+    ODOMETRY,
     PHASE,
     FLIGHT_HEIGHT,
     HELD_TURN,

@@ -58,6 +58,30 @@ class OdometryPose(Pose2D):
     time_s: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class MotionEstimate:
+    """Where the drone is and how it moves over the ground, by telemetry and by what it saw of it.
+
+    Attributes:
+        pose: now, dead-reckoned and corrected by the ground.
+        seen: at the capture of the newest frame that went in.
+        velocity: over the ground, now: telemetry's with `error` added.
+        error: what the ground shows beyond telemetry's velocity, slowly varying.
+        tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
+    """
+
+    pose: OdometryPose
+    seen: OdometryPose
+    velocity: BodyVelocity
+    error: BodyVelocity
+    tracked_s: float
+
+    @property
+    def untracked_s(self) -> float:
+        """For how long telemetry alone has been flown by; inf before ground was followed."""
+        return self.pose.time_s - self.tracked_s
+
+
 class Odometry:
     """Integrates telemetry into poses and remembers the last few seconds of them.
 
@@ -68,6 +92,11 @@ class Odometry:
     def __init__(self, memory_s: float = 3.0) -> None:
         self._history: PoseHistory[OdometryPose] = PoseHistory(memory_s)
         self._velocity = BodyVelocity()  # of the newest pose
+
+    @property
+    def velocity(self) -> BodyVelocity:
+        """Telemetry's, of the newest pose."""
+        return self._velocity
 
     def update(self, state: DroneState) -> OdometryPose:
         """Add a telemetry sample and return the newest pose.

@@ -9,7 +9,7 @@ import pytest
 
 from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
 from tests.behaviours.leaf_world import carpet, live, show
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, ODOMETRY, STATE
 from uav_bt.classes import BOXES, HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
@@ -205,6 +205,25 @@ def test_a_box_in_view_is_remembered_after_a_turn() -> None:
     aside = bench.board[OBSTACLES]
     assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
     assert aside.points_m[:, 0] == pytest.approx(ahead.points_m[:, 1])
+
+
+def test_how_the_drone_moves_is_written_every_tick_from_the_first_frame_on() -> None:
+    """Between two frames, too, and by telemetry alone until ground has been followed."""
+    bench = remembering()
+    bench.tick()
+    assert ODOMETRY not in bench.board
+
+    live(bench)
+    first = bench.board[ODOMETRY]
+    assert first.seen == first.pose
+
+    bench.clock.advance(0.1)
+    bench.observe(DroneState(captured_s=bench.clock.now(), flying=FlyingState.FLYING))
+    bench.tick()
+    then = bench.board[ODOMETRY]
+    assert then.pose.time_s == bench.clock.now()
+    assert then.seen == first.seen
+    assert (then.error, then.tracked_s) == (BodyVelocity(), -math.inf)
 
 
 def test_without_boxes_the_memory_is_empty_but_fresh() -> None:

@@ -94,3 +94,32 @@ def test_before_the_first_telemetry_there_is_no_pose() -> None:
 
     assert odometry.now is None
     assert odometry.at(1.0) is None
+    assert odometry.estimate is None
+
+
+def test_the_velocity_over_the_ground_is_estimated() -> None:
+    """Telemetry says that it stands still, heading to the right of the slide's direction."""
+    slide = [pose(-1.0, 0.015 * step, yaw_rad=-0.5) for step in range(31)]
+    estimate = fly(slide, BodyVelocity()).estimate
+
+    assert estimate is not None
+    right_mps = estimate.velocity.right_mps
+    assert estimate.velocity.forward_mps == pytest.approx(-0.15 * math.sin(0.5), abs=0.03)
+    assert right_mps == pytest.approx(-0.15 * math.cos(0.5), abs=0.03)
+    assert estimate.error == BodyVelocity(
+        forward_mps=estimate.velocity.forward_mps, right_mps=right_mps
+    )
+    assert estimate.seen.time_s == estimate.tracked_s == pytest.approx(3.0)
+
+
+def test_what_telemetry_misses_goes_on_while_the_ground_is_out_of_view() -> None:
+    """After three seconds of sliding with the ground in view, half a second without frames."""
+    odometry = fly([pose(-1.0, 0.015 * step) for step in range(31)], BodyVelocity())
+    before = odometry.estimate
+    odometry.predict(DroneState(captured_s=3.5, flying=FlyingState.FLYING))
+    after = odometry.estimate
+
+    assert before is not None
+    assert after is not None
+    assert after.pose.y_m - before.pose.y_m == pytest.approx(-0.075, abs=0.015)
+    assert (after.seen, after.untracked_s) == (before.seen, pytest.approx(0.5))

@@ -1,0 +1,57 @@
+"""What telemetry's velocity misses of the drone's motion over the ground."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityErrorConfig:
+    """How the error varies, and how well two frames show it.
+
+    Attributes:
+        wander_mps: how far the error wanders in a second, standard deviation.
+        first_mps: how large it may be at first, standard deviation.
+        forget_s: unseen, the error is less and less likely the old one.
+        seen_m: standard deviation of what two frames, and telemetry's noise, say of the way
+            between them.
+    """
+
+    wander_mps: float = 0.015
+    first_mps: float = 0.03
+    forget_s: float = 30.0
+    seen_m: float = 0.005
+
+
+class VelocityError:
+    """Estimates a slowly wandering error of the velocity: a Kalman filter, the same in both axes.
+
+    Args:
+        config: how the error varies.
+    """
+
+    def __init__(self, config: VelocityErrorConfig | None = None) -> None:
+        self._config = config or VelocityErrorConfig()
+        self._variance = self._config.first_mps**2
+        self.mps: NDArray[np.float64] = np.zeros(2)  # in the odometry's frame
+
+    def predict(self, passed_s: float) -> None:
+        """Let time pass."""
+        self.mps = self.mps * math.exp(-passed_s / self._config.forget_s)
+        self._variance += self._config.wander_mps**2 * passed_s
+
+    def correct(self, seen_mps: NDArray[np.float64], passed_s: float) -> None:
+        """Take in what two frames show.
+
+        Args:
+            seen_mps: velocity beyond telemetry's, (2,), in the odometry's frame.
+            passed_s: time between the two frames.
+        """
+        noise = (self._config.seen_m / passed_s) ** 2
+        gain = self._variance / (self._variance + noise)
+        self.mps = self.mps + gain * (seen_mps - self.mps)
+        self._variance *= 1.0 - gain
