@@ -22,6 +22,7 @@ from uav_bt.types import (
     RecentViews,
     Truth,
 )
+from uav_bt.types.ground import Ground
 
 
 @runtime_checkable
@@ -125,6 +126,10 @@ class Referee(Protocol):
 
     def truth(self) -> Truth:
         """Return the truth of this moment."""
+        ...
+
+    def ground(self) -> Ground | None:
+        """Return the place's ground; None where it is not known, and coverage is not measured."""
         ...
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.render import Renderer
-from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.simulation import Capture, Simulation
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Frame, Pose, Truth
+from uav_bt.types.ground import Ground
 
 _FAR_M = 20.0  # beyond the room
 
@@ -41,11 +42,16 @@ class TwinReferee:
             pose=Pose(x_m=x, y_m=y, z_m=motion.z_m, yaw_rad=motion.yaw_rad),
             contacts=simulation.contacts(),
             clearance_m=self._clearance_m(simulation.airframe.data),
-            inside_carpet=abs(x) <= CARPET_SIZE_M[0] / 2 and abs(y) <= CARPET_SIZE_M[1] / 2,
+            inside_carpet=self._scene.ground_plan.contains(x, y),
             on_helipad=pad.footprint.contains(x, y),
             landing_error_m=math.hypot(x - pad.position_m[0], y - pad.position_m[1]),
             motors_on=simulation.motors_on,
+            gimbal_pitch_rad=simulation.gimbal_pitch_rad,
         )
+
+    def ground(self) -> Ground:
+        """Return the ground and what stands on it."""
+        return self._scene.ground_plan
 
     def _clearance_m(self, data: Any) -> float:
         model, hull = self._lab.model, self._lab.hull_geom

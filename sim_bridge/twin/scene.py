@@ -9,7 +9,8 @@ from functools import cached_property
 
 from uav_bt.classes import BOXES, ROOFS
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import PAD_SIZE_M, Pose2D
+from uav_bt.types import PAD_SIZE_M
+from uav_bt.types.ground import Footprint, Ground, Standing
 
 CARPET_SIZE_M = (5.0, 4.0)  # along x and y, centred on the origin
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # centred on the origin, the floor at z = 0
@@ -18,40 +19,6 @@ MAX_HEIGHT_M = 4.0  # a metre of air stays below the ceiling
 
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Footprint(Pose2D):
-    """A box seen from above: its centre in the world, and half sizes along its own axes."""
-
-    half_x_m: float
-    half_y_m: float
-    yaw_rad: float = 0.0
-
-    def corners(self) -> list[Vector2]:
-        """Return the four corners in world metres, counter-clockwise."""
-        return self.rectangle(self.half_x_m, self.half_y_m)
-
-    def contains(self, x_m: float, y_m: float) -> bool:
-        """Return whether a world point lies on the rectangle, its edge included."""
-        u, v = self.to_body(x_m, y_m)
-        return abs(u) <= self.half_x_m and abs(v) <= self.half_y_m
-
-    def distance_m(self, x_m: float, y_m: float) -> float:
-        """Return how far a world point is from the rectangle; 0 on it."""
-        u, v = self.to_body(x_m, y_m)
-        return math.hypot(max(abs(u) - self.half_x_m, 0.0), max(abs(v) - self.half_y_m, 0.0))
-
-    def overlaps(self, other: Footprint) -> bool:
-        """Return whether two rectangles share an area (separating axes; touching is no overlap)."""
-        ours, theirs = self.corners(), other.corners()
-        for yaw in (self.yaw_rad, other.yaw_rad):
-            for axis in ((math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))):
-                a = [axis[0] * x + axis[1] * y for x, y in ours]
-                b = [axis[0] * x + axis[1] * y for x, y in theirs]
-                if max(a) <= min(b) or max(b) <= min(a):
-                    return False
-        return True
 
 
 def _check_item(what: str, position_m: Vector2, yaw_deg: float, size_m: Vector3) -> None:
@@ -223,6 +190,20 @@ class Scene:
                 raise ValueRangeError(
                     f"take_off: ({x_m}, {y_m}) is within 0.25 m of box {box.pattern}"
                 )
+
+    @cached_property
+    def ground_plan(self) -> Ground:
+        """The ground and what stands on it, the helipad included."""
+        return Ground(
+            size_m=CARPET_SIZE_M,
+            standing=tuple(
+                Standing(footprint=footprint, height_m=size_m[2])
+                for footprint, size_m in (
+                    *((box.footprint, box.size_m) for box in self.boxes),
+                    (self.helipad.footprint, self.helipad.size_m),
+                )
+            ),
+        )
 
     def surface_m(self, x_m: float, y_m: float) -> float:
         """Return the height of whatever lies under a world point: a box, the pad or the ground."""

@@ -94,6 +94,11 @@ class Simulation:
         return self._autopilot.motors_on
 
     @property
+    def gimbal_pitch_rad(self) -> float:
+        """Of the camera; 0 level, negative down."""
+        return self._gimbal_rad
+
+    @property
     def pilot_has_control(self) -> bool:
         """Whether a person flies."""
         return self._pilot

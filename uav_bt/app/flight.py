@@ -17,6 +17,7 @@ from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import check_output
 from uav_bt.inputs import refuse_inputs, same_file
+from uav_bt.mission.coverage import Coverage
 from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
@@ -163,7 +164,7 @@ def _run(
         keep: what writes the report somewhere, by its name.
         controls: what a person has at hand.
     """
-    log = FlightLog()
+    log = FlightLog(_coverage(flight.drone))
     runner = flight.runner([log, *(one for make in listeners for one in _made(make, flight))])
 
     def finish(verdict: Verdict) -> FlightReport:
@@ -199,6 +200,12 @@ def _run(
             error.add_note(STILL_IN_THE_AIR)
         raise
     return finish(verdict)
+
+
+def _coverage(drone: Drone) -> Coverage | None:
+    """Return what measures a flight's coverage; None where nobody knows the ground."""
+    ground = None if drone.referee is None else drone.referee.ground()
+    return None if ground is None else Coverage(ground, drone.camera)
 
 
 def _profile(flight: Flight[Drone]) -> str | None:

@@ -26,12 +26,17 @@ METRICS: Final = {
     "time_to_land_s": "time from there to motors off, s",
     "landing_error_m": "landing error, m",
     "min_clearance_m": "least clearance of a flight, m",
+    "coverage_passed_90s": f"share of the free ground passed in {EXPLORE_S:.0f} s",
+    "coverage_passed": "share of the free ground passed",
+    "coverage_seen_90s": f"share of the free ground seen in {EXPLORE_S:.0f} s",
+    "coverage_seen": "share of the free ground seen",
 }
 """Fields of a flight's report that are a number, or null when it was not reached, in words."""
 
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 # Computing times, which differ from run to run.
 _WALL_CLOCK_FIELDS: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
+_CURVES: Final = {"path": "t, x, y, z", "coverage_curve": "t, passed, seen"}
 _TEXT_FIELDS: Final = ("reason", "drone", "record", "details", "profile")
 
 
@@ -94,9 +99,11 @@ def _check_numbers(flight: dict[str, Any]) -> None:
         raise InputError("'perception_ms' must hold p50, p99 and max by stage")
     if not _are_times(flight.get("tick_ms")):
         raise InputError("'tick_ms' must hold p50, p99 and max")
-    path = flight.get("path") or []
-    if not isinstance(path, list) or not all(_is_point(point) for point in path):
-        raise InputError("'path' must be a list of [t, x, y, z]")
+    for name, columns in _CURVES.items():
+        points = flight.get(name) or []
+        size = len(columns.split(","))
+        if not isinstance(points, list) or not all(_is_point(point, size) for point in points):
+            raise InputError(f"'{name}' must be a list of [{columns}]")
 
 
 def _is_number(value: Any) -> bool:
@@ -112,10 +119,10 @@ def _are_times(value: Any) -> bool:
     )
 
 
-def _is_point(point: Any) -> bool:
+def _is_point(point: Any, size: int) -> bool:
     return (
         isinstance(point, list)
-        and len(point) == 4
+        and len(point) == size
         and all(value is not None and _is_number(value) for value in point)
     )
 

@@ -196,6 +196,8 @@ def _numbers(report: FlightReport) -> Iterator[tuple[str, float | None, str, int
     if lands_on_helipad(report):
         yield "landing error", report.landing_error_m, "m from the helipad's centre", 3
     yield "least clearance", report.min_clearance_m, "m to a box", 2
+    for name, share in (("passed", report.coverage_passed), ("seen", report.coverage_seen)):
+        yield f"ground {name}", None if share is None else 100.0 * share, "% of the free ground", 0
 
 
 def _milliseconds(times: Percentiles | None) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from uav_bt.files import write_whole
+from uav_bt.mission.coverage import Coverage
 from uav_bt.mission.judge import Verdict
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
@@ -59,6 +60,13 @@ class FlightReport:
     time_to_land_s: float | None  # from there until motors off
     landing_error_m: float | None  # horizontal, body centre to pad centre
     min_clearance_m: float | None  # from the hull to the nearest box
+    # Shares of the free ground, 0 to 1, after so many seconds from the take-off command and at the
+    # end: within 0.5 m of the flown path, and in view within 3 m.
+    coverage_passed_90s: float | None = None
+    coverage_passed: float | None = None
+    coverage_seen_90s: float | None = None
+    coverage_seen: float | None = None
+    coverage_curve: list[list[float]] = field(default_factory=list)  # [t, passed, seen] every 10 s
     ticks: int
     tick_ms: Percentiles | None
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
@@ -87,7 +95,8 @@ class FlightReport:
 
     def _reached(self) -> Iterator[tuple[str, object]]:
         first = ("outcome", "reason")
-        rest = (each.name for each in fields(self) if each.name not in first)
+        curves = ("coverage_curve",)  # for programs
+        rest = (each.name for each in fields(self) if each.name not in first + curves)
         for name in (*first, *rest):
             value = getattr(self, name)
             if value not in (None, {}):
@@ -105,9 +114,14 @@ class _Marks:
 
 
 class FlightLog:
-    """Listens to the runner and keeps what the report needs."""
+    """Listens to the runner and keeps what the report needs.
 
-    def __init__(self) -> None:
+    Args:
+        coverage: measures how much of the ground is covered; None where the ground is not known.
+    """
+
+    def __init__(self, coverage: Coverage | None = None) -> None:
+        self._coverage = coverage
         self._marks = _Marks()
         self._path: list[tuple[float, float]] = []  # time, metres travelled since the take-off
         self._last_xy: tuple[float, float] | None = None
@@ -139,6 +153,8 @@ class FlightLog:
         if truth is not None:
             self._last_truth = truth
             self._min_clearance_m = min(self._min_clearance_m, truth.clearance_m)
+            if self._coverage is not None:
+                self._coverage.add(record.time_s - marks.take_off_s, truth)
         if marks.landed_s is None and marks.found_s is not None and _motors_off(record):
             marks.landed_s = record.time_s
 
@@ -160,6 +176,23 @@ class FlightLog:
             return None
         before = [metres for at, metres in self._path if at <= time_s + 1e-9]
         return before[-1] if before else 0.0
+
+    def _covered(self) -> dict[str, Any]:
+        """Return the report's fields of coverage that are known."""
+        coverage, start_s = self._coverage, self._marks.take_off_s
+        if coverage is None or start_s is None or self._end_s is None:
+            return {}
+        end, explored = coverage.now(self._end_s - start_s), coverage.at(EXPLORE_S)
+        return {
+            "coverage_passed_90s": None if explored is None else round(explored.passed, 4),
+            "coverage_passed": round(end.passed, 4),
+            "coverage_seen_90s": None if explored is None else round(explored.seen, 4),
+            "coverage_seen": round(end.seen, 4),
+            "coverage_curve": [
+                [point.time_s, round(point.passed, 4), round(point.seen, 4)]
+                for point in coverage.curve
+            ],
+        }
 
     def report(
         self,
@@ -219,6 +252,7 @@ class FlightLog:
             min_clearance_m=_rounded(
                 self._min_clearance_m if math.isfinite(self._min_clearance_m) else None
             ),
+            **self._covered(),
             ticks=len(self._tick_s),
             tick_ms=Percentiles.of_seconds(self._tick_s),
             perception_ms={

@@ -60,3 +60,4 @@ class Truth:
     on_helipad: bool  # the body's centre is above the pad
     landing_error_m: float  # horizontal, body centre to pad centre
     motors_on: bool
+    gimbal_pitch_rad: float | None = None  # of the camera; None where it is not known

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.drone import TwinDrone
-from sim_bridge.twin.scene import CARPET_SIZE_M, ROOM_SIZE_M, Footprint, Scene
+from sim_bridge.twin.scene import CARPET_SIZE_M, ROOM_SIZE_M, Scene
 from uav_bt.types import Command, Movement, Observation
+from uav_bt.types.ground import Footprint
 
 
 def fly(drone: TwinDrone, movement: Movement, duration_s: float) -> Observation:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_bridge.twin.scene import Footprint
+from uav_bt.types.ground import Footprint
 
 PLACES = st.floats(-2.0, 2.0)
 HALVES = st.floats(0.1, 0.8)

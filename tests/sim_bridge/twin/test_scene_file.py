@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from sim_bridge.twin.scene import Footprint
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.errors import SceneError, UnknownNameError
+from uav_bt.types.ground import Footprint
 
 GOOD = """\
 name: mine

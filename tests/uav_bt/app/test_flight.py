@@ -33,6 +33,7 @@ from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame
 from uav_bt.types import Command, DroneState, FlyingState, Frame, Land, Observation, Truth
+from uav_bt.types.ground import Ground
 
 TREES = Path(app.__file__).parents[2] / "trees"
 HOP = '<Sequence><TakeOff height_m="1.0"/><Land/></Sequence>'
@@ -191,6 +192,9 @@ def test_exact_masks_come_from_the_referee_at_the_networks_size() -> None:
     class Knowing:
         def truth(self) -> Truth:
             return pytest.fail("asked for the truth")
+
+        def ground(self) -> Ground | None:
+            return pytest.fail("asked for the ground")
 
         def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
             return np.full((width_px, height_px), frame.index, dtype=np.uint8).T

@@ -62,6 +62,8 @@ def test_what_depends_on_the_machine_is_not_compared() -> None:
         (json.dumps(line(path=[[0.0, 1.0, 2.0]])), "'path' must be a list of"),
         (json.dumps(line(path=[[0.0, 1.0, None, 2.0]])), "'path' must be a list of"),
         (json.dumps(line(path="home")), "'path' must be a list of"),
+        (json.dumps(line(coverage_curve=[[10.0, 0.1]])), "'coverage_curve' must be a list of"),
+        (json.dumps(line(coverage_seen="all")), "'coverage_seen' must be a number or null"),
     ],
 )
 def test_what_is_no_flight_is_refused_with_the_reason(text: str, why: str) -> None:

@@ -150,6 +150,8 @@ def flight_report(outcome: str = "success", reason: str = "landed") -> FlightRep
         time_to_land_s=None,
         landing_error_m=0.0235,
         min_clearance_m=0.734,
+        coverage_passed=0.612,
+        coverage_seen=0.839,
         ticks=1146,
         tick_ms=Percentiles(p50=1.5, p99=10.6, max=20.0),
         perception_ms={"segmentation": Percentiles(p50=0.8, p99=6.7, max=9.0)},

@@ -207,6 +207,8 @@ def test_the_summary_tells_how_it_went() -> None:
     assert rows["mission"] == "explore_and_land in train-a, seed 3"
     assert rows["landing error"] == "0.024 m from the helipad's centre"
     assert rows["first 90 s"] == "9.59 m"
+    assert rows["ground passed"] == "61 % of the free ground"
+    assert rows["ground seen"] == "84 % of the free ground"
     assert "landing" not in rows, "what was not reached"
     assert rows["segmentation"].startswith("0.8 ms median")
 

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from sim_bridge.anafi import anafi_camera
 from uav_bt.errors import FileError
+from uav_bt.mission.coverage import Coverage
 from uav_bt.mission.flight_report import FlightLog, FlightReport, Percentiles, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.tick import TickRecord
@@ -27,6 +29,7 @@ from uav_bt.types import (
     TakeOff,
     Truth,
 )
+from uav_bt.types.ground import Ground
 
 LANDED = Verdict(outcome=Outcome.SUCCESS, reason="landed")
 
@@ -36,8 +39,10 @@ class Tale:
 
     tick_s = 0.5
 
-    def __init__(self, start_s: float = 2.0, *, referee: bool = True) -> None:
-        self.log = FlightLog()
+    def __init__(
+        self, start_s: float = 2.0, *, referee: bool = True, coverage: Coverage | None = None
+    ) -> None:
+        self.log = FlightLog(coverage)
         self.referee = referee
         self.now_s = start_s
         self.x_m = 0.0
@@ -75,6 +80,7 @@ class Tale:
             on_helipad=False,
             landing_error_m=error_m,
             motors_on=motors_on,
+            gimbal_pitch_rad=-0.5,
         )
         self.log.on_tick(
             TickRecord(
@@ -294,6 +300,44 @@ def test_no_durations_have_no_summary() -> None:
     assert Percentiles.of_seconds([]) is None
 
 
+def test_coverage_counts_from_the_take_off_command_and_at_90_s() -> None:
+    tale = Tale(coverage=Coverage(Ground(size_m=(5.0, 4.0)), anafi_camera(640, 360)))
+    tale.x_m = -2.0
+    for _ in range(40):
+        tale.tick(dy_m=0.05, motors_on=False)  # carried across before the command
+    tale.y_m = 0.0
+    tale.take_off()
+    disc = math.pi * 0.25 / 20.0
+    for _ in range(190):  # 95 s in one place
+        tale.tick("explore")
+    for _ in range(20):
+        tale.tick("explore", dx_m=0.1)  # 2 m on, 105 s
+    report = tale.report()
+    assert report.coverage_passed_90s == pytest.approx(disc, rel=0.02)
+    assert report.coverage_passed == pytest.approx(disc + 2.0 / 20.0, rel=0.02)
+    assert report.coverage_seen_90s is not None
+    assert [point[0] for point in report.coverage_curve] == [10.0 * n for n in range(1, 11)]
+    assert report.coverage_curve[8][1] == report.coverage_passed_90s
+    assert "coverage_curve" not in str(report), "a curve is for programs"
+
+
+def test_a_flight_of_less_than_90_s_has_no_coverage_of_then() -> None:
+    tale = Tale(coverage=Coverage(Ground(size_m=(5.0, 4.0)), anafi_camera(640, 360)))
+    tale.take_off()
+    tale.tick("explore")
+    report = tale.report()
+    assert report.coverage_passed_90s is None
+    assert report.coverage_seen_90s is None
+    assert report.coverage_passed is not None
+
+
+def test_without_a_referee_there_is_no_coverage() -> None:
+    tale = Tale(referee=False)
+    tale.take_off()
+    report = tale.report()
+    assert (report.coverage_passed, report.coverage_seen, report.coverage_curve) == (None, None, [])
+
+
 def test_ticks_and_stages_are_summarised() -> None:
     tale = Tale()
     for compute_s in (0.001, 0.002, 0.009):
@@ -312,8 +356,9 @@ def test_ticks_and_stages_are_summarised() -> None:
 FIELDS = {
     "scene", "seed", "tree", "policies", "drone", "profile", "outcome", "reason", "duration_s",
     "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
-    "time_to_land_s", "landing_error_m", "min_clearance_m", "ticks", "tick_ms", "perception_ms",
-    "slow_leaves",
+    "time_to_land_s", "landing_error_m", "min_clearance_m", "coverage_passed_90s",
+    "coverage_passed", "coverage_seen_90s", "coverage_seen", "coverage_curve",
+    "ticks", "tick_ms", "perception_ms", "slow_leaves",
     "airborne_at_end",
     "lost_outputs",
 }  # fmt: skip

@@ -12,6 +12,7 @@ from typing import Final
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt import __version__
 from uav_bt.app.film import map_of_scene
+from uav_bt.campaign.report.coverage_figure import coverage_over_time
 from uav_bt.campaign.report.figures import densities, outcomes
 from uav_bt.campaign.report.html import Image, Section, page
 from uav_bt.campaign.report.lab_figures import scene_figure
@@ -22,11 +23,18 @@ from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.display.lab_map import LabMap
 from uav_bt.errors import InputError
 from uav_bt.files import write_whole
+from uav_bt.mission.coverage import PASSED_M, SEEN_M
 
 _ABOUT_SCENES: Final = (
     "On the left, where every flight went, from the referee; a dot where it began, a cross where "
     "it failed. Beside it, which share of the flights came by. Numbers on boxes are their heights "
     "in metres."
+)
+
+_ABOUT_COVERAGE: Final = (
+    f"Passed is the free ground within {PASSED_M:g} m of the flown path, seen is what was in view, "
+    f"not hidden, within {SEEN_M:g} m of the lens. The line is the mean of a tree's flights, the "
+    "band their 5th to 95th percentile; a flight that has ended counts on with what it had covered."
 )
 
 
@@ -106,13 +114,13 @@ def write_campaign_report(
     """
     tables = tables_of(sources, out)
     overview, numbers = _outcomes_image(sources), _densities_images(sources)
-    scenes = _scene_images(sources, maps)
+    covered, scenes = _coverage_image(sources), _scene_images(sources, maps)
     text = page(
         _title(sources),
         f"{_extent(sources)}, {today.isoformat()}, uav-bt {__version__}",
-        _sections(sources, tables, (overview, *numbers), scenes),
+        _sections(sources, tables, (overview, *numbers), covered, scenes),
     )
-    images = [overview, *numbers, *scenes]
+    images = [overview, *numbers, *([covered] if covered else []), *scenes]
     _write(out, text.encode("utf-8"))
     return WrittenReport(
         page=out,
@@ -138,6 +146,7 @@ def _sections(
     sources: Sources,
     tables: Mapping[str, Table],
     overview: tuple[Image, ...],
+    covered: Image | None,
     scenes: tuple[Image, ...],
 ) -> list[Section]:
     sections = []
@@ -155,6 +164,10 @@ def _sections(
     if tables["metrics"].rows:
         sections.append(
             Section(title="Times and distances", images=overview[1:], tables=(tables["metrics"],))
+        )
+    if covered is not None:
+        sections.append(
+            Section(title="Coverage over time", paragraphs=(_ABOUT_COVERAGE,), images=(covered,))
         )
     if scenes:
         sections.append(
@@ -218,6 +231,12 @@ def _densities_images(sources: Sources) -> tuple[Image, ...]:
     png = densities(sources.sets)
     alt = "how times and distances of the flights are distributed"
     return () if png is None else (Image(name="densities", png=png, alt=alt),)
+
+
+def _coverage_image(sources: Sources) -> Image | None:
+    png = coverage_over_time(sources.sets)
+    alt = "shares of the free ground that flights have passed and seen, over time"
+    return None if png is None else Image(name="coverage", png=png, alt=alt)
 
 
 def _scene_images(sources: Sources, maps: Mapping[str, LabMap]) -> tuple[Image, ...]:

@@ -83,7 +83,7 @@ def outcomes(sets: Sequence[FlightSet]) -> bytes:
     with style():
         figure = new_figure(8.0, 0.9 + 0.42 * len(sets))
         axes = figure.add_subplot()
-        for row, (one, colour) in enumerate(zip(sets, _colours(sets), strict=True)):
+        for row, (one, colour) in enumerate(zip(sets, set_colours(sets), strict=True)):
             summary = summarise(one.flights)
             low, high = (100.0 * end for end in summary.success_95)
             axes.plot(
@@ -107,7 +107,8 @@ def outcomes(sets: Sequence[FlightSet]) -> bytes:
         return png(figure)
 
 
-def _colours(sets: Sequence[FlightSet]) -> list[str]:
+def set_colours(sets: Sequence[FlightSet]) -> list[str]:
+    """Return a colour for each set."""
     return [SET_COLOURS[index % len(SET_COLOURS)] for index in range(len(sets))]
 
 
@@ -134,7 +135,7 @@ def densities(sets: Sequence[FlightSet]) -> bytes | None:
         figure.legend(
             handles=[
                 Line2D([], [], color=colour, label=one.label, linewidth=1.8)
-                for one, colour in zip(sets, _colours(sets), strict=True)
+                for one, colour in zip(sets, set_colours(sets), strict=True)
             ],
             loc="outside upper left",
             ncols=2,
@@ -151,7 +152,7 @@ def _values(sets: Sequence[FlightSet], name: str) -> list[list[float]]:
 
 
 def _panel(axes: Axes, sets: Sequence[FlightSet], name: str, words: str) -> None:
-    values, colours = _values(sets, name), _colours(sets)
+    values, colours = _values(sets, name), set_colours(sets)
     published = paper_figures(name, (one.tree for one in sets))
     ends = [max(some) for some in values if some] + [figure.span[1] for figure in published]
     at = np.linspace(0.0, 1.08 * max(ends) or 1.0, 500)

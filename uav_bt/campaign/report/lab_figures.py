@@ -8,39 +8,28 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 
 from uav_bt.campaign.report.figures import OUTCOME_COLOURS, new_figure, png, style
 from uav_bt.campaign.report.sources import FlightSet
 from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.mission.coverage import PASSED_M, Cells, GroundCells
+from uav_bt.types.ground import Footprint, Ground, Standing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-CELL_M: Final = 0.25  # divides the carpet's 5 m and 4 m
-REACH_M: Final = 0.25  # half the drone's width and a bit: what it has been over
-_STEP_M: Final = 0.05  # between points of the path that are looked at
+_STEP_M: Final = 0.1  # between points of the path that are looked at; a tick's flight at 1 m/s
 _CARPET: Final = "#f1f3f0"
 _INK_PAD: Final = "#a61e1e"
 _MARGIN_M: Final = 0.35
 _SUCCESS: Final = "success"
 
 Flights = Sequence[dict[str, Any]]
-Cells = NDArray[np.bool_]
 
 
 def _flights_in(one: FlightSet, scene: str) -> list[dict[str, Any]]:
     """Return a set's flights in a scene whose path was kept."""
     return [flight for flight in one.flights if flight["scene"] == scene and flight.get("path")]
-
-
-def _covered_shares(flights: Flights, lab: LabMap) -> list[float]:
-    """Return which share of the carpet that is free of boxes each flight has been over, 0 to 1."""
-    free = free_cells(lab)
-    return [
-        float((visited_cells(flight["path"], lab.carpet_size_m) & free).sum() / free.sum())
-        for flight in flights
-    ]
 
 
 def scene_figure(sets: Sequence[FlightSet], scene: str, lab: LabMap) -> bytes | None:
@@ -104,10 +93,11 @@ def _paths(axes: Axes, flown: Flights, lab: LabMap) -> None:
 
 def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
     _lab(axes, lab, filled=False)
-    seen = np.mean([visited_cells(f["path"], lab.carpet_size_m) for f in flown], axis=0)
+    cells = GroundCells(ground_of(lab))
+    passed = [visited_cells(flight["path"], cells) for flight in flown]
     half_x, half_y = lab.carpet_size_m[0] / 2, lab.carpet_size_m[1] / 2
     image = axes.imshow(
-        100.0 * seen,
+        100.0 * np.mean(passed, axis=0),
         origin="lower",
         extent=(-half_x, half_x, -half_y, half_y),
         vmin=0.0,
@@ -115,11 +105,11 @@ def _coverage(axes: Axes, flown: Flights, lab: LabMap) -> Any:
         cmap="Blues",
         zorder=0,
     )
-    shares = [100.0 * share for share in _covered_shares(flown, lab)]
-    title = f"a flight covers {float(np.mean(shares)):.0f} % of the free carpet"
+    shares = [100.0 * cells.share(one) for one in passed]
+    title = f"a flight passes {float(np.mean(shares)):.0f} % of the free ground"
     spread = f" ({min(shares):.0f} to {max(shares):.0f} %)" if len(shares) > 1 else ""
     axes.set_title(title + spread)
-    axes.set_xlabel(f"cells of {CELL_M:g} m, covered when passed within {REACH_M:g} m", fontsize=8)
+    axes.set_xlabel(f"passed: the body's centre came within {PASSED_M:g} m", fontsize=8)
     return image
 
 
@@ -160,53 +150,41 @@ def _lab(axes: Axes, lab: LabMap, *, filled: bool = True) -> None:
 # --- coverage -------------------------------------------------------------------------------------
 
 
-def _centres(size_m: tuple[float, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the cells' centres in world metres, rows along y upwards: two (rows, columns)."""
-    columns, rows = (max(1, round(side / CELL_M)) for side in size_m)
-    x = (np.arange(columns) + 0.5) * size_m[0] / columns - size_m[0] / 2
-    y = (np.arange(rows) + 0.5) * size_m[1] / rows - size_m[1] / 2
-    return tuple(np.meshgrid(x, y))  # type: ignore[return-value]
+def ground_of(lab: LabMap) -> Ground:
+    """Return the ground that a map shows."""
+    items = lab.boxes if lab.helipad is None else (*lab.boxes, lab.helipad)
+    return Ground(
+        size_m=lab.carpet_size_m,
+        standing=tuple(
+            Standing(
+                footprint=Footprint(
+                    x_m=item.x_m,
+                    y_m=item.y_m,
+                    yaw_rad=item.yaw_rad,
+                    half_x_m=item.size_m[0] / 2,
+                    half_y_m=item.size_m[1] / 2,
+                ),
+                height_m=item.size_m[2],
+            )
+            for item in items
+        ),
+    )
 
 
-def visited_cells(path: Sequence[Sequence[float]], carpet_size_m: tuple[float, float]) -> Cells:
-    """Return the cells of the carpet whose centre a flight came within `REACH_M` of.
+def visited_cells(path: Sequence[Sequence[float]], cells: GroundCells) -> Cells:
+    """Return the cells that a flight has passed, (rows, columns).
 
     Args:
         path: points (t, x, y, z), world metres; the path between two of them is straight.
-        carpet_size_m: along world x and y.
-
-    Returns:
-        (rows, columns), rows along y upwards, columns along x.
+        cells: of the ground.
     """
-    x, y = _centres(carpet_size_m)
+    passed = np.zeros_like(cells.free)
     if not path:
-        return np.zeros(x.shape, dtype=np.bool_)
+        return passed
     corners = np.asarray(path, dtype=np.float64)[:, 1:3]
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     places = np.append(np.arange(0.0, along[-1], _STEP_M), along[-1])
-    track = np.stack([np.interp(places, along, corners[:, axis]) for axis in (0, 1)], axis=1)
-    cells = np.stack([x.ravel(), y.ravel()], axis=1)
-    nearest_m2 = np.full(len(cells), np.inf)
-    for chunk in np.array_split(track, max(1, len(track) // 256)):
-        apart_m2 = ((cells[:, None] - chunk[None]) ** 2).sum(axis=2)
-        nearest_m2 = np.minimum(nearest_m2, apart_m2.min(axis=1, initial=np.inf))
-    return np.asarray(nearest_m2.reshape(x.shape) <= REACH_M**2)
-
-
-def free_cells(lab: LabMap) -> Cells:
-    """Return the cells of the carpet on which no box stands; (rows, columns), as above."""
-    x, y = _centres(lab.carpet_size_m)
-    free = np.ones(x.shape, dtype=np.bool_)
-    for box in lab.boxes:
-        free &= ~_inside(box, x, y)
-    return free
-
-
-def _inside(item: MapItem, x: NDArray[np.float64], y: NDArray[np.float64]) -> Cells:
-    c, s = np.cos(item.yaw_rad), np.sin(item.yaw_rad)
-    dx, dy = x - item.x_m, y - item.y_m
-    along_x, along_y = c * dx + s * dy, -s * dx + c * dy
-    return np.asarray(
-        (np.abs(along_x) <= item.size_m[0] / 2) & (np.abs(along_y) <= item.size_m[1] / 2)
-    )
+    for x_m, y_m in zip(*(np.interp(places, along, axis) for axis in corners.T), strict=True):
+        cells.mark_passed(passed, x_m, y_m)
+    return passed

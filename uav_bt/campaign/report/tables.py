@@ -17,6 +17,7 @@ from uav_bt.campaign.flight_lines import METRICS
 from uav_bt.campaign.report.paper import paper_figures, paper_success
 from uav_bt.campaign.report.sources import FlightSet, Sources
 from uav_bt.campaign.report.statistics import summarise
+from uav_bt.mission.coverage import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
 
@@ -26,6 +27,8 @@ _METRIC_NOTES: Final = {
     "explore_distance_m": f"The first {EXPLORE_S:.0f} s begin with the take-off command, and count "
     "where a flight lasted as long.",
     "search_distance_m": "Searching lasts from the end of exploration until the helipad is found.",
+    "coverage_passed": f"Passed: within {PASSED_M:g} m of the flown path; seen: in view, not "
+    f"hidden, within {SEEN_M:g} m of the lens.",
     "min_clearance_m": "Least clearance: the nearest that the hull came to a box.",
 }
 """Sentences about the metrics that have values; the first stands always."""

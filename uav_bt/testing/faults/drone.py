@@ -23,6 +23,7 @@ from uav_bt.protocols import Drone, Referee
 from uav_bt.testing.faults.fault import START, Fault
 from uav_bt.testing.faults.kind import FaultMoment
 from uav_bt.types import Command, Frame, Observation, Truth
+from uav_bt.types.ground import Ground
 
 _PAST: Final = 64  # observations that late frames are taken from: 6 s at the usual tick
 
@@ -168,6 +169,9 @@ class _FaultyReferee:
 
     def truth(self) -> Truth:
         return self._referee.truth()
+
+    def ground(self) -> Ground | None:
+        return self._referee.ground()
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
         return self._referee.class_ids(self._drone.source_of(frame), width_px, height_px)

@@ -29,6 +29,12 @@ LAB = LabMap(
     boxes=(MapItem(x_m=1.0, y_m=1.0, size_m=(0.4, 0.4, 1.9)),),
     helipad=MapItem(x_m=-1.0, y_m=-1.0, size_m=(0.5, 0.5, 0.4)),
 )
+COVERED = {
+    "coverage_passed_90s": 0.4,
+    "coverage_passed": 0.5,
+    "coverage_seen": 0.75,
+    "coverage_curve": [[10.0 * n, 0.05 * n, 0.08 * n] for n in range(1, 10)],
+}
 PATH = [[0.0, -1.0, -1.0, 0.4], [10.0, 1.0, -1.0, 1.5], [20.0, -1.0, -1.0, 0.4]]
 TIMES = {"p50": 1.0, "p99": 2.0, "max": 30.0}
 
@@ -266,6 +272,26 @@ def test_the_first_90_s_are_those_of_flights_that_lasted_so_long(tmp_path: Path)
     (row,) = (row for row in rows(written, "metrics") if row["metric"] == "explore_distance_m")
     assert (row["flights"], row["most"]) == ("1", "7.0")
     assert "count where a flight lasted as long" in written.page.read_text()
+
+
+def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path) -> None:
+    source = jsonl(
+        tmp_path / "f.jsonl",
+        *(flight(seed, **COVERED | {"coverage_passed": 0.5 + seed / 10}) for seed in range(3)),
+        *(flight(seed, tree="two.xml", **COVERED) for seed in range(3)),
+    )
+    written = write(tmp_path / "r.html", source)
+    table = {(row["metric"], row["tree"]): row for row in rows(written, "metrics")}
+    row = table["coverage_passed", "one"]
+    assert (row["mean"], row["median"], row["least"], row["most"]) == ("0.6", "0.6", "0.5", "0.7")
+    assert table["coverage_seen", "two"]["mean"] == "0.75"
+    assert "within 0.5 m of the flown path" in written.page.read_text()
+    (figure,) = (path for path in written.images if path.name == "r-coverage.png")
+    first = cv2.imread(str(figure))
+    more = dict(COVERED, coverage_curve=[[10.0, 0.3, 0.9], [20.0, 0.4, 0.95]])
+    write(tmp_path / "r.html", jsonl(tmp_path / "more.jsonl", flight(0, **more)))
+    assert first is not None
+    assert not np.array_equal(first, cv2.imread(str(figure)))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 8])

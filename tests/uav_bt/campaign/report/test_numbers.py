@@ -7,12 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from uav_bt.campaign.report.lab_figures import free_cells, visited_cells
+from uav_bt.campaign.report.coverage_figure import held
+from uav_bt.campaign.report.lab_figures import ground_of, visited_cells
 from uav_bt.campaign.report.statistics import bandwidth, density, summarise, wilson
 from uav_bt.display.lab_map import LabMap, MapItem
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.mission.coverage import GroundCells
+from uav_bt.types.ground import Ground
 
-CARPET_M = (5.0, 4.0)
+CELLS = GroundCells(Ground(size_m=(5.0, 4.0)))
 
 
 def test_a_summary_counts_outcomes_success_first() -> None:
@@ -80,28 +83,38 @@ def test_impossible_counts_are_refused(successes: int, trials: int) -> None:
         wilson(successes, trials)
 
 
-def test_a_straight_way_covers_a_band_of_the_carpet() -> None:
-    seen = visited_cells([[0.0, -2.5, 0.1, 1.5], [9.0, 2.5, 0.1, 1.5]], CARPET_M)
-    assert seen.shape == (16, 20)
-    rows = np.flatnonzero(seen.all(axis=1))
-    # Of the rows, whose middles are at -0.125, 0.125 and 0.375, the last is out of reach.
-    assert rows.tolist() == [7, 8]
-    assert seen.sum() == 40
+def test_a_straight_way_passes_a_band_of_the_ground() -> None:
+    passed = visited_cells([[0.0, -2.5, 0.1, 1.5], [9.0, 2.5, 0.1, 1.5]], CELLS)
+    rows = np.flatnonzero(passed.all(axis=1))
+    assert CELLS.y_m[rows].min() == pytest.approx(-0.375)
+    assert CELLS.y_m[rows].max() == pytest.approx(0.575)
+    assert CELLS.share(passed) == pytest.approx(0.25)
 
 
 def test_rows_go_up_and_columns_go_right() -> None:
-    seen = visited_cells([[0.0, 2.375, 1.875, 1.0]], CARPET_M)
-    assert bool(seen[-1, -1])
-    assert not seen[0].any()
-    assert not seen[:, 0].any()
+    passed = visited_cells([[0.0, 2.375, 1.875, 1.0]], CELLS)
+    assert bool(passed[-1, -1])
+    assert not passed[0].any()
+    assert not passed[:, 0].any()
 
 
-def test_no_way_covers_nothing() -> None:
-    assert not visited_cells([], CARPET_M).any()
+def test_no_way_passes_nothing() -> None:
+    assert not visited_cells([], CELLS).any()
 
 
-def test_cells_under_boxes_are_not_free() -> None:
+def test_the_ground_of_a_map_is_free_of_boxes_and_helipad() -> None:
     box = MapItem(x_m=0.0, y_m=0.0, size_m=(1.0, 0.5, 1.9), yaw_rad=math.pi / 2)
-    free = free_cells(LabMap(carpet_size_m=CARPET_M, boxes=(box,)))
-    rows, columns = np.nonzero(~free)
-    assert (set(rows), set(columns)) == ({6, 7, 8, 9}, {9, 10}), "turned, it is high and narrow"
+    pad = MapItem(x_m=-2.0, y_m=-1.5, size_m=(0.5, 0.5, 0.4))
+    ground = ground_of(LabMap(carpet_size_m=(5.0, 4.0), boxes=(box,), helipad=pad))
+    assert (~GroundCells(ground).free).sum() * 0.05**2 == pytest.approx(0.5 + 0.25)
+    assert [item.height_m for item in ground.standing] == [1.9, 0.4]
+
+
+def test_the_curve_of_a_flight_that_ended_stays_as_it_was() -> None:
+    flight = {
+        "coverage_passed": 0.4,
+        "coverage_seen": 0.7,
+        "coverage_curve": [[10.0, 0.1, 0.2], [20.0, 0.3, 0.6]],
+    }
+    assert held(flight, "passed", 4).tolist() == [0.0, 0.1, 0.3, 0.4, 0.4]
+    assert held(flight, "seen", 2).tolist() == [0.0, 0.2, 0.6]

@@ -1,0 +1,189 @@
+"""How much of the free ground a flight has passed over and has seen, by the truth.
+
+A cell of 5 cm is *passed* once the body's centre came within 0.5 m of its middle, seen from above,
+and *seen* once its middle was in the camera's view, within 3 m of the lens and not hidden behind
+anything that stands on the ground. Free is the ground on which nothing stands.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.types import CameraModel, Pose, Truth, projection
+from uav_bt.types.ground import Footprint, Ground, Standing
+
+CELL_M: Final = 0.05
+PASSED_M: Final = 0.5  # from the flown path to a cell's middle
+SEEN_M: Final = 3.0  # from the lens to a cell's middle
+CURVE_S: Final = 10.0  # between the points of a flight's curve
+_LOOK_S: Final = 0.2  # between two looks at the view
+_SLACK_S: Final = 1e-6
+
+Floats = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+
+
+class GroundCells:
+    """The ground as cells: rows along y upwards, columns along x.
+
+    Attributes:
+        x_m: the columns' middles, world metres, (columns,).
+        y_m: the rows' middles, (rows,).
+        free: the cells on which nothing stands, (rows, columns).
+    """
+
+    def __init__(self, ground: Ground) -> None:
+        self.x_m, self.y_m = (_middles(side) for side in ground.size_m)
+        x, y = np.meshgrid(self.x_m, self.y_m)
+        self.free: Cells = np.ones(x.shape, dtype=np.bool_)
+        for item in ground.standing:
+            u, v = _from_box(item.footprint, x, y)
+            on_it = (np.abs(u) <= item.footprint.half_x_m) & (np.abs(v) <= item.footprint.half_y_m)
+            self.free &= ~on_it
+
+    def share(self, cells: Cells) -> float:
+        """Return which share of the free ground some cells are, 0 to 1; 0 without free ground."""
+        free = int(self.free.sum())
+        return float((cells & self.free).sum()) / free if free else 0.0
+
+    def mark_passed(self, cells: Cells, x_m: float, y_m: float) -> None:
+        """Mark the cells around a place of the body's centre."""
+        rows, columns = self.window(x_m, y_m, PASSED_M)
+        away_m2 = (self.x_m[columns] - x_m) ** 2 + ((self.y_m[rows] - y_m) ** 2)[:, None]
+        cells[rows, columns] |= away_m2 <= PASSED_M**2
+
+    def window(self, x_m: float, y_m: float, reach_m: float) -> tuple[slice, slice]:
+        """Return the rows and columns whose middles may lie within a reach of a world point."""
+        (first_x, last_x), (first_y, last_y) = (
+            np.searchsorted(middles, (at - reach_m, at + reach_m))
+            for middles, at in ((self.x_m, x_m), (self.y_m, y_m))
+        )
+        return slice(first_y, last_y), slice(first_x, last_x)
+
+
+def _middles(side_m: float) -> Floats:
+    count = max(1, round(side_m / CELL_M))
+    return np.asarray((np.arange(count) + 0.5) * side_m / count - side_m / 2)
+
+
+def _from_box(box: Footprint, x_m: Floats, y_m: Floats) -> tuple[Floats, Floats]:
+    """Return world points along a box's own axes, from its centre."""
+    c, s = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
+    dx, dy = x_m - box.x_m, y_m - box.y_m
+    return c * dx + s * dy, c * dy - s * dx
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoveragePoint:
+    """A point of a flight's curve."""
+
+    time_s: float  # from the take-off command
+    passed: float  # share of the free ground, 0 to 1
+    seen: float
+
+
+class Coverage:
+    """Follows a flight and knows how much of the ground it has covered.
+
+    Args:
+        ground: of the place.
+        camera: the drone's; its distortion is not looked at.
+
+    Attributes:
+        curve: every ten seconds from the take-off command on.
+    """
+
+    def __init__(self, ground: Ground, camera: CameraModel) -> None:
+        self._cells = GroundCells(ground)
+        self._standing = ground.standing
+        self._camera = camera
+        self._passed = np.zeros_like(self._cells.free)
+        self._unseen = self._cells.free.copy()
+        self._next_look_s = 0.0
+        self.curve: list[CoveragePoint] = []
+
+    @property
+    def seen(self) -> Cells:
+        """The free cells that have been seen, (rows, columns)."""
+        return self._cells.free & ~self._unseen
+
+    def now(self, time_s: float) -> CoveragePoint:
+        """Return what is covered by now, to be kept for a time from the take-off command."""
+        return CoveragePoint(
+            time_s=time_s,
+            passed=self._cells.share(self._passed),
+            seen=self._cells.share(self.seen),
+        )
+
+    def at(self, time_s: float) -> CoveragePoint | None:
+        """Return the curve's point of a time; None where the flight did not last so long."""
+        return next((p for p in self.curve if abs(p.time_s - time_s) < _SLACK_S), None)
+
+    def add(self, time_s: float, truth: Truth) -> None:
+        """Take note of a tick.
+
+        Args:
+            time_s: from the take-off command.
+            truth: of the tick.
+        """
+        self._cells.mark_passed(self._passed, truth.pose.x_m, truth.pose.y_m)
+        if truth.gimbal_pitch_rad is not None and time_s >= self._next_look_s - _SLACK_S:
+            self._next_look_s = time_s + _LOOK_S
+            self._look(truth.pose, truth.gimbal_pitch_rad)
+        due_s = CURVE_S * (len(self.curve) + 1)
+        while time_s >= due_s - _SLACK_S:
+            self.curve.append(self.now(due_s))
+            due_s += CURVE_S
+
+    def _look(self, body: Pose, pitch_rad: float) -> None:
+        """Mark the cells that are in view."""
+        lens_x, lens_y = body.to_world(self._camera.forward_offset_m, 0.0)
+        if not 0.0 < body.z_m < SEEN_M:
+            return
+        reach_m = math.sqrt(SEEN_M**2 - body.z_m**2)
+        window = self._cells.window(lens_x, lens_y, reach_m)
+        unseen = self._unseen[window]
+        rows, columns = np.nonzero(unseen)
+        x, y = self._cells.x_m[window[1]][columns], self._cells.y_m[window[0]][rows]
+        lens = Pose(x_m=lens_x, y_m=lens_y, z_m=body.z_m, yaw_rad=body.yaw_rad)
+        seen = self._in_view(lens, pitch_rad, x, y, reach_m)
+        for item in self._standing:
+            if item.footprint.distance_m(lens_x, lens_y) < reach_m:
+                seen[seen] = ~_hidden(lens, item, x[seen], y[seen])
+        unseen[rows[seen], columns[seen]] = False
+
+    def _in_view(self, lens: Pose, pitch_rad: float, x: Floats, y: Floats, reach_m: float) -> Cells:
+        """Return which ground points, (N,) each, lie in the image and near enough."""
+        c, s = math.cos(lens.yaw_rad), math.sin(lens.yaw_rad)
+        dx, dy = x - lens.x_m, y - lens.y_m
+        level = np.stack([c * dx + s * dy, s * dx - c * dy, np.full_like(x, lens.z_m)], axis=-1)
+        pixels = projection.project(level, self._camera, pitch_rad)
+        column, row = pixels[:, 0], pixels[:, 1]  # NaN behind the camera, which no bound holds
+        inside = (column >= -0.5) & (column <= self._camera.width_px - 0.5)
+        inside &= (row >= -0.5) & (row <= self._camera.height_px - 0.5)
+        return np.asarray(inside & (dx**2 + dy**2 <= reach_m**2))
+
+
+def _hidden(lens: Pose, item: Standing, x_m: Floats, y_m: Floats) -> Cells:
+    """Return which ground points, (N,) each, a box hides from the lens.
+
+    A sight line goes from 0 at the lens to 1 on the ground. It can only meet the box below the
+    box's top, and does so where it is over the box's footprint (slab method).
+    """
+    box = item.footprint
+    enters = np.full(x_m.shape, max(0.0, 1.0 - item.height_m / lens.z_m))
+    leaves = np.ones(x_m.shape)
+    points = _from_box(box, x_m, y_m)
+    starts = box.to_body(lens.x_m, lens.y_m)
+    for start, end, half in zip(starts, points, (box.half_x_m, box.half_y_m), strict=True):
+        along = end - start
+        along = np.where(np.abs(along) < 1e-12, 1e-12, along)  # parallel to the faces
+        one, other = (-half - start) / along, (half - start) / along
+        enters = np.maximum(enters, np.minimum(one, other))
+        leaves = np.minimum(leaves, np.maximum(one, other))
+    return np.asarray(enters < leaves)

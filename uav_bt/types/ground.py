@@ -1,0 +1,71 @@
+"""The ground of a place seen from above: how far it reaches, and what stands on it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types.pose import Pose2D
+
+
+@dataclass(frozen=True, kw_only=True)
+class Footprint(Pose2D):
+    """A box seen from above: its centre in the world, and half sizes along its own axes."""
+
+    half_x_m: float
+    half_y_m: float
+    yaw_rad: float = 0.0
+
+    def corners(self) -> list[tuple[float, float]]:
+        """Return the four corners in world metres, counter-clockwise."""
+        return self.rectangle(self.half_x_m, self.half_y_m)
+
+    def contains(self, x_m: float, y_m: float) -> bool:
+        """Return whether a world point lies on the rectangle, its edge included."""
+        u, v = self.to_body(x_m, y_m)
+        return abs(u) <= self.half_x_m and abs(v) <= self.half_y_m
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Return how far a world point is from the rectangle; 0 on it."""
+        u, v = self.to_body(x_m, y_m)
+        return math.hypot(max(abs(u) - self.half_x_m, 0.0), max(abs(v) - self.half_y_m, 0.0))
+
+    def overlaps(self, other: Footprint) -> bool:
+        """Return whether two rectangles share an area (separating axes; touching is no overlap)."""
+        ours, theirs = self.corners(), other.corners()
+        for yaw in (self.yaw_rad, other.yaw_rad):
+            for axis in ((math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))):
+                a = [axis[0] * x + axis[1] * y for x, y in ours]
+                b = [axis[0] * x + axis[1] * y for x, y in theirs]
+                if max(a) <= min(b) or max(b) <= min(a):
+                    return False
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """An upright box on the ground: an obstacle, or what is landed on."""
+
+    footprint: Footprint
+    height_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """A level rectangle around the world's origin at z = 0, and what stands on it for good.
+
+    Raises:
+        ValueRangeError: it has no size.
+    """
+
+    size_m: tuple[float, float]  # along world x and y
+    standing: tuple[Standing, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not min(self.size_m) > 0.0:
+            raise ValueRangeError(f"the ground must have a size, got {self.size_m} m")
+
+    def contains(self, x_m: float, y_m: float) -> bool:
+        """Return whether a world point lies on it, its edge included."""
+        return abs(x_m) <= self.size_m[0] / 2 and abs(y_m) <= self.size_m[1] / 2
