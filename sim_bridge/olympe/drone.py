@@ -132,7 +132,8 @@ class OlympeDrone:
         """
         flight = self._connected()
         self.clock.frame_seen()
-        state = replace(flight.telemetry.state(), connected=flight.link.connected)
+        link = flight.link
+        state = replace(flight.telemetry.state(), connected=link.connected, lost=link.lost)
         above_carpet_m = self._config.take_off_surface_m + STANDING_M
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
 

@@ -56,6 +56,11 @@ class OlympeLink:
         """Whether the drone can be reached, as far as SDK and remote control know."""
         return self._drone is not None and self._drone.connected and self._drone_there.is_set()
 
+    @property
+    def lost(self) -> bool:
+        """Whether the SDK has given the connection up; a remote control may find its drone again."""
+        return self._drone is not None and not self._drone.connected
+
     def open(self) -> None:
         """Connect and ask for the video; nothing about the drone changes.
 

@@ -36,7 +36,7 @@ class DescentEnd:
 
 
 class Descent:
-    """Asks a drone for a landing until it is down, a pilot has it, or the time is over.
+    """Asks a drone for a landing until it is down, a pilot has it, it is lost or time is over.
 
     Args:
         drone: connected; each of its methods may raise.
@@ -85,8 +85,8 @@ class Descent:
             self._attempt(lambda: self._drone.send(self._command_for(state)))  # noqa: B023
             for listener in self._listeners:
                 self._attempt(lambda: listener.on_descent(state, reason))  # noqa: B023
-            if given_up():
-                break
+            if given_up() or (state is not None and state.lost):
+                break  # nobody waits for the landing, or nobody could hear of it
             self._attempt(lambda: clock.sleep_until(now_s + self._tick_s))  # noqa: B023
         return DescentEnd(
             airborne=state is None or not self._is_down(state), faults=tuple(self._faults)

@@ -45,6 +45,7 @@ class RunnerConfig:
 
 
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
+_OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with its remote control"
 
 
 class MissionRunner:
@@ -213,8 +214,8 @@ class MissionRunner:
         fault = self._obedience.complaint(command, observation.state, start_s)
         if fault is not None and self._arbiter.override is not Override.MANUAL:
             self.request_abort(f"the drone does not obey: {fault}")
-        self._escalate(start_s)
         if verdict is None:
+            self._escalate(observation.state, start_s)
             clock.sleep_until(start_s + self._config.tick_s)
         return verdict
 
@@ -237,12 +238,14 @@ class MissionRunner:
         )
         return self._arbiter.decide(self._context.proposals, now)
 
-    def _escalate(self, now_s: float) -> None:
-        """Land when blind for long, end the mission when without telemetry for long.
+    def _escalate(self, state: DroneState, now_s: float) -> None:
+        """Land when blind for long, end the mission when the drone is out of reach.
 
         Raises:
-            DroneError: no telemetry has come for too long.
+            DroneError: the connection is lost, or no telemetry has come for too long.
         """
+        if state.lost:
+            raise DroneError(f"the connection to the drone is broken: {_OUT_OF_REACH}")
         limits, override, screening = self._limits, self._arbiter.override, self._screening
         blind_s = self._blind.update(now_s, holds=override is Override.STALE_FRAME)
         if blind_s > limits.blind_s:
@@ -255,10 +258,7 @@ class MissionRunner:
             )
         unheard_s = self._unheard.update(now_s, holds=override is Override.LINK)
         if unheard_s > limits.link_lost_s and screening.state_fault is None:
-            raise DroneError(
-                f"nothing heard from the drone for {unheard_s:.0f} s: it hovers, lands or returns "
-                "by its own rules; take it over with its remote control"
-            )
+            raise DroneError(f"nothing heard from the drone for {unheard_s:.0f} s: {_OUT_OF_REACH}")
 
     def _write_board(self, observation: Observation, now_s: float) -> None:
         board = self._context.board

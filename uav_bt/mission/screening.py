@@ -96,6 +96,7 @@ class Screening:
             movement=state.movement,
             pilot_has_control=state.pilot_has_control,
             connected=state.connected,
+            lost=state.lost,
             faults=state.faults,
         )
 

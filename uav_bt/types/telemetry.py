@@ -78,4 +78,5 @@ class DroneState:
     movement: MovementStatus | None = None
     pilot_has_control: bool = False  # a person took over
     connected: bool = True  # False as soon as the connection is known to be broken
+    lost: bool = False  # broken for good: the drone hears nothing and is not heard any more
     faults: tuple[DroneFault, ...] = ()

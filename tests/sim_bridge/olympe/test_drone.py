@@ -326,8 +326,10 @@ def test_a_broken_connection_is_seen_at_once() -> None:
     world = FakeWorld()
     drone = hovering(world)
     assert drone.observe().state.connected
+    assert not drone.observe().state.lost
     world.drone.connected = False
-    assert not drone.observe().state.connected
+    state = drone.observe().state
+    assert (state.connected, state.lost) == (False, True)
 
 
 def test_an_sdk_that_refuses_the_sticks_is_an_error() -> None:

@@ -797,6 +797,41 @@ def test_a_link_lost_for_long_is_the_end() -> None:
     assert flight.sent == ["TakeOff", "Velocity", "Hover", "Land"]
 
 
+class Lost(ScriptedDrone):
+    """From a time on, its connection is broken: for a while, or for good."""
+
+    def __init__(self, *, for_good: bool) -> None:
+        super().__init__()
+        self.for_good = for_good
+
+    def observe(self) -> Observation:
+        seen = super().observe()
+        if self.clock.now() < 2.0:
+            return seen
+        state = replace(seen.state, captured_s=2.0, connected=False, lost=self.for_good)
+        return replace(seen, state=state)
+
+
+def test_nobody_waits_for_a_drone_whose_connection_is_broken_for_good() -> None:
+    """A landing is asked for once; nobody could hear of it."""
+    drone = Lost(for_good=True)
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=drone)
+    with pytest.raises(DroneError, match="is broken: .*take over with its remote control"):
+        flight.runner.run()
+    assert drone.clock.now() == pytest.approx(2.0, abs=2 * TICK_S)
+    assert flight.runner.descent.airborne
+    assert flight.sent[-1] == "Land"
+    assert flight.drone.commands[-2].movement != Land()
+
+
+def test_a_connection_that_may_come_back_is_waited_for() -> None:
+    drone = Lost(for_good=False)
+    flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=drone)
+    with pytest.raises(DroneError, match="nothing heard from the drone for 10 s"):
+        flight.runner.run()
+    assert drone.clock.now() > 12.0
+
+
 # --- the record -----------------------------------------------------------------------------------
 
 
