@@ -3,7 +3,7 @@
 Run it with a Python that has Olympe; the drone is served by another process, by default with the
 same Python:
 
-    python benchmarks/olympe_flights.py --flights 10 --scene train-a
+    python -m benchmarks.olympe_flights --flights 10 --scene train-a
 
 Latency is from a frame's arrival at this program to the moment its command was handed to the SDK:
 conversion, perception and tree included, rendering and encoding not. A frame that came while the
@@ -14,78 +14,20 @@ that its host gave to others is printed, too: latencies grow with it.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-
+from benchmarks.olympe_stages import table, timed_drone
+from sim_bridge.olympe.config import AnafiConfig
 from sim_bridge.olympe.drone import OlympeDrone
-from sim_bridge.olympe.video import DecodedFrame, NewestFrame
 from uav_bt import app
 from uav_bt.app.site import Site
-from uav_bt.mission.tick import TickRecord
-from uav_bt.protocols import Drone
-from uav_bt.types import Command
-
-
-class Latencies:
-    """From each frame's arrival to its command; wraps the drone's two ends."""
-
-    def __init__(self) -> None:
-        self.arrived: dict[int, float] = {}
-        self.commanded: dict[int, float] = {}
-        self.looked: int | None = None
-
-    @contextmanager
-    def measured(self) -> Iterator[None]:
-        """Measure all drones while this lasts."""
-        take, send = NewestFrame.take, OlympeDrone.send
-
-        def timed_take(frames: NewestFrame, decoded: DecodedFrame) -> None:
-            self.arrived[len(self.arrived)] = time.perf_counter()
-            take(frames, decoded)
-
-        def timed_send(drone: OlympeDrone, command: Command) -> Command:
-            sent = send(drone, command)
-            if self.looked is not None:
-                self.commanded.setdefault(self.looked, time.perf_counter())
-            return sent
-
-        NewestFrame.take, OlympeDrone.send = timed_take, timed_send  # type: ignore[method-assign]
-        try:
-            yield
-        finally:
-            NewestFrame.take, OlympeDrone.send = take, send  # type: ignore[method-assign]
-
-    def watch(self, flight: app.Flight[Drone]) -> Sequence[Latencies]:
-        """Follow a flight."""
-        drone = flight.drone
-        observe = drone.observe
-
-        def noted_observe() -> object:
-            seen = observe()
-            self.looked = None if seen.frame is None else seen.frame.index
-            return seen
-
-        drone.observe = noted_observe  # type: ignore[method-assign,assignment]
-        return (self,)
-
-    def on_tick(self, record: TickRecord) -> None:
-        """Nothing to do: the two ends are timed."""
-
-    def summary(self) -> str:
-        """Return the percentiles."""
-        ms = [1e3 * (self.commanded[i] - self.arrived[i]) for i in self.commanded]
-        p50, p95, p99 = np.percentile(ms, [50, 95, 99])
-        span_s = max(self.arrived.values()) - min(self.arrived.values())
-        return (
-            f"frame to command p50 {p50:.1f} ms, p95 {p95:.1f} ms, p99 {p99:.1f} ms; "
-            f"{len(self.arrived) / span_s:.1f} frames/s came, {len(ms) / span_s:.1f}/s were used"
-        )
 
 
 def machine_s() -> tuple[float, float]:
@@ -96,7 +38,7 @@ def machine_s() -> tuple[float, float]:
 
 @contextmanager
 def _served(python: str, address: str, scene: str, seed: int, rate: float) -> Iterator[None]:
-    """Serve a drone while this lasts."""
+    """Serve a drone while this lasts, and print what it has to say in the end."""
     arguments = [
         *(python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, "--scene", scene),
         *("--seed", str(seed), "--rate", f"{rate:g}"),
@@ -108,7 +50,8 @@ def _served(python: str, address: str, scene: str, seed: int, rate: float) -> It
         yield
     finally:
         server.terminate()
-        server.wait()
+        said, _ = server.communicate()
+        print(f"drone: {'; '.join(said.splitlines())}", flush=True)
 
 
 def main() -> None:
@@ -122,32 +65,37 @@ def main() -> None:
     parser.add_argument("--reports", type=Path, help="folder for the flights' reports")
     args = parser.parse_args()
     good = 0
+    flown = []
     for number in range(args.flights):
         address = f"127.0.1.{number + 1}"
-        latencies = Latencies()
-        options = app.FlightOptions(
-            drone=f"anafi:{address}", site=Site(take_off_surface_m=0.4, video_latency_s=0.03)
-        )
+        config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=0.03)
+        drone, queue = timed_drone(partial(OlympeDrone, config))
+        options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
         with _served(args.server_python, address, args.scene, number, args.rate):
             wall_s, cpu_s = time.perf_counter(), time.process_time()
             cores_s, stolen_s = machine_s()
-            with latencies.measured():
-                report = app.fly(
-                    args.tree,
-                    options,
-                    report=args.reports / f"{number}.json" if args.reports else None,
-                    listeners=[latencies.watch],
-                )
+            report = app.fly(
+                args.tree,
+                options,
+                report=args.reports / f"{number}.json" if args.reports else None,
+                listeners=[drone.watch],
+            )
             share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
             all_s, gone_s = machine_s()
             stolen = (gone_s - stolen_s) / (all_s - cores_s)
+        flown.append((drone, queue))
         good += report.outcome == "success"
+        p50, p95, p99 = drone.frame_to_command_ms()
+        came_hz, used_hz = drone.used_hz()
         print(
             f"{number}: {report.outcome}, {report.reason}; {report.duration_s or 0.0:.0f} s; "
-            f"{latencies.summary()}; {100 * share:.0f} % of a core; "
-            f"{100 * stolen:.0f} % of the machine's time was stolen",
+            f"frame to command p50 {p50:.1f} ms, p95 {p95:.1f} ms, p99 {p99:.1f} ms; "
+            f"{came_hz:.1f} frames/s came, {used_hz:.1f}/s were used; {100 * share:.0f} % of a "
+            f"core; load {os.getloadavg()[0]:.1f}, {100 * stolen:.0f} % of the machine's time was "
+            "stolen",
             flush=True,
         )
+    print("\n".join(table(*zip(*flown, strict=True))))
     print(f"{good} of {args.flights} succeeded")
 
 

@@ -58,7 +58,7 @@ class OlympeLink:
 
     @property
     def lost(self) -> bool:
-        """Whether the SDK has given the connection up; a remote control may find its drone again."""
+        """Whether the SDK has given the connection up; a remote control may yet find its drone."""
         return self._drone is not None and not self._drone.connected
 
     def open(self) -> None:

@@ -13,6 +13,7 @@ from uav_bt.app.assembly import Flight, assemble, frame_judge
 from uav_bt.app.interrupts import landing_on_signals
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
+from uav_bt.app.pauses import short_collections
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import check_output
@@ -97,6 +98,7 @@ def fly(
             record = stack.enter_context(FlightRecord(record_file))
         stack.enter_context(flight.connected())
         if flight.drone.live:
+            stack.enter_context(short_collections())
             _check_before_take_off(flight, on_check)
         recorded = [] if record is None else [record.begin]
         keep: dict[str, Callable[[FlightReport], None]] = {}

@@ -11,6 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
+
 from sim_bridge.loopback.video.encoder import Encoder, EncoderConfig
 from sim_bridge.loopback.video.frame import FrameSource, timed_metadata
 from sim_bridge.loopback.video.rtp import FramePackets, RtpStream
@@ -22,6 +24,7 @@ _LOG: Final = logging.getLogger(__name__)
 _REPORT_INTERVAL_S: Final = 0.1
 _POLL_S: Final = 0.004  # between two looks for a new frame; adds half of it to the latency
 _RATE_FRAMES: Final = 60  # the rate is the mean over so many frames
+_ENCODED_FRAMES: Final = 1800  # a minute's: what encoding took is taken over so many frames
 
 
 @dataclass(kw_only=True)
@@ -36,7 +39,8 @@ class VideoStats:
     bytes_sent: int = 0
     frames_late: int = 0  # slots of the wanted rate that passed while a frame was being made
     rate_hz: float = 0.0  # reached lately; 0 before the second frame
-    encode_ms: float = 0.0  # of the newest frame: fetching, encoding and cutting into packets
+    # Fetching, encoding and cutting into packets: median and 95 % of the frames made lately.
+    encode_ms: tuple[float, float] = (0.0, 0.0)
 
 
 class Player:
@@ -119,6 +123,7 @@ class Streamer:
         self._closing = asyncio.Event()
         self._stats = VideoStats()
         self._times_s: deque[float] = deque(maxlen=_RATE_FRAMES)
+        self._encode_s: deque[float] = deque(maxlen=_ENCODED_FRAMES)
 
     def add(self, player: Player) -> None:
         """Send to this client, too, from a key frame on, which is made for it."""
@@ -138,7 +143,13 @@ class Streamer:
         """Return what was done so far."""
         times_s = self._times_s
         rate_hz = (len(times_s) - 1) / (times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
-        return replace(self._stats, playing=len(self._players), rate_hz=rate_hz)
+        p50_s, p95_s = np.percentile(self._encode_s or [0.0], [50, 95])
+        return replace(
+            self._stats,
+            playing=len(self._players),
+            rate_hz=rate_hz,
+            encode_ms=(1e3 * float(p50_s), 1e3 * float(p95_s)),
+        )
 
     async def close(self) -> None:
         """Stop; a frame under way is finished first. Safe to call twice."""
@@ -174,7 +185,7 @@ class Streamer:
                 await self._pause(_POLL_S)
                 continue
             encode_s = loop.time() - began_s
-            self._stats.encode_ms = 1e3 * encode_s
+            self._encode_s.append(encode_s)
             self._stats.frames_late += int(encode_s / period_s)
             self._stats.frames_encoded += 1
             self._times_s.append(loop.time())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import signal
 import threading
@@ -555,3 +556,21 @@ def test_a_live_drone_whose_images_show_nothing_does_not_take_off(
         with pytest.raises(DroneError, match=r"nothing was flown\n  video: NOT READY, .*is dark"):
             app.fly(tree, options, on_check=lambda check: checks.append(str(check)))
     assert any("the image is dark" in check for check in checks)
+
+
+def test_a_live_mission_is_not_stopped_to_collect_what_was_loaded_before_it(
+    tmp_path: Path,
+) -> None:
+    frozen: list[int] = []
+
+    class Live(DroneWrapper):
+        live = True
+
+        def send(self, command: Command) -> Command:
+            frozen.append(gc.get_freeze_count())
+            return super().send(command)
+
+    tree = tree_file(tmp_path, "<Sequence><TakeOff/><Land/></Sequence>")
+    app.fly(tree, app.FlightOptions(drone=Live(TwinConfig(image_size_px=(160, 90)).create())))
+    assert min(frozen) > 10_000
+    assert gc.get_freeze_count() == 0

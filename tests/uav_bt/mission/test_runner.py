@@ -816,7 +816,7 @@ def test_nobody_waits_for_a_drone_whose_connection_is_broken_for_good() -> None:
     """A landing is asked for once; nobody could hear of it."""
     drone = Lost(for_good=True)
     flight = Flight("<Sequence><Up/><Drift/></Sequence>", drone=drone)
-    with pytest.raises(DroneError, match="is broken: .*take over with its remote control"):
+    with pytest.raises(DroneError, match=r"is broken: .*take over with its remote control"):
         flight.runner.run()
     assert drone.clock.now() == pytest.approx(2.0, abs=2 * TICK_S)
     assert flight.runner.descent.airborne
