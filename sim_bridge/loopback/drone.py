@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from sim_bridge.loopback.firmware.anafi import Anafi
 from sim_bridge.loopback.firmware.remote_control import RemoteControl
 from sim_bridge.loopback.firmware.telemetry import BatteryOptions
 from sim_bridge.loopback.handshake import SKYCONTROLLER, Ports
+from sim_bridge.loopback.media import MediaStore
 from sim_bridge.loopback.messages import message_table
+from sim_bridge.loopback.photographer import Photographer
 from sim_bridge.loopback.server import LoopbackServer, ServerOptions
 from sim_bridge.loopback.twin_camera import TwinCamera
 from sim_bridge.loopback.twin_world import TwinWorld
@@ -56,17 +60,26 @@ class LoopbackDrone:
         self.world = TwinWorld(
             setup.scene, profile=setup.profile, seed=setup.seed, clock=self._clock
         )
-        table = message_table()
-        self._anafi = Anafi(
-            self.world, table, identity=setup.server.identity, battery=setup.battery, gps=gps
-        )
-        self._camera = TwinCamera(
+        table, media = message_table(), MediaStore()
+        make_camera = partial(
+            TwinCamera,
             self.world,
             image_size_px=setup.image_size_px,
             seed=setup.seed,
             clock=self._clock,
-            battery=lambda: self._anafi.battery.charge,
+            battery=self._charge,
             gps=gps,
+        )
+        self._camera = make_camera()
+        self._photographer = Photographer(make_camera)
+        self._anafi = Anafi(
+            self.world,
+            table,
+            identity=setup.server.identity,
+            battery=setup.battery,
+            gps=gps,
+            shoot=self._photographer.shoot,
+            media=media,
         )
         drone = setup.server.identity
         if setup.skycontroller:
@@ -74,9 +87,9 @@ class LoopbackDrone:
                 self._anafi, self.world, table, drone=drone, identity=SKYCONTROLLER
             )
             options = replace(setup.server, identity=SKYCONTROLLER)
-            self._server = LoopbackServer(remote, table, options)
+            self._server = LoopbackServer(remote, table, options, media=media)
         else:
-            self._server = LoopbackServer(self._anafi, table, setup.server)
+            self._server = LoopbackServer(self._anafi, table, setup.server, media=media)
         self._video: VideoServer | None = None
 
     @property
@@ -88,6 +101,9 @@ class LoopbackDrone:
     def video_stats(self) -> VideoStats | None:
         """Return what the video has done so far, None where there is none."""
         return None if self._video is None else self._video.stats()
+
+    def _charge(self) -> float:
+        return self._anafi.battery.charge
 
     async def start(self) -> None:
         """Bind the ports and let time pass.
@@ -130,4 +146,5 @@ class LoopbackDrone:
         await self._server.close()
         if self._video is not None:
             await self._video.close()
+        await asyncio.to_thread(self._photographer.close)
         self.world.stop()

@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from sim_bridge.loopback.codec import WireError, decode
@@ -24,6 +25,7 @@ from sim_bridge.loopback.handshake import (
 )
 from sim_bridge.loopback.link import Link, LinkTiming
 from sim_bridge.loopback.listener import Listener, Service
+from sim_bridge.loopback.media import MediaStore
 from sim_bridge.loopback.messages import Buffer, MessageTable, MessageType
 from sim_bridge.loopback.web import serve_web
 from uav_bt.errors import DroneError, InputError
@@ -57,6 +59,7 @@ class LoopbackServer:
         anafi: the firmware that this server drives, the drone's or that of its remote control.
         table: the messages it speaks.
         options: addresses, ports and time-outs.
+        media: what its web interface lists.
     """
 
     def __init__(
@@ -64,8 +67,11 @@ class LoopbackServer:
         anafi: Anafi | RemoteControl,
         table: MessageTable,
         options: ServerOptions | None = None,
+        *,
+        media: MediaStore | None = None,
     ) -> None:
         self._anafi = anafi
+        self._media = media or MediaStore()
         self._table = table
         self._options = options or ServerOptions()
         self.ports = self._options.ports  # where it really listens, once it is started
@@ -93,7 +99,7 @@ class LoopbackServer:
         try:
             control = await self._listen(wanted.control, "control", self._serve_control)
             discovery = await self._listen(wanted.discovery, "discovery", self._serve_discovery)
-            http = await self._listen(wanted.http, "http", serve_web)
+            http = await self._listen(wanted.http, "http", partial(serve_web, self._media))
             self._discovery = discovery
             commands = await self._listen_udp(wanted.commands)
         except InputError:

@@ -1,8 +1,4 @@
-"""The drone's web server, as far as clients wait for it: an empty media list and its notifications.
-
-Photos and recordings are not kept, so the list stays empty and nothing is ever notified; a client
-that listens stays connected, and its pings are answered.
-"""
+"""The drone's web server: its media, as lists and files, and its notifications of them."""
 
 from __future__ import annotations
 
@@ -14,21 +10,35 @@ import struct
 from collections.abc import Mapping
 from typing import Final
 
+from sim_bridge.loopback.media import Json, MediaStore
+
 MAX_HEAD_BYTES: Final = 16_384
 WEBSOCKET_PATH: Final = "/api/v1/media/notifications"
-_MEDIA_PATH: Final = "/api/v1/media/medias"
+_MEDIA: Final = "/api/v1/media/medias"
+_RESOURCE: Final = "/api/v1/media/resources/"
+_MD5: Final = "/api/v1/media/md5/"
+_FILE: Final = "/data/media/"
+_THUMBNAIL: Final = "/data/thumb/"
 _PATIENCE_S: Final = 10.0  # s for a request to arrive
 _MAGIC: Final = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # RFC 6455, section 1.3
 _MAX_MESSAGE_BYTES: Final = 65_536
-_CLOSE, _PING, _PONG = 8, 9, 10  # opcodes of RFC 6455
+_MAX_WAITING_BYTES: Final = 2**20  # of notifications that a client does not read
+_TEXT, _CLOSE, _PING, _PONG = 1, 8, 9, 10  # opcodes of RFC 6455
 _FINAL: Final = 0x80
 _LONG, _HUGE = 126, 127  # a frame's length does not fit into its first seven bits
 
+_OK: Final = "200 OK"
+_NOT_FOUND: Final = "404 Not Found"
+_NOT_ALLOWED: Final = "405 Method Not Allowed"
 
-async def serve_web(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+
+async def serve_web(
+    media: MediaStore, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+) -> None:
     """Answer one connection's requests until it ends.
 
     Args:
+        media: what there is.
         reader: the connection's; its limit bounds a request's head.
         writer: the connection's.
     """
@@ -45,12 +55,21 @@ async def serve_web(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) 
         method, path, fields = request
         if path == WEBSOCKET_PATH and "sec-websocket-key" in fields:
             await _upgrade(writer, fields["sec-websocket-key"])
-            await _listen(reader, writer)
+            unsubscribe = media.subscribe(lambda event: _notify(writer, event))
+            try:
+                await _listen(reader, writer)
+            finally:
+                unsubscribe()
             return
         if fields.get("content-length", "0") != "0" or "transfer-encoding" in fields:
-            await _answer(writer, "405 Method Not Allowed", {"error": "nothing is stored here"})
+            await _answer(writer, _NOT_ALLOWED, {"error": "nothing can be stored here"})
             return
-        await _respond(writer, method, path)
+        if method == "GET":
+            await _answer(writer, *_found(media, path))
+        elif method == "DELETE":
+            await _answer(writer, *_deleted(media, path))
+        else:
+            await _answer(writer, _NOT_ALLOWED, {"error": f"{method} is not simulated"})
         if fields.get("connection", "").lower() == "close":
             return
 
@@ -65,23 +84,54 @@ def _parse(head: bytes) -> tuple[str, str, Mapping[str, str]] | None:
     return words[0], words[1].partition("?")[0], fields
 
 
-async def _respond(writer: asyncio.StreamWriter, method: str, path: str) -> None:
-    if path.rstrip("/") != _MEDIA_PATH:
-        await _answer(writer, "404 Not Found", {"error": f"{path} is not simulated"})
-    elif method not in ("GET", "DELETE"):
-        await _answer(writer, "405 Method Not Allowed", {"error": f"{method} is not simulated"})
-    else:
-        await _answer(writer, "200 OK", [])
+def _found(media: MediaStore, path: str) -> tuple[str, object]:
+    """Return status and content of what a client asks for."""
+    folder, slash, name = path.rpartition("/")
+    if path.rstrip("/") == _MEDIA:
+        return _OK, media.media()
+    found: Json | bytes | None = None
+    if folder == _MEDIA:
+        found = media.medium(name)
+    elif folder + slash == _MD5:
+        found = media.checksum(name)
+    elif folder + slash in (_FILE, _THUMBNAIL):
+        found = media.file(name, thumbnail=folder + slash == _THUMBNAIL)
+    return (_NOT_FOUND, {"error": f"there is no {path}"}) if found is None else (_OK, found)
 
 
-async def _answer(writer: asyncio.StreamWriter, status: str, body: object) -> None:
-    data = json.dumps(body).encode()
+def _deleted(media: MediaStore, path: str) -> tuple[str, object]:
+    """Delete what a client wants deleted and return the status."""
+    folder, slash, name = path.rpartition("/")
+    if path.rstrip("/") == _MEDIA:
+        media.clear()
+        return _OK, []
+    gone = (folder == _MEDIA and media.remove(name)) or (
+        folder + slash == _RESOURCE and media.remove_resource(name)
+    )
+    return (_OK, []) if gone else (_NOT_FOUND, {"error": f"there is no {path}"})
+
+
+async def _answer(writer: asyncio.StreamWriter, status: str, content: object) -> None:
+    """Answer a request with a JPEG or with JSON."""
+    image = isinstance(content, bytes)
+    data = content if isinstance(content, bytes) else json.dumps(content).encode()
     head = (
-        f"HTTP/1.1 {status}\r\nContent-Type: application/json\r\n"
+        f"HTTP/1.1 {status}\r\nContent-Type: {'image/jpeg' if image else 'application/json'}\r\n"
         f"Content-Length: {len(data)}\r\n\r\n"
     )
     writer.write(head.encode() + data)
     await writer.drain()
+
+
+def _notify(writer: asyncio.StreamWriter, event: Json) -> None:
+    """Send an event through a websocket; a client that does not read is let go."""
+    if writer.transport.get_write_buffer_size() > _MAX_WAITING_BYTES:
+        writer.transport.abort()
+        return
+    data = json.dumps(event).encode()
+    head = [_FINAL | _TEXT, len(data)] if len(data) < _LONG else [_FINAL | _TEXT, _LONG]
+    size = b"" if len(data) < _LONG else struct.pack(">H", len(data))
+    writer.write(bytes(head) + size + data)
 
 
 async def _upgrade(writer: asyncio.StreamWriter, key: str) -> None:

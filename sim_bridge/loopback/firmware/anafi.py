@@ -6,7 +6,7 @@ import logging
 from typing import Final
 
 from sim_bridge.loopback.codec import Received
-from sim_bridge.loopback.firmware.camera import Camera, Gimbal
+from sim_bridge.loopback.firmware.camera import Camera, Gimbal, Shutter
 from sim_bridge.loopback.firmware.core import Core, Part, Travel
 from sim_bridge.loopback.firmware.moves import MoveBy, MoveTo
 from sim_bridge.loopback.firmware.piloting import Flight, Piloting
@@ -20,6 +20,7 @@ from sim_bridge.loopback.firmware.telemetry import (
     publish_identity,
 )
 from sim_bridge.loopback.handshake import Identity
+from sim_bridge.loopback.media import MediaStore
 from sim_bridge.loopback.messages import MessageTable
 from sim_bridge.loopback.world import World, WorldState
 from uav_bt.types import FlyingState, Hover
@@ -49,6 +50,8 @@ class Anafi:
         identity: name and serial number.
         battery: charge, life and thresholds.
         gps: whether it knows where on earth it is, as it does outdoors.
+        shoot: takes a photograph; without it photographs fail.
+        media: keeps photographs; one of its own unless given.
     """
 
     def __init__(
@@ -59,6 +62,8 @@ class Anafi:
         identity: Identity | None = None,
         battery: BatteryOptions | None = None,
         gps: bool = True,
+        shoot: Shutter | None = None,
+        media: MediaStore | None = None,
     ) -> None:
         identity = identity or Identity()
         self._world = world
@@ -91,7 +96,7 @@ class Anafi:
             flight,
             gimbal,
             self.battery,
-            Camera(core),
+            Camera(core, shoot, media or MediaStore()),
             Telemetry(core, gimbal),
         )
         self._handlers: dict[str, Handler] = {

@@ -1,16 +1,24 @@
-"""The gimbal, and photos and recordings as far as clients wait for their answers.
+"""The gimbal, photographs, and recordings as far as clients wait for their answers.
 
-Nothing is stored: a photo is reported as taken and saved, and there is no file.
+Recordings are reported as made, and there is no file.
 """
 
 from __future__ import annotations
 
+import logging
 import math
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Final
 
 from sim_bridge.loopback.firmware.core import Core, Part
 from sim_bridge.loopback.firmware.publisher import Values
+from sim_bridge.loopback.media import MediaStore, Photo
 from sim_bridge.loopback.world import WorldState
+
+_LOG = logging.getLogger(__name__)
+
+Shutter = Callable[[], Future[Photo]]  # takes a photograph
 
 _MIN_DEG: Final = -90.0  # the ANAFI's range, which the twin's camera has, too
 _MAX_DEG: Final = 90.0
@@ -91,7 +99,7 @@ class Gimbal(Part):
         self._core.settings.change("gimbal.offsets", update_state=update_state)
 
 
-_PHOTO_S: Final = 0.5  # s that a photo takes
+_PHOTO_S: Final = 0.5  # s that a photo takes at least
 _CAPABILITIES: Final = {
     "cam_id": 0,
     "model": "main",
@@ -134,9 +142,15 @@ _ZOOM: Final = {
 
 
 class Camera(Part):
-    """Takes photos and recordings; publishes what the camera can do."""
+    """Takes photos and recordings; publishes what the camera can do.
 
-    def __init__(self, core: Core) -> None:
+    Args:
+        core: what the parts share.
+        shoot: takes a photograph; None where there is no camera.
+        media: keeps the photographs.
+    """
+
+    def __init__(self, core: Core, shoot: Shutter | None, media: MediaStore) -> None:
         super().__init__(core)
         self.handlers = {
             "camera.take_photo": self._take_photo,
@@ -144,8 +158,9 @@ class Camera(Part):
             "camera.start_recording": self._start_recording,
             "camera.stop_recording": self._stop_recording,
         }
-        self._started_s: float | None = None  # when the photo under way was started
-        self._photos = 0
+        self._shoot, self._media = shoot, media
+        self._photo: Future[Photo] | None = None  # the one under way
+        self._started_s = -math.inf  # when it was started
         self._recordings = 0
         self._recording = False
         publish = core.publisher.state
@@ -163,26 +178,34 @@ class Camera(Part):
 
     def update(self, state: WorldState) -> None:
         """Finish the photo under way."""
-        if self._started_s is not None and state.time_s - self._started_s >= _PHOTO_S:
-            self._started_s = None
-            media = f"{self._photos:08d}"
-            self._notify_photo("photo_taken", media)
-            self._notify_photo("photo_saved", media)
-            self._publish_photo("inactive")
+        photo = self._photo
+        if photo is None or not photo.done() or state.time_s - self._started_s < _PHOTO_S:
+            return
+        self._photo = None
+        if (fault := photo.exception()) is None:
+            media_id = self._media.add(photo.result())
+            self._notify_photo("photo_taken", media_id)
+            self._notify_photo("photo_saved", media_id)
+        else:
+            _LOG.warning("a photograph failed: %s", fault)
+            self._notify_photo("error")
+        self._publish_photo("inactive")
 
     def _take_photo(self, values: Values, state: WorldState) -> None:
-        if values["cam_id"] != 0 or self._started_s is not None:
+        if values["cam_id"] != 0 or self._photo is not None:
             self._notify_photo("error_bad_state")
-            return
-        self._started_s = state.time_s
-        self._photos += 1
-        self._publish_photo("active")
-        self._notify_photo("taking_photo")
+        elif self._shoot is None:
+            self._notify_photo("error")
+        elif self._media.full:
+            self._notify_photo("error_no_storage_space")
+        else:
+            self._photo, self._started_s = self._shoot(), state.time_s
+            self._publish_photo("active")
+            self._notify_photo("taking_photo")
 
     def _stop_photo(self, _values: Values, state: WorldState) -> None:
-        if self._started_s is not None:
-            self._started_s = state.time_s - _PHOTO_S
-            self.update(state)
+        self._started_s = -math.inf
+        self.update(state)
 
     def _start_recording(self, values: Values, state: WorldState) -> None:
         if values["cam_id"] != 0 or self._recording:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from sim_bridge.loopback.codec import Received, decode
 from sim_bridge.loopback.firmware.anafi import Anafi
+from sim_bridge.loopback.firmware.camera import Shutter
 from sim_bridge.loopback.firmware.telemetry import BatteryOptions
+from sim_bridge.loopback.media import MediaStore, Photo
 from sim_bridge.loopback.messages import MessageType, message_table
-from sim_bridge.loopback.world import WorldLimits, WorldState
+from sim_bridge.loopback.world import Location, WorldLimits, WorldState
 from sim_bridge.twin.reference import Pace
 from uav_bt.types import (
     Attitude,
@@ -143,6 +146,29 @@ class FakeWorld:
         self._state = replace(self._state, **changes)
 
 
+PHOTO = Photo(
+    jpeg=b"\xff\xd8 a photograph \xff\xd9",
+    thumbnail=b"\xff\xd8 small \xff\xd9",
+    size_px=(640, 360),
+    taken_utc_s=1_529_154_916.0,
+    location=Location(latitude_deg=48.0, longitude_deg=2.0, altitude_m=40.0),
+)
+
+
+def taken(photo: Photo | Exception = PHOTO) -> Shutter:
+    """A camera that takes this photograph at once, or fails so."""
+
+    def shoot() -> Future[Photo]:
+        future: Future[Photo] = Future()
+        if isinstance(photo, Exception):
+            future.set_exception(photo)
+        else:
+            future.set_result(photo)
+        return future
+
+    return shoot
+
+
 @dataclass
 class Bench:
     """The firmware in a fake world, and all the events it sent."""
@@ -151,9 +177,18 @@ class Bench:
     world: FakeWorld = field(default_factory=FakeWorld)
     events: list[Received] = field(default_factory=list)
     gps: bool = True
+    shoot: Shutter | None = field(default_factory=taken)
+    media: MediaStore = field(default_factory=MediaStore)
 
     def __post_init__(self) -> None:
-        self.anafi = Anafi(self.world, message_table(), battery=self.battery, gps=self.gps)
+        self.anafi = Anafi(
+            self.world,
+            message_table(),
+            battery=self.battery,
+            gps=self.gps,
+            shoot=self.shoot,
+            media=self.media,
+        )
         self.connect()
 
     def connect(self) -> None:
