@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin import textures
 from sim_bridge.twin.scene import (
-    CARPET_SIZE_M,
-    ROOM_SIZE_M,
     BoxSpec,
     Helipad,
     Lighting,
     Scene,
+    Vector2,
     Vector3,
+    box_names,
 )
+from sim_bridge.twin.solids import Solid, box_mesh, stacked, yaw_quaternion
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.types import BODY_SIZE_M
 
@@ -35,19 +36,9 @@ _SEEN_GROUP = 0
 _HIT_GROUP = 3  # not drawn by default
 _DRONE_GROUP = 4  # not drawn by default: the drone never sees itself
 
-_PAPER_M = 0.001  # a roof is a sheet of this thickness, the uppermost part of its box
 _PAINT_M = 0.0001  # the H is raised above the pad by this, enough to be drawn over it
 _FLOOR_M = -0.004  # the carpet's thickness; its surface is z = 0
 _H_SHARE = 0.8  # share of the pad's top that the H panel covers, each way
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Solid:
-    """An upright box: half sizes, centre, and yaw counter-clockwise."""
-
-    half_m: Vector3
-    centre_m: Vector3
-    yaw_rad: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,17 +60,18 @@ def build_model(scene: Scene) -> LabModel:
     Returns:
         The MuJoCo model, with the drone's free joint as the first seven coordinates.
     """
-    builder = _Builder()
-    builder.room()
+    builder = _Builder(math.hypot(*scene.room_size_m))
+    builder.room(scene.room_size_m)
+    builder.carpet(scene.ground.size_m)
     builder.lights(scene.lighting)
     builder.helipad(scene.helipad)
-    for box in scene.boxes:
-        builder.box(box)
+    for name, box in zip(box_names(scene.boxes), scene.boxes, strict=True):
+        builder.box(name, box)
     return builder.done()
 
 
 class _Builder:
-    def __init__(self) -> None:
+    def __init__(self, diagonal_m: float) -> None:
         self.spec = mujoco.MjSpec()
         self.spec.option.timestep = PHYSICS_STEP_S
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -87,7 +79,7 @@ class _Builder:
         self.spec.stat.extent = 8.0
         self.spec.stat.center = (0.0, 0.0, 1.0)
         self.spec.visual.map.znear = 0.02 / 8.0
-        self.spec.visual.map.zfar = 20.0 / 8.0
+        self.spec.visual.map.zfar = max(20.0, diagonal_m) / 8.0
         self.spec.visual.map.shadowclip = 1.0
         self.spec.visual.quality.shadowsize = 2048
         self.spec.visual.headlight.active = 0
@@ -119,12 +111,12 @@ class _Builder:
             friction=(0.8, 0.01, 0.001),
         )
 
-    def room(self) -> None:
-        hx, hy, hz = (size / 2 for size in ROOM_SIZE_M)
+    def room(self, size_m: Vector3) -> None:
+        hx, hy, hz = (side / 2 for side in size_m)
         middle = hz + _FLOOR_M
         slabs = {
             "floor": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M - 0.05)),
-            "ceiling": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M + ROOM_SIZE_M[2] + 0.05)),
+            "ceiling": ((hx, hy, 0.05), (0.0, 0.0, _FLOOR_M + size_m[2] + 0.05)),
             "wall-east": ((0.05, hy, hz), (hx + 0.05, 0.0, middle)),
             "wall-west": ((0.05, hy, hz), (-hx - 0.05, 0.0, middle)),
             "wall-north": ((hx, 0.05, hz), (0.0, hy + 0.05, middle)),
@@ -134,16 +126,18 @@ class _Builder:
         for kind, (value, seed) in greys.items():
             self._texture(kind, textures.plain(value, seed))
         for name, (size, position) in slabs.items():
-            slab = _Solid(half_m=size, centre_m=position)
+            slab = Solid(half_m=size, centre_m=position)
             kind = name.split("-")[0]
             self._show(f"{name}/seen", slab, material=kind, class_id=BACKGROUND, tile_m=(5.0, 5.0))
             self._hit(name, slab)
-        self._texture("carpet", textures.carpet())
-        carpet = _Solid(
-            half_m=(CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2, -_FLOOR_M / 2),
+
+    def carpet(self, size_m: Vector2) -> None:
+        self._texture("carpet", textures.carpet(size_m))
+        carpet = Solid(
+            half_m=(size_m[0] / 2, size_m[1] / 2, -_FLOOR_M / 2),
             centre_m=(0.0, 0.0, _FLOOR_M / 2),
         )
-        self._show("carpet/seen", carpet, material="carpet", class_id=CARPET, tile_m=CARPET_SIZE_M)
+        self._show("carpet/seen", carpet, material="carpet", class_id=CARPET, tile_m=size_m)
         self._hit("carpet", carpet)
 
     def lights(self, lighting: Lighting) -> None:
@@ -167,7 +161,7 @@ class _Builder:
     def helipad(self, pad: Helipad) -> None:
         self._texture("stripes", textures.stripes())
         self._texture("h", textures.helipad_top())
-        whole, _, _ = _stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
+        whole, _, _ = stacked(pad.position_m, pad.size_m, math.radians(pad.yaw_deg))
         width, depth, height = pad.size_m
         panel_m = (_H_SHARE * width, _H_SHARE * depth)
         half_m, centre_m = (panel_m[0] / 2, panel_m[1] / 2, _PAINT_M), (*pad.position_m, height)
@@ -177,20 +171,20 @@ class _Builder:
         self._show("helipad/h", panel, material="h", class_id=HELIPAD_H, tile_m=panel_m)
         self._hit("helipad", whole)
 
-    def box(self, box: BoxSpec) -> None:
-        name, roof = f"box-{box.pattern}", f"roof-{box.roof}"
-        self._texture(name, textures.side(box.pattern))
+    def box(self, name: str, box: BoxSpec) -> None:
+        side, roof = f"box-{box.pattern}", f"roof-{box.roof}"
+        self._texture(side, textures.side(box.pattern))
         self._texture(roof, textures.roof(box.roof))
-        whole, body, sheet = _stacked(box.position_m, box.size_m, math.radians(box.yaw_deg))
+        whole, body, sheet = stacked(box.position_m, box.size_m, math.radians(box.yaw_deg))
         tile_m = (textures.TILE_M, textures.TILE_M)
         side_class, roof_class = BOXES[box.pattern - 1], ROOFS[box.roof - 1]
-        self._show(f"{name}/side", body, material=name, class_id=side_class, tile_m=tile_m)
+        self._show(f"{name}/side", body, material=side, class_id=side_class, tile_m=tile_m)
         self._show(f"{name}/roof", sheet, material=roof, class_id=roof_class, tile_m=tile_m)
         self._hit(name, whole)
 
     def _texture(self, name: str, image: NDArray[np.uint8]) -> None:
         if self.spec.material(name) is not None:
-            return  # two boxes have the same roof
+            return  # two boxes have the same paper
         texture = self.spec.add_texture(
             name=name,
             type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -206,14 +200,14 @@ class _Builder:
     def _show(
         self,
         name: str,
-        solid: _Solid,
+        solid: Solid,
         *,
         material: str,
         class_id: int,
         tile_m: tuple[float, float],
     ) -> None:
         """Add something that is seen but not hit."""
-        vertices, faces, coordinates = _box_mesh(solid.half_m, tile_m)
+        vertices, faces, coordinates = box_mesh(solid.half_m, tile_m)
         mesh = self.spec.add_mesh(name=name)
         mesh.uservert = vertices.ravel()
         mesh.userface = faces.ravel()
@@ -224,7 +218,7 @@ class _Builder:
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=name,
             pos=solid.centre_m,
-            quat=_yaw_quaternion(solid.yaw_rad),
+            quat=yaw_quaternion(solid.yaw_rad),
             material=material,
             group=_SEEN_GROUP,
             contype=0,
@@ -232,67 +226,13 @@ class _Builder:
         )
         self._classes[name] = class_id
 
-    def _hit(self, name: str, solid: _Solid) -> None:
+    def _hit(self, name: str, solid: Solid) -> None:
         """Add something that is hit but not seen."""
         self.spec.worldbody.add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=solid.half_m,
             pos=solid.centre_m,
-            quat=_yaw_quaternion(solid.yaw_rad),
+            quat=yaw_quaternion(solid.yaw_rad),
             group=_HIT_GROUP,
         )
-
-
-def _stacked(
-    position_m: tuple[float, float], size_m: Vector3, yaw_rad: float
-) -> tuple[_Solid, _Solid, _Solid]:
-    """Return a standing box whole, without its paper-thin top, and that top."""
-    half_x, half_y, half_z = (size / 2 for size in size_m)
-    sheet = _PAPER_M / 2
-
-    def part(half_height_m: float, middle_m: float) -> _Solid:
-        half_m, centre_m = (half_x, half_y, half_height_m), (*position_m, middle_m)
-        return _Solid(half_m=half_m, centre_m=centre_m, yaw_rad=yaw_rad)
-
-    body = part(half_z - sheet, half_z - sheet)
-    return part(half_z, half_z), body, part(sheet, size_m[2] - sheet)
-
-
-def _yaw_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
-    return math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
-
-
-def _box_mesh(
-    half_m: Vector3, tile_m: tuple[float, float]
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]:
-    """Make a box with four vertices a face, so that each face has its own texture coordinates.
-
-    Textures are laid in metres from each face's middle, upright on the sides.
-
-    Returns:
-        Vertices (24, 3) in metres, triangles (12, 3), texture coordinates (24, 2) in tiles.
-    """
-    hx, hy, hz = half_m
-    # Per face: its normal, the direction of u, the direction of v, and half extents along u, v.
-    faces = (
-        ((1, 0, 0), (0, 1, 0), (0, 0, 1), hy, hz),
-        ((-1, 0, 0), (0, -1, 0), (0, 0, 1), hy, hz),
-        ((0, 1, 0), (-1, 0, 0), (0, 0, 1), hx, hz),
-        ((0, -1, 0), (1, 0, 0), (0, 0, 1), hx, hz),
-        ((0, 0, 1), (1, 0, 0), (0, 1, 0), hx, hy),
-        ((0, 0, -1), (1, 0, 0), (0, -1, 0), hx, hy),
-    )
-    half = np.array(half_m)
-    vertices, coordinates, triangles = [], [], []
-    for index, (normal, u, v, half_u, half_v) in enumerate(faces):
-        for su, sv in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-            vertices.append((np.array(normal) + su * np.array(u) + sv * np.array(v)) * half)
-            coordinates.append((0.5 + su * half_u / tile_m[0], 0.5 + sv * half_v / tile_m[1]))
-        first = 4 * index
-        triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-    return (
-        np.array(vertices, np.float32),
-        np.array(triangles, np.int32),
-        np.array(coordinates, np.float32),
-    )

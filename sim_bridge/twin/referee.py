@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.render import Renderer
-from sim_bridge.twin.scene import Scene
+from sim_bridge.twin.scene import Scene, box_names
 from sim_bridge.twin.simulation import Capture, Simulation
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Frame, Pose, Truth
 from uav_bt.types.ground import Ground
 
-_FAR_M = 20.0  # beyond the room
+_FAR_M = 30.0  # beyond any room
 
 
 class TwinReferee:
@@ -30,7 +30,7 @@ class TwinReferee:
         self._lab = lab
         self._simulation = simulation
         self._renderer = renderer
-        self._boxes = [lab.model.geom(f"box-{box.pattern}").id for box in scene.boxes]
+        self._boxes = [lab.model.geom(name).id for name in box_names(scene.boxes)]
 
     def truth(self) -> Truth:
         """Return the truth of this moment; contacts include those of the last 0.1 s."""

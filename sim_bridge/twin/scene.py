@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,8 +13,11 @@ from uav_bt.errors import ValueRangeError
 from uav_bt.types import PAD_SIZE_M
 from uav_bt.types.ground import Footprint, Ground, Standing
 
-CARPET_SIZE_M = (5.0, 4.0)  # along x and y, centred on the origin
-ROOM_SIZE_M = (10.0, 10.0, 5.0)  # centred on the origin, the floor at z = 0
+CARPET_SIZE_M = (5.0, 4.0)  # the paper's, along x and y, centred on the origin
+ROOM_SIZE_M = (10.0, 10.0, 5.0)  # the least, centred on the origin, the floor at z = 0
+_BESIDE_M = 2.5  # of room on every side of the ground, at least
+_GROUND_SIDES_M = (2.0, 12.0)
+MAX_BOXES = 64  # the class masks tell fewer than 256 drawn things apart; a box is two
 PATTERN_COUNT = len(BOXES)
 MAX_HEIGHT_M = 4.0  # a metre of air stays below the ceiling
 
@@ -29,13 +33,6 @@ def _check_item(what: str, position_m: Vector2, yaw_deg: float, size_m: Vector3)
             f"{what}: size_m must be at least 0.05 m each way and at most {MAX_HEIGHT_M} m high, "
             f"got {list(size_m)}"
         )
-    half_x, half_y = CARPET_SIZE_M[0] / 2, CARPET_SIZE_M[1] / 2
-    for x, y in _footprint(position_m, yaw_deg, size_m).corners():
-        if abs(x) > half_x + 1e-9 or abs(y) > half_y + 1e-9:
-            raise ValueRangeError(
-                f"{what} at {list(position_m)} stands outside the carpet: a corner is at "
-                f"({x:.2f}, {y:.2f}), the carpet ends at x = +-{half_x}, y = +-{half_y}"
-            )
 
 
 def _footprint(position_m: Vector2, yaw_deg: float, size_m: Vector3) -> Footprint:
@@ -49,11 +46,29 @@ def _footprint(position_m: Vector2, yaw_deg: float, size_m: Vector3) -> Footprin
 
 
 @dataclass(frozen=True, kw_only=True)
+class GroundSpec:
+    """The carpet that is flown over.
+
+    Raises:
+        ValueRangeError: it is too small or too large.
+    """
+
+    size_m: Vector2 = CARPET_SIZE_M  # along x and y, centred on the origin
+
+    def __post_init__(self) -> None:
+        low, high = _GROUND_SIDES_M
+        if not all(low <= side <= high for side in self.size_m):
+            raise ValueRangeError(
+                f"ground: size_m must be {low:g} to {high:g} m a side, got {list(self.size_m)}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class BoxSpec:
     """A cardboard box wrapped in printed paper, standing on the carpet.
 
     Raises:
-        ValueRangeError: a number is out of range or the box stands outside the carpet.
+        ValueRangeError: a number is out of range.
     """
 
     pattern: int  # 1 to 8; decides the side's texture and class, and the roof's
@@ -84,7 +99,7 @@ class Helipad:
     """The landing box: an H on top, yellow-red stripes around.
 
     Raises:
-        ValueRangeError: a number is out of range or it stands outside the carpet.
+        ValueRangeError: a number is out of range.
     """
 
     position_m: Vector2  # centre on the carpet, world x and y
@@ -139,23 +154,57 @@ class TakeOffSpec:
             raise ValueRangeError(f"take_off: yaw_deg must be finite, got {self.yaw_deg}")
 
 
-def layout_problem(helipad: Helipad, boxes: Sequence[BoxSpec]) -> tuple[int, str] | None:
-    """Find what is wrong with how the boxes stand together.
+@dataclass(frozen=True, kw_only=True)
+class LayoutProblem:
+    """What is wrong with how things stand together."""
 
-    Returns:
-        The index of the offending box and a message, or None when all is well.
-    """
-    if len(boxes) > PATTERN_COUNT:
-        return PATTERN_COUNT, f"at most {PATTERN_COUNT} boxes, got {len(boxes)}"
-    for index, box in enumerate(boxes):
-        for other in boxes[:index]:
-            if box.pattern == other.pattern:
-                return index, f"pattern {box.pattern} is used twice; each box needs its own"
-            if box.footprint.overlaps(other.footprint):
-                return index, f"box {box.pattern} overlaps box {other.pattern}"
-        if box.footprint.overlaps(helipad.footprint):
-            return index, f"box {box.pattern} overlaps the helipad"
+    place: tuple[str | int, ...]  # the keys and indices that lead to the offender in a scene file
+    message: str
+
+
+def layout_problem(
+    helipad: Helipad, boxes: Sequence[BoxSpec], ground: GroundSpec
+) -> LayoutProblem | None:
+    """Return what is wrong with how helipad and boxes stand together; None when all is well."""
+    outside = _outside(ground, helipad.footprint)
+    if outside is not None:
+        return LayoutProblem(place=("helipad",), message=f"the helipad {outside}")
+    if len(boxes) > MAX_BOXES:
+        message = f"at most {MAX_BOXES} boxes, got {len(boxes)}"
+        return LayoutProblem(place=("boxes", MAX_BOXES), message=message)
+    names = box_names(boxes)
+    for index, (box, name) in enumerate(zip(boxes, names, strict=True)):
+        wrong = _outside(ground, box.footprint)
+        for other, other_name in zip(boxes[:index], names, strict=False):
+            if wrong is None and box.footprint.overlaps(other.footprint):
+                wrong = f"overlaps {other_name}"
+        if wrong is None and box.footprint.overlaps(helipad.footprint):
+            wrong = "overlaps the helipad"
+        if wrong is not None:
+            return LayoutProblem(place=("boxes", index), message=f"{name} {wrong}")
     return None
+
+
+def _outside(ground: GroundSpec, footprint: Footprint) -> str | None:
+    half_x, half_y = (side / 2 for side in ground.size_m)
+    for x, y in footprint.corners():
+        if abs(x) > half_x + 1e-9 or abs(y) > half_y + 1e-9:
+            return (
+                f"at [{footprint.x_m:g}, {footprint.y_m:g}] stands outside the carpet: a corner is "
+                f"at ({x:.2f}, {y:.2f}), the carpet ends at x = +-{half_x:g}, y = +-{half_y:g}"
+            )
+    return None
+
+
+def box_names(boxes: Sequence[BoxSpec]) -> tuple[str, ...]:
+    """Return what contacts and messages call boxes: `box-3`, and `box-3-2` for its second."""
+    counts: Counter[int] = Counter()
+    names = []
+    for box in boxes:
+        counts[box.pattern] += 1
+        count = counts[box.pattern]
+        names.append(f"box-{box.pattern}" if count == 1 else f"box-{box.pattern}-{count}")
+    return tuple(names)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,39 +212,46 @@ class Scene:
     """One arrangement of the lab.
 
     Raises:
-        ValueRangeError: boxes overlap, a pattern is used twice, or the take-off point is taken.
+        ValueRangeError: things overlap or stand outside the carpet, or the take-off point is taken.
     """
 
     name: str
     helipad: Helipad
     boxes: tuple[BoxSpec, ...] = ()
+    ground: GroundSpec = field(default_factory=GroundSpec)
     lighting: Lighting = field(default_factory=Lighting)
     take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
 
     def __post_init__(self) -> None:
-        problem = layout_problem(self.helipad, self.boxes)
+        problem = layout_problem(self.helipad, self.boxes, self.ground)
         if problem is not None:
-            raise ValueRangeError(f"scene '{self.name}': {problem[1]}")
+            raise ValueRangeError(f"scene '{self.name}': {problem.message}")
         if self.take_off.position_m is not None:
             self._check_take_off(*self.take_off.position_m)
 
     def _check_take_off(self, x_m: float, y_m: float) -> None:
-        inside = abs(x_m) <= CARPET_SIZE_M[0] / 2 and abs(y_m) <= CARPET_SIZE_M[1] / 2
-        if not inside:
+        if not self.ground_plan.contains(x_m, y_m):
             raise ValueRangeError(
-                f"take_off: ({x_m}, {y_m}) is outside the carpet of {CARPET_SIZE_M} m"
+                f"take_off: ({x_m}, {y_m}) is outside the carpet of {self.ground.size_m} m"
             )
-        for box in self.boxes:
+        for box, name in zip(self.boxes, box_names(self.boxes), strict=True):
             if box.footprint.distance_m(x_m, y_m) < 0.25:
-                raise ValueRangeError(
-                    f"take_off: ({x_m}, {y_m}) is within 0.25 m of box {box.pattern}"
-                )
+                raise ValueRangeError(f"take_off: ({x_m}, {y_m}) is within 0.25 m of {name}")
+
+    @property
+    def room_size_m(self) -> Vector3:
+        """The room around the ground: along x and y, centred on the origin, and its height."""
+        x_m, y_m = (
+            max(least, side + 2.0 * _BESIDE_M)
+            for least, side in zip(ROOM_SIZE_M, self.ground.size_m, strict=False)
+        )
+        return x_m, y_m, ROOM_SIZE_M[2]
 
     @cached_property
     def ground_plan(self) -> Ground:
         """The ground and what stands on it, the helipad included."""
         return Ground(
-            size_m=CARPET_SIZE_M,
+            size_m=self.ground.size_m,
             standing=tuple(
                 Standing(footprint=footprint, height_m=size_m[2])
                 for footprint, size_m in (

@@ -12,6 +12,7 @@ from pydantic import Field, TypeAdapter
 
 from sim_bridge.twin.scene import (
     BoxSpec,
+    GroundSpec,
     Helipad,
     Lighting,
     Scene,
@@ -55,14 +56,15 @@ def load_scene(name_or_path: str | Path) -> Scene:
         remedy="`uav-bt lab scenes` lists the shipped scenes",
     )
     found = file.value
-    problem = layout_problem(found.helipad, found.boxes)
+    problem = layout_problem(found.helipad, found.boxes, found.ground)
     if problem is not None:
-        raise file.error(problem[1], "boxes", problem[0])
+        raise file.error(problem.message, *problem.place)
     try:
         return Scene(
             name=found.name or path.stem,
             helipad=found.helipad,
             boxes=found.boxes,
+            ground=found.ground,
             lighting=found.lighting,
             take_off=found.take_off.spec(),
         )
@@ -105,5 +107,6 @@ class _SceneFile:
         None
     )
     boxes: tuple[BoxSpec, ...] = ()
+    ground: GroundSpec = field(default_factory=GroundSpec)
     lighting: Lighting = field(default_factory=Lighting)
     take_off: _TakeOff = field(default_factory=lambda: _TakeOff(start="helipad"))

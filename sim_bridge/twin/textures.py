@@ -229,22 +229,23 @@ def _silver_diamonds(seed: int) -> Image:
 
 
 @cache
-def carpet() -> Image:
-    """Return the whole carpet, (1024, 1280, 3): 4 m by 5 m, woven motifs that repeat nowhere.
+def carpet(size_m: tuple[float, float]) -> Image:
+    """Return a whole carpet, 256 pixels a metre along x (columns) and y: (H, W, 3).
 
-    Features at every scale, none of them regular, so that no place looks like another.
+    Motifs are woven at every scale, none of them regular, so that no place looks like another.
     """
     rng = np.random.default_rng(300)
-    height, width = 1024, 1280
+    width, height = (round(256 * side) for side in size_m)
     weave: NDArray[np.float32] = np.zeros((height, width), np.float32)
-    for cells, weight in ((10, 0.5), (40, 0.9), (160, 0.7)):
-        coarse = rng.normal(0.0, 1.0, (cells * 4 // 5, cells)).astype(np.float32)
+    for cells_a_metre, weight in ((2, 0.5), (8, 0.9), (32, 0.7)):
+        columns, rows = (round(cells_a_metre * side) for side in size_m)
+        coarse = rng.normal(0.0, 1.0, (rows, columns)).astype(np.float32)
         weave += weight * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
     light = np.array(_rgb(192, 0.24, 0.68), np.float32)
     dark = np.array(_rgb(200, 0.42, 0.36), np.float32)
     share = (1.0 / (1.0 + np.exp(-2.2 * weave)))[..., None]
     image = (dark + share * (light - dark)).astype(np.uint8)
-    for _ in range(900):
+    for _ in range(round(45 * size_m[0] * size_m[1])):
         x, y = int(rng.integers(width)), int(rng.integers(height))
         size = int(rng.integers(5, 13))
         colour = _rgb(38, 0.30, 0.78) if rng.random() < 0.5 else _rgb(205, 0.55, 0.25)

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from sim_bridge.twin.noise import child_seed
-from sim_bridge.twin.scene import CARPET_SIZE_M, BoxSpec, Helipad, Lighting, Scene, layout_problem
+from sim_bridge.twin.scene import BoxSpec, Lighting, Scene, layout_problem
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import BODY_SIZE_M, Pose
 
@@ -62,18 +62,18 @@ def _placed(scene: Scene, rng: np.random.Generator) -> tuple[BoxSpec, ...]:
     for _ in range(_TRIES):
         if len(placed) == len(scene.boxes):
             return tuple(placed)
-        box = _drawn(scene.boxes[len(placed)].pattern, rng)
-        if _fits(box, placed, scene.helipad):
+        box = _drawn(scene, scene.boxes[len(placed)].pattern, rng)
+        if _fits(box, placed, scene):
             placed.append(box)
         elif rng.random() < 0.01:  # the first boxes may leave no room for the rest
             placed.clear()
     raise ValueRangeError(f"no room for {len(scene.boxes)} boxes in scene '{scene.name}'")
 
 
-def _drawn(pattern: int, rng: np.random.Generator) -> BoxSpec:
+def _drawn(scene: Scene, pattern: int, rng: np.random.Generator) -> BoxSpec:
     high = rng.random() < _HIGH_SHARE
     heights = (_HIGH_M, _HEIGHTS_M[1]) if high else (_HEIGHTS_M[0], _HIGH_M)
-    across, along = (side / 2 - _FROM_EDGE_M for side in CARPET_SIZE_M)
+    across, along = (side / 2 - _FROM_EDGE_M for side in scene.ground.size_m)
     return BoxSpec(
         pattern=pattern,
         position_m=(_rounded(rng, -across, across), _rounded(rng, -along, along)),
@@ -86,11 +86,11 @@ def _rounded(rng: np.random.Generator, low: float, high: float) -> float:
     return round(float(rng.uniform(low, high)), 2)
 
 
-def _fits(box: BoxSpec, placed: list[BoxSpec], helipad: Helipad) -> bool:
+def _fits(box: BoxSpec, placed: list[BoxSpec], scene: Scene) -> bool:
     apart = all(math.dist(box.position_m, other.position_m) >= _APART_M for other in placed)
-    if not apart or math.dist(box.position_m, helipad.position_m) < _FROM_PAD_M:
+    if not apart or math.dist(box.position_m, scene.helipad.position_m) < _FROM_PAD_M:
         return False
-    return layout_problem(helipad, (*placed, box)) is None
+    return layout_problem(scene.helipad, (*placed, box), scene.ground) is None
 
 
 def start_pose(scene: Scene, seed: int) -> Pose:
@@ -117,10 +117,7 @@ def _standing(scene: Scene, x_m: float, y_m: float, yaw_rad: float) -> Pose:
 def _random_pose(scene: Scene, seed: int) -> Pose:
     generator = np.random.default_rng(child_seed(seed, 6))
     taken = [box.footprint for box in scene.boxes] + [scene.helipad.footprint]
-    half_x, half_y = (
-        CARPET_SIZE_M[0] / 2 - _START_FROM_EDGE_M,
-        CARPET_SIZE_M[1] / 2 - _START_FROM_EDGE_M,
-    )
+    half_x, half_y = (side / 2 - _START_FROM_EDGE_M for side in scene.ground.size_m)
     for _ in range(_START_TRIES):
         x, y = float(generator.uniform(-half_x, half_x)), float(generator.uniform(-half_y, half_y))
         if all(footprint.distance_m(x, y) >= _START_FROM_BOX_M for footprint in taken):

@@ -14,7 +14,7 @@ from sim_bridge.twin.camera import CameraPose, Optics
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.profile import Profile
-from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from sim_bridge.twin.scene import Scene
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 
@@ -129,7 +129,7 @@ def sample_flight_poses(
 
 
 def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool) -> CameraPose:
-    half_x, half_y = CARPET_SIZE_M[0] / 2 - _MARGIN_M, CARPET_SIZE_M[1] / 2 - _MARGIN_M
+    half_x, half_y = (side / 2 - _MARGIN_M for side in scene.ground.size_m)
     pad_x, pad_y = scene.helipad.position_m
     for _ in range(_TRIES):
         if landing:

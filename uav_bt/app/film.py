@@ -19,7 +19,7 @@ from rich.console import Console
 from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
-from sim_bridge.twin.scene import CARPET_SIZE_M, Scene
+from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight import Listeners
 from uav_bt.board import METRIC_DEPTH
@@ -44,7 +44,7 @@ def map_of_scene(scene: Scene) -> LabMap:
     """Return the map of a scene of the twin, boxes in the colours of their class."""
     pad = scene.helipad
     return LabMap(
-        carpet_size_m=CARPET_SIZE_M,
+        carpet_size_m=scene.ground.size_m,
         boxes=tuple(
             _item(box.position_m, box.yaw_deg, box.size_m, BOXES[box.pattern - 1])
             for box in scene.boxes

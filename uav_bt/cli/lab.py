@@ -53,6 +53,7 @@ def _line(scene: Scene) -> str:
     heights = [box.size_m[2] for box in scene.boxes]
     span = f", {min(heights):.2f} to {max(heights):.2f} m high" if heights else ""
     x_m, y_m = scene.helipad.position_m
+    wide_m, deep_m = scene.ground.size_m
     start = scene.take_off
     if start.random:
         place = "a random place"
@@ -61,7 +62,8 @@ def _line(scene: Scene) -> str:
     else:
         place = "the helipad"
     return (
-        f"{len(scene.boxes)} boxes{span} ({tall} reach {_FLIGHT_HEIGHT_M} m), "
+        f"{wide_m:g} x {deep_m:g} m, {len(scene.boxes)} boxes{span} "
+        f"({tall} reach {_FLIGHT_HEIGHT_M} m), "
         f"helipad at ({x_m:g}, {y_m:g}), take-off from {place}"
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.drone import TwinDrone
-from sim_bridge.twin.scene import CARPET_SIZE_M, ROOM_SIZE_M, Scene
+from sim_bridge.twin.scene import Scene
 from uav_bt.types import Command, Movement, Observation
 from uav_bt.types.ground import Footprint
 
@@ -45,17 +45,17 @@ def cast_rays(
 
 
 def _cast(scene: Scene, origin: NDArray[np.float64], ray: NDArray[np.float64]) -> tuple[int, float]:
-    half = np.array((ROOM_SIZE_M[0] / 2, ROOM_SIZE_M[1] / 2))
+    half = np.array(scene.room_size_m[:2]) / 2
     best, found = math.inf, 0
     walls = [(half[k] * np.sign(ray[k]) - origin[k]) / ray[k] for k in (0, 1) if ray[k]]
     best = min(walls, default=math.inf)
     if ray[2] > 0.0:
-        best = min(best, (ROOM_SIZE_M[2] - 0.004 - origin[2]) / ray[2])
+        best = min(best, (scene.room_size_m[2] - 0.004 - origin[2]) / ray[2])
     else:
         best = min(best, (-0.004 - origin[2]) / ray[2])
         t = -origin[2] / ray[2]
         x, y = (origin + t * ray)[:2]
-        if abs(x) <= CARPET_SIZE_M[0] / 2 and abs(y) <= CARPET_SIZE_M[1] / 2 and t < best:
+        if scene.ground_plan.contains(x, y) and t < best:
             best, found = t, 1
     pad = scene.helipad
     things = [(box.footprint, box.size_m[2], 3 + box.pattern, 11 + box.roof) for box in scene.boxes]

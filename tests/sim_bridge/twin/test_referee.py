@@ -99,6 +99,27 @@ def test_leaving_the_carpet_is_seen(make_twin: MakeTwin, wall_scene: str) -> Non
     assert not referee_of(drone).truth().inside_carpet
 
 
+def test_the_carpet_of_a_larger_place_ends_later(make_twin: MakeTwin, tmp_path: Path) -> None:
+    """3.2 m from the middle: outside the paper's carpet, inside one of 8 m."""
+    path = tmp_path / "wide.yaml"
+    path.write_text("ground: {size_m: [8, 4]}\nhelipad: {position_m: [3.2, 0]}\n", encoding="utf-8")
+    referee = referee_of(make_twin(scene=str(path)))
+    assert referee.truth().inside_carpet
+    assert referee.ground().size_m == (8.0, 4.0)
+
+
+def test_boxes_of_one_pattern_are_told_apart(make_twin: MakeTwin, tmp_path: Path) -> None:
+    """The second of a pattern has a name of its own, and counts for the clearance."""
+    path = tmp_path / "twice.yaml"
+    second = "  - {pattern: 1, position_m: [2.0, 1.5], size_m: [0.4, 0.4, 1]}\n"
+    path.write_text(WALL.replace("boxes:\n", "boxes:\n" + second), encoding="utf-8")
+    drone = make_twin(scene=str(path), airborne=True)
+    fly(drone, Velocity(forward_mps=0.5), 5.0)
+    hit = referee_of(drone).truth()
+    assert hit.contacts == ("box-1-2",)
+    assert hit.clearance_m < 0.005
+
+
 def test_without_boxes_the_clearance_is_infinite(make_twin: MakeTwin, tmp_path: Path) -> None:
     """Nothing to be near to."""
     path = tmp_path / "bare.yaml"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sim_bridge.anafi import anafi_camera
+from sim_bridge.twin import textures
 from sim_bridge.twin.model import build_model
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.scene import CARPET_SIZE_M, Helipad, Scene
@@ -29,9 +30,10 @@ def pose(x: float, y: float, z: float, yaw_deg: float, pitch_deg: float) -> Came
     )
 
 
-def test_ids_and_depth_agree_with_ray_casting() -> None:
+@pytest.mark.parametrize("name", ["train-b", "benchmarks/scenes/hall-10m.yaml"])
+def test_ids_and_depth_agree_with_ray_casting(name: str) -> None:
     """Of 1,500 pixels at most 3 (on edges) differ in class; the others agree within 1 mm."""
-    scene = load_scene("train-b")
+    scene = load_scene(name)
     generator = np.random.default_rng(4)
     poses = sample_flight_poses(scene, generator, 15)
     wrong = 0
@@ -62,6 +64,18 @@ def test_carpet_corners_appear_where_the_camera_model_projects_them(size: tuple[
     assert columns.max() + 0.5 == pytest.approx(right, abs=1.0)
     assert columns.min() - 0.5 == pytest.approx(2 * camera.cx_px - right, abs=1.0)
     assert (rows.min(), rows.max()) == (0, size[1] - 1)
+
+
+def test_a_larger_carpet_is_the_same_weave_at_the_same_scale() -> None:
+    """As coarse and as many motifs a metre: neighbouring pixels resemble each other as much."""
+    paper, hall = (textures.carpet(size) for size in ((5.0, 4.0), (10.0, 10.0)))
+    assert (paper.shape, hall.shape) == ((1024, 1280, 3), (2560, 2560, 3))
+    for shift in (1, 8, 64):
+        alike = [
+            np.corrcoef(image[:, shift:, 0].ravel(), image[:, :-shift, 0].ravel())[0, 1]
+            for image in (paper, hall)
+        ]
+        assert alike[0] == pytest.approx(alike[1], abs=0.06)
 
 
 def test_a_known_carpet_point_has_the_depth_of_its_projection() -> None:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from sim_bridge.twin.scene import box_names
 from sim_bridge.twin.scene_file import load_scene, scene_names
 from uav_bt.errors import SceneError, UnknownNameError
 from uav_bt.types.ground import Footprint
 
+SCENES = Path(__file__).parents[3] / "benchmarks" / "scenes"
 GOOD = """\
 name: mine
 helipad: {position_m: [-1.9, -1.4], yaw_deg: 0, size_m: [0.5, 0.5, 0.4]}
@@ -87,12 +89,14 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
     [
         ("boxes:", "boxs:", 3, "boxs: unknown key; did you mean 'boxes'? (known: helipad,"),
         ("pattern: 1,", "patern: 1,", 4, "did you mean 'pattern'?"),
-        ("pattern: 2", "pattern: 1", 5, "pattern 1 is used twice"),
         ("pattern: 2", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),
         ("pattern: 2", "pattern: 1.5", 5, "boxes[1].pattern: expected a whole number, got '1.5'"),
         ("pattern: 2, ", "", 5, "boxes[1]: lacks the key 'pattern'"),
         ("[1.4, 0.9]", "[2.4, 0.9]", 5, "outside the carpet"),
-        ("[1.4, 0.9]", "[0.6, 0.9]", 5, "box 2 overlaps box 1"),
+        ("[-1.9, -1.4], yaw", "[-2.4, -1.4], yaw", 2, "the helipad at [-2.4, -1.4] stands outside"),
+        ("name: mine", "ground: {size_m: [6, 13]}", 1, "must be 2 to 12 m a side, got [6.0, 13.0]"),
+        ("name: mine", "ground: {size_m: [3, 3]}", 2, "the carpet ends at x = +-1.5, y = +-1.5"),
+        ("[1.4, 0.9]", "[0.6, 0.9]", 5, "box-2 overlaps box-1"),
         ("[1.4, 0.9]", "[-1.7, -1.2]", 5, "overlaps the helipad"),
         ("[1.4, 0.9]", "[1.4]", 5, "boxes[1].position_m: expected a list of 2, got a list of 1"),
         ("[1.4, 0.9]", "[1.4, yes]", 5, "boxes[1].position_m[1]: expected a number, got 'yes'"),
@@ -115,7 +119,7 @@ def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
         ),
         ("from: helipad", "from: random", 7, "draws the yaw too"),
         ("from: helipad", "from: [4.0, 0.0]", 7, "outside the carpet"),
-        ("from: helipad", "from: [0.4, 0.7]", 7, "within 0.25 m of box 1"),
+        ("from: helipad", "from: [0.4, 0.7]", 7, "within 0.25 m of box-1"),
         ("name: mine", "name: [mine]", 1, "name: expected a text, got a list of 1"),
         ("name: mine", "name: mine\nname: yours", 2, "given twice"),
         ("name: mine", "name: {mine", 2, "not valid YAML"),
@@ -140,15 +144,46 @@ def test_a_mistake_is_told_with_its_line(
     assert message in str(caught.value)
 
 
-def test_too_many_boxes_are_refused_at_the_ninth(tmp_path: Path) -> None:
-    """The lab has eight papers."""
-    boxes = "".join(
-        f"  - {{pattern: {k % 8 + 1}, position_m: [{0.5 * k - 2}, 1.0], size_m: [0.2, 0.2, 1]}}\n"
-        for k in range(9)
+def _row(count: int) -> str:
+    return "".join(
+        f"  - {{pattern: {k % 8 + 1}, position_m: [{0.15 * k - 5:.2f}, 1.0], size_m: "
+        "[0.1, 0.2, 1]}\n"
+        for k in range(count)
     )
-    text = f"helipad: {{position_m: [0, -1]}}\nboxes:\n{boxes}"
-    with pytest.raises(SceneError, match=r":11: boxes\[8\]: at most 8 boxes, got 9"):
+
+
+def test_a_pattern_may_be_used_more_than_once(tmp_path: Path) -> None:
+    """Boxes are told apart by a number after the pattern's."""
+    text = f"ground: {{size_m: [12, 4]}}\nhelipad: {{position_m: [0, -1]}}\nboxes:\n{_row(17)}"
+    names = box_names(load_scene(written(tmp_path, text)).boxes)
+    assert names[:9] == (*(f"box-{k}" for k in range(1, 9)), "box-1-2")
+    assert names[16] == "box-1-3"
+    assert len(set(names)) == 17
+
+
+def test_too_many_boxes_are_refused_at_the_first_of_them(tmp_path: Path) -> None:
+    """The class masks tell no more things apart."""
+    text = f"ground: {{size_m: [12, 4]}}\nhelipad: {{position_m: [0, -1]}}\nboxes:\n{_row(65)}"
+    with pytest.raises(SceneError, match=r":68: boxes\[64\]: at most 64 boxes, got 65"):
         load_scene(written(tmp_path, text))
+
+
+def test_a_ground_of_another_size_has_room_around_it(tmp_path: Path) -> None:
+    """At least 2.5 m on every side; the paper's carpet lies in a room of 10 m."""
+    paper = load_scene(written(tmp_path, GOOD))
+    assert paper.ground.size_m == (5.0, 4.0)
+    assert paper.room_size_m == (10.0, 10.0, 5.0)
+    large = load_scene(written(tmp_path, GOOD + "ground: {size_m: [12, 6]}\n"))
+    assert large.ground_plan.size_m == (12.0, 6.0)
+    assert large.room_size_m == (17.0, 11.0, 5.0)
+
+
+@pytest.mark.parametrize("name", ["place-6m", "place-8m", "hall-10m"])
+def test_the_places_of_other_sizes_load(name: str) -> None:
+    scene = load_scene(SCENES / f"{name}.yaml")
+    assert scene.name == name
+    side = float(name.rpartition("-")[2].removesuffix("m"))
+    assert scene.ground.size_m == (side, side)
 
 
 def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ def papers() -> dict[str, NDArray[np.uint8]]:
     named = {f"side {k}": textures.side(k) for k in range(1, 9)}
     named |= {f"roof {k}": textures.roof(k) for k in range(1, 6)}
     return named | {
-        "carpet": textures.carpet(),
+        "carpet": textures.carpet((5.0, 4.0)),
         "h": textures.helipad_top(),
         "stripes": textures.stripes(),
         "wall": textures.plain(0.8, 1),

@@ -14,6 +14,7 @@ from sim_bridge.twin.variation import start_pose, varied_scene
 from uav_bt.errors import ValueRangeError
 
 SCENE = load_scene("train-a")
+HALL = load_scene("benchmarks/scenes/hall-10m.yaml")
 
 
 def drawn(seed: int = 0, *, layout: bool = True) -> object:
@@ -24,13 +25,24 @@ def drawn(seed: int = 0, *, layout: bool = True) -> object:
 def test_a_drawn_layout_can_be_flown_in(seed: int) -> None:
     """Boxes stand apart from each other and from the pad, on the carpet, as high as others do."""
     scene = varied_scene(SCENE, np.random.default_rng(seed), name="drawn", layout=True)
-    assert layout_problem(scene.helipad, scene.boxes) is None
+    assert layout_problem(scene.helipad, scene.boxes, scene.ground) is None
     assert [box.pattern for box in scene.boxes] == [box.pattern for box in SCENE.boxes]
     places = [box.position_m for box in scene.boxes]
     for index, place in enumerate(places):
         assert math.dist(place, scene.helipad.position_m) >= 0.95
         assert all(math.dist(place, other) >= 1.05 for other in places[:index])
     assert all(0.6 <= box.size_m[2] <= 2.2 for box in scene.boxes)
+
+
+def test_a_drawn_layout_uses_the_whole_ground() -> None:
+    """Boxes of a hall do not crowd on the paper's carpet, nor do random starts."""
+    drawn_hall = varied_scene(HALL, np.random.default_rng(1), name="drawn", layout=True)
+    assert len(drawn_hall.boxes) == 12
+    assert max(max(map(abs, box.position_m)) for box in drawn_hall.boxes) > 3.0
+    anywhere = replace(HALL, take_off=TakeOffSpec(random=True))
+    starts = [start_pose(anywhere, seed) for seed in range(30)]
+    assert max(abs(pose.x_m) for pose in starts) > 3.0
+    assert max(abs(pose.y_m) for pose in starts) > 3.0
 
 
 def test_without_a_layout_only_the_light_is_another() -> None:

@@ -1,0 +1,79 @@
+"""Upright bodies and their meshes, textured in metres."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin.scene import Vector3
+
+_PAPER_M = 0.001  # a roof is a sheet of this thickness, the uppermost part of its box
+
+Mesh = tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]
+"""Vertices (N, 3) in metres, triangles (M, 3), texture coordinates (N, 2) in tiles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solid:
+    """An upright box: half sizes, centre, and yaw counter-clockwise."""
+
+    half_m: Vector3
+    centre_m: Vector3
+    yaw_rad: float = 0.0
+
+
+def stacked(
+    position_m: tuple[float, float], size_m: Vector3, yaw_rad: float
+) -> tuple[Solid, Solid, Solid]:
+    """Return a standing box whole, without its paper-thin top, and that top."""
+    half_x, half_y, half_z = (size / 2 for size in size_m)
+    sheet = _PAPER_M / 2
+
+    def part(half_height_m: float, middle_m: float) -> Solid:
+        half_m, centre_m = (half_x, half_y, half_height_m), (*position_m, middle_m)
+        return Solid(half_m=half_m, centre_m=centre_m, yaw_rad=yaw_rad)
+
+    body = part(half_z - sheet, half_z - sheet)
+    return part(half_z, half_z), body, part(sheet, size_m[2] - sheet)
+
+
+def yaw_quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
+    """Return the quaternion (w, x, y, z) of a turn about the vertical axis."""
+    return math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)
+
+
+def box_mesh(half_m: Vector3, tile_m: tuple[float, float]) -> Mesh:
+    """Make a box with four vertices a face, so that each face has its own texture coordinates.
+
+    Textures are laid in metres from each face's middle, upright on the sides.
+
+    Args:
+        half_m: half sizes along x, y and upwards.
+        tile_m: what one repetition of the texture covers, across and up.
+    """
+    hx, hy, hz = half_m
+    # Per face: its normal, the direction of u, the direction of v, and half extents along u, v.
+    faces = (
+        ((1, 0, 0), (0, 1, 0), (0, 0, 1), hy, hz),
+        ((-1, 0, 0), (0, -1, 0), (0, 0, 1), hy, hz),
+        ((0, 1, 0), (-1, 0, 0), (0, 0, 1), hx, hz),
+        ((0, -1, 0), (1, 0, 0), (0, 0, 1), hx, hz),
+        ((0, 0, 1), (1, 0, 0), (0, 1, 0), hx, hy),
+        ((0, 0, -1), (1, 0, 0), (0, -1, 0), hx, hy),
+    )
+    half = np.array(half_m)
+    vertices, coordinates, triangles = [], [], []
+    for index, (normal, u, v, half_u, half_v) in enumerate(faces):
+        for su, sv in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+            vertices.append((np.array(normal) + su * np.array(u) + sv * np.array(v)) * half)
+            coordinates.append((0.5 + su * half_u / tile_m[0], 0.5 + sv * half_v / tile_m[1]))
+        first = 4 * index
+        triangles += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
+    return (
+        np.array(vertices, np.float32),
+        np.array(triangles, np.int32),
+        np.array(coordinates, np.float32),
+    )
