@@ -83,7 +83,7 @@ class TwinCamera:
         if self._renderer is None:
             self._renderer = Renderer(self._world.lab)
         width, height = self._camera.width_px, self._camera.height_px
-        clean = self._renderer.rgb(capture.camera, width, height)
+        clean = self._renderer.rgb(capture.camera, width, height, capture.movers)
         measured, start, lens = capture.telemetry, self._world.start_pose, capture.camera
         level_m = CAMERA_FORWARD_M * math.cos(measured.attitude.pitch_rad)
         north_m = lens.x_m - level_m * math.cos(lens.yaw_rad) - start.x_m

@@ -26,6 +26,7 @@ class TwinConfig:
         profile: limits and imperfections: ideal, lab or harsh.
         image_size_px: width and height of the video, 16:9.
         realtime: keep pace with the wall clock instead of running as fast as it can.
+        movers: how many people and carts, drawn from the seed, move in the scene beside its own.
     """
 
     scene: str = DEFAULT_SCENE
@@ -33,6 +34,7 @@ class TwinConfig:
     profile: str = "lab"
     image_size_px: tuple[int, int] = (640, 360)
     realtime: bool = False
+    movers: int = 0
 
     def create(self) -> TwinDrone:
         """Make a twin; nothing is built before its `connect`.
@@ -42,8 +44,11 @@ class TwinConfig:
         """
         from sim_bridge.twin.profile import Profile  # noqa: PLC0415  (heavy imports wait)
         from sim_bridge.twin.scene_file import load_scene  # noqa: PLC0415  (heavy imports wait)
+        from sim_bridge.twin.variation import with_movers  # noqa: PLC0415  (heavy imports wait)
 
         scene, profile = load_scene(self.scene), Profile.named(self.profile)
+        if self.movers:
+            scene = with_movers(scene, self.movers, self.seed)
         from sim_bridge.twin.drone import TwinDrone  # noqa: PLC0415  (imports MuJoCo)
 
         return TwinDrone(

@@ -7,13 +7,14 @@ would produce (demanded acceleration behind a first-order lag) and tilts as it w
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 
 from sim_bridge.twin.model import HULL_MASS_KG, PHYSICS_STEP_S, LabModel
-from uav_bt.types import Pose, rotate
+from uav_bt.types import MoverState, Pose, rotate
 
 STEPS_PER_CONTROL = 2
 CONTROL_STEP_S = STEPS_PER_CONTROL * PHYSICS_STEP_S
@@ -126,6 +127,11 @@ class Airframe:
         """Take all forces away: the motors stand still."""
         self._thrust = [0.0, 0.0, 0.0]
         self._wrench[:] = 0.0
+
+    def place_movers(self, movers: Sequence[MoverState]) -> None:
+        """Put what moves in the lab where it is, in the scene's order."""
+        for row, mover in enumerate(movers):
+            self.data.mocap_pos[row, :2] = mover.pose.x_m, mover.pose.y_m
 
     def advance(self) -> None:
         """Let the physics run for one control step."""

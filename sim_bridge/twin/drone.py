@@ -146,7 +146,9 @@ class TwinDrone:
 
     def _draw(self, flight: _Flight, capture: Capture) -> Frame:
         camera, telemetry = self.camera, capture.telemetry
-        clean = flight.renderer.rgb(capture.camera, camera.width_px, camera.height_px)
+        clean = flight.renderer.rgb(
+            capture.camera, camera.width_px, camera.height_px, capture.movers
+        )
         return Frame(
             image=flight.optics.degrade(clean, capture.index, capture.exposure),
             index=capture.index,

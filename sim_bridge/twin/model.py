@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin import textures
+from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.scene import (
     BoxSpec,
     Helipad,
@@ -24,7 +25,7 @@ from sim_bridge.twin.scene import (
     Vector3,
     box_names,
 )
-from sim_bridge.twin.solids import Solid, box_mesh, stacked, yaw_quaternion
+from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
 from uav_bt.types import BODY_SIZE_M
 
@@ -67,6 +68,8 @@ def build_model(scene: Scene) -> LabModel:
     builder.helipad(scene.helipad)
     for name, box in zip(box_names(scene.boxes), scene.boxes, strict=True):
         builder.box(name, box)
+    for name, mover in zip(mover_names(scene.movers), scene.movers, strict=True):
+        builder.mover(name, mover)
     return builder.done()
 
 
@@ -172,15 +175,33 @@ class _Builder:
         self._hit("helipad", whole)
 
     def box(self, name: str, box: BoxSpec) -> None:
-        side, roof = f"box-{box.pattern}", f"roof-{box.roof}"
-        self._texture(side, textures.side(box.pattern))
-        self._texture(roof, textures.roof(box.roof))
-        whole, body, sheet = stacked(box.position_m, box.size_m, math.radians(box.yaw_deg))
+        self._wrapped(
+            name, stacked(box.position_m, box.size_m, math.radians(box.yaw_deg)), box.pattern
+        )
+
+    def mover(self, name: str, mover: MoverSpec) -> None:
+        """Add a body that is put where it is: MuJoCo's mocap body, its origin on the ground."""
+        x, y = mover.path_m[0]
+        body = self.spec.worldbody.add_body(name=name, mocap=True, pos=(x, y, 0.0))
+        is_round, yaw_rad = mover.shape == "cylinder", math.radians(mover.yaw_deg)
+        parts = stacked((0.0, 0.0), mover.size_m, yaw_rad, is_round=is_round)
+        self._wrapped(name, parts, mover.pattern, body)
+
+    def _wrapped(
+        self, name: str, parts: tuple[Solid, Solid, Solid], pattern: int, body: Any = None
+    ) -> None:
+        """Add something that is wrapped in printed paper: whole, its sides, its roof."""
+        whole, sides, sheet = parts
+        roof = roof_of(pattern)
+        papers = (
+            (f"{name}/side", sides, f"box-{pattern}", textures.side(pattern), BOXES[pattern - 1]),
+            (f"{name}/roof", sheet, f"roof-{roof}", textures.roof(roof), ROOFS[roof - 1]),
+        )
         tile_m = (textures.TILE_M, textures.TILE_M)
-        side_class, roof_class = BOXES[box.pattern - 1], ROOFS[box.roof - 1]
-        self._show(f"{name}/side", body, material=side, class_id=side_class, tile_m=tile_m)
-        self._show(f"{name}/roof", sheet, material=roof, class_id=roof_class, tile_m=tile_m)
-        self._hit(name, whole)
+        for part, solid, paper, image, class_id in papers:
+            self._texture(paper, image)
+            self._show(part, solid, material=paper, class_id=class_id, tile_m=tile_m, body=body)
+        self._hit(name, whole, body)
 
     def _texture(self, name: str, image: NDArray[np.uint8]) -> None:
         if self.spec.material(name) is not None:
@@ -205,15 +226,16 @@ class _Builder:
         material: str,
         class_id: int,
         tile_m: tuple[float, float],
+        body: Any = None,
     ) -> None:
-        """Add something that is seen but not hit."""
-        vertices, faces, coordinates = box_mesh(solid.half_m, tile_m)
+        """Add something that is seen but not hit, to a body or to the world."""
+        vertices, faces, coordinates = solid.mesh(tile_m)
         mesh = self.spec.add_mesh(name=name)
         mesh.uservert = vertices.ravel()
         mesh.userface = faces.ravel()
         mesh.usertexcoord = coordinates.ravel()
         mesh.userfacetexcoord = faces.ravel()
-        self.spec.worldbody.add_geom(
+        (body or self.spec.worldbody).add_geom(
             name=name,
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=name,
@@ -226,12 +248,14 @@ class _Builder:
         )
         self._classes[name] = class_id
 
-    def _hit(self, name: str, solid: Solid) -> None:
-        """Add something that is hit but not seen."""
-        self.spec.worldbody.add_geom(
+    def _hit(self, name: str, solid: Solid, body: Any = None) -> None:
+        """Add something that is hit but not seen, to a body or to the world."""
+        radius, _, half_height = solid.half_m
+        kinds = mujoco.mjtGeom
+        (body or self.spec.worldbody).add_geom(
             name=name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=solid.half_m,
+            type=kinds.mjGEOM_CYLINDER if solid.round else kinds.mjGEOM_BOX,
+            size=(radius, half_height, 0.0) if solid.round else solid.half_m,
             pos=solid.centre_m,
             quat=yaw_quaternion(solid.yaw_rad),
             group=_HIT_GROUP,

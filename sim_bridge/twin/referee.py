@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_bridge.twin.model import LabModel
+from sim_bridge.twin.movers import mover_names
 from sim_bridge.twin.render import Renderer
 from sim_bridge.twin.scene import Scene, box_names
 from sim_bridge.twin.simulation import Capture, Simulation
@@ -30,7 +31,8 @@ class TwinReferee:
         self._lab = lab
         self._simulation = simulation
         self._renderer = renderer
-        self._boxes = [lab.model.geom(name).id for name in box_names(scene.boxes)]
+        names = (*box_names(scene.boxes), *mover_names(scene.movers))
+        self._obstacles = [lab.model.geom(name).id for name in names]
 
     def truth(self) -> Truth:
         """Return the truth of this moment; contacts include those of the last 0.1 s."""
@@ -47,6 +49,7 @@ class TwinReferee:
             landing_error_m=math.hypot(x - pad.position_m[0], y - pad.position_m[1]),
             motors_on=simulation.motors_on,
             gimbal_pitch_rad=simulation.gimbal_pitch_rad,
+            movers=simulation.movers,
         )
 
     def ground(self) -> Ground:
@@ -57,9 +60,9 @@ class TwinReferee:
         model, hull = self._lab.model, self._lab.hull_geom
         mujoco.mj_kinematics(model, data)
         nearest = _FAR_M
-        for geom in self._boxes:
+        for geom in self._obstacles:
             nearest = min(nearest, mujoco.mj_geomDistance(model, data, hull, geom, nearest, None))
-        return max(0.0, nearest) if self._boxes else math.inf
+        return max(0.0, nearest) if self._obstacles else math.inf
 
     def class_ids(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
         """Return the exact class ids of a delivered frame's view.
@@ -67,7 +70,8 @@ class TwinReferee:
         Raises:
             ValueRangeError: the frame is too old or from another flight.
         """
-        return self._renderer.class_ids(self._capture(frame).camera, width_px, height_px)
+        capture = self._capture(frame)
+        return self._renderer.class_ids(capture.camera, width_px, height_px, capture.movers)
 
     def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
         """Return the exact depth along the optical axis, metres.
@@ -75,7 +79,9 @@ class TwinReferee:
         Raises:
             ValueRangeError: the frame is too old or from another flight.
         """
-        return self._renderer.ids_and_depth(self._capture(frame).camera, width_px, height_px)[1]
+        capture = self._capture(frame)
+        drawn = self._renderer.ids_and_depth(capture.camera, width_px, height_px, capture.movers)
+        return drawn[1]
 
     def _capture(self, frame: Frame) -> Capture:
         frames = self._simulation.frames

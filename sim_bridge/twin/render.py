@@ -1,12 +1,13 @@
 """Draws what a camera in the lab sees: colours, class ids and depth, at any size.
 
-The lab does not move and the drone does not see itself, so MuJoCo's list of things to draw is made
-once; afterwards an image costs only setting the camera and drawing. A size with another aspect
-than the camera's is the same view resized, never cropped.
+Little moves in the lab and the drone does not see itself, so MuJoCo's list of things to draw is
+made once; afterwards an image costs only setting camera and movers, and drawing. A size with
+another aspect than the camera's is the same view resized, never cropped.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -19,6 +20,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import context_class, no_gl
 from sim_bridge.twin.model import LabModel
 from uav_bt.errors import ValueRangeError
+from uav_bt.types import MoverState
 
 _ASPECT = 9.0 / 16.0
 
@@ -49,11 +51,19 @@ class Renderer:
             raise no_gl(error) from error
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
+        self._model, self._data = model, mujoco.MjData(model)
+        self._starts_m = np.array(self._data.mocap_pos)
         self.scene = self._static_scene(model)
+        self._moving = [  # only drawn elsewhere: movers do not turn
+            geom
+            for geom in self.scene.geoms[: self.scene.ngeom]
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
+            and model.body_mocapid[model.geom_bodyid[geom.objid]] >= 0
+        ]
         self._class_of_segment = self._segment_table(lab)
 
     def _static_scene(self, model: Any) -> Any:
-        data = mujoco.MjData(model)
+        data = self._data
         mujoco.mj_forward(model, data)
         scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
         option = mujoco.MjvOption()
@@ -84,15 +94,25 @@ class Renderer:
                 table[geom.segid + 1] = lab.class_of_geom[geom.objid]
         return table
 
-    def rgb(self, pose: CameraPose, width_px: int, height_px: int) -> NDArray[np.uint8]:
-        """Return the colours, (height_px, width_px, 3) uint8 RGB."""
+    def rgb(
+        self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
+    ) -> NDArray[np.uint8]:
+        """Return the colours, (height_px, width_px, 3) uint8 RGB.
+
+        Args:
+            pose: of the camera.
+            width_px: of the image.
+            height_px: of the image.
+            movers: where the scene's movers are; where their paths begin if not given.
+        """
         image = np.empty((height_px, width_px, 3), np.uint8)
+        self._place(movers)
         self._draw(pose, width_px, height_px, segments=False)
         mujoco.mjr_readPixels(image, None, self._rect, self._context)
         return np.ascontiguousarray(image[::-1])
 
     def ids_and_depth(
-        self, pose: CameraPose, width_px: int, height_px: int
+        self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return exact class ids and depth of one view.
 
@@ -102,6 +122,7 @@ class Renderer:
         """
         colours = np.empty((height_px, width_px, 3), np.uint8)
         buffer = np.empty((height_px, width_px), np.float32)
+        self._place(movers)
         self._draw(pose, width_px, height_px, segments=True)
         mujoco.mjr_readPixels(colours, buffer, self._rect, self._context)
         # Fewer than 256 things are drawn, so the first channel holds the whole number.
@@ -110,12 +131,27 @@ class Renderer:
         depth = near * far / (near + buffer[::-1] * (far - near))
         return ids, np.ascontiguousarray(depth, np.float32)
 
-    def class_ids(self, pose: CameraPose, width_px: int, height_px: int) -> NDArray[np.uint8]:
+    def class_ids(
+        self, pose: CameraPose, width_px: int, height_px: int, movers: Sequence[MoverState] = ()
+    ) -> NDArray[np.uint8]:
         """Return exact class ids, (height_px, width_px) uint8."""
         colours = np.empty((height_px, width_px, 3), np.uint8)
+        self._place(movers)
         self._draw(pose, width_px, height_px, segments=True)
         mujoco.mjr_readPixels(colours, None, self._rect, self._context)
         return self._class_of_segment[colours[::-1, :, 0]]
+
+    def _place(self, movers: Sequence[MoverState]) -> None:
+        """Move what moves, in the list of things to draw."""
+        if not self._moving:
+            return
+        data = self._data
+        data.mocap_pos[:] = self._starts_m
+        for row, mover in enumerate(movers):
+            data.mocap_pos[row, :2] = mover.pose.x_m, mover.pose.y_m
+        mujoco.mj_kinematics(self._model, data)
+        for drawn in self._moving:
+            drawn.pos[:] = data.geom_xpos[drawn.objid]
 
     def _draw(self, pose: CameraPose, width_px: int, height_px: int, *, segments: bool) -> None:
         if self._context is None:

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from uav_bt.classes import BOXES, ROOFS
+from sim_bridge.twin.movers import KEPT_FREE_M, MoverSpec, mover_problem, roof_of
+from uav_bt.classes import BOXES
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import PAD_SIZE_M
 from uav_bt.types.ground import Footprint, Ground, Standing
@@ -17,6 +18,7 @@ CARPET_SIZE_M = (5.0, 4.0)  # the paper's, along x and y, centred on the origin
 ROOM_SIZE_M = (10.0, 10.0, 5.0)  # the least, centred on the origin, the floor at z = 0
 _BESIDE_M = 2.5  # of room on every side of the ground, at least
 _GROUND_SIDES_M = (2.0, 12.0)
+MAX_MOVERS = 8
 MAX_BOXES = 64  # the class masks tell fewer than 256 drawn things apart; a box is two
 PATTERN_COUNT = len(BOXES)
 MAX_HEIGHT_M = 4.0  # a metre of air stays below the ceiling
@@ -91,7 +93,7 @@ class BoxSpec:
     @property
     def roof(self) -> int:
         """The pattern of its roof, 1 to 5."""
-        return (self.pattern - 1) % len(ROOFS) + 1
+        return roof_of(self.pattern)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,13 +214,15 @@ class Scene:
     """One arrangement of the lab.
 
     Raises:
-        ValueRangeError: things overlap or stand outside the carpet, or the take-off point is taken.
+        ValueRangeError: things overlap or stand outside the carpet, a mover's path is not free, or
+            the take-off point is taken.
     """
 
     name: str
     helipad: Helipad
     boxes: tuple[BoxSpec, ...] = ()
     ground: GroundSpec = field(default_factory=GroundSpec)
+    movers: tuple[MoverSpec, ...] = ()
     lighting: Lighting = field(default_factory=Lighting)
     take_off: TakeOffSpec = field(default_factory=TakeOffSpec)
 
@@ -228,6 +232,9 @@ class Scene:
             raise ValueRangeError(f"scene '{self.name}': {problem.message}")
         if self.take_off.position_m is not None:
             self._check_take_off(*self.take_off.position_m)
+        problem = traffic_problem(self, self.movers)
+        if problem is not None:
+            raise ValueRangeError(f"scene '{self.name}': {problem.message}")
 
     def _check_take_off(self, x_m: float, y_m: float) -> None:
         if not self.ground_plan.contains(x_m, y_m):
@@ -235,8 +242,10 @@ class Scene:
                 f"take_off: ({x_m}, {y_m}) is outside the carpet of {self.ground.size_m} m"
             )
         for box, name in zip(self.boxes, box_names(self.boxes), strict=True):
-            if box.footprint.distance_m(x_m, y_m) < 0.25:
-                raise ValueRangeError(f"take_off: ({x_m}, {y_m}) is within 0.25 m of {name}")
+            if box.footprint.distance_m(x_m, y_m) < KEPT_FREE_M:
+                raise ValueRangeError(
+                    f"take_off: ({x_m}, {y_m}) is within {KEPT_FREE_M} m of {name}"
+                )
 
     @property
     def room_size_m(self) -> Vector3:
@@ -267,3 +276,17 @@ class Scene:
             if box.footprint.contains(x_m, y_m):
                 return box.size_m[2]
         return self.helipad.size_m[2] if self.helipad.footprint.contains(x_m, y_m) else 0.0
+
+
+def traffic_problem(scene: Scene, movers: Sequence[MoverSpec]) -> LayoutProblem | None:
+    """Return what is wrong with how movers would move in a scene; None when all is well."""
+    if len(movers) > MAX_MOVERS:
+        message = f"at most {MAX_MOVERS} movers, got {len(movers)}"
+        return LayoutProblem(place=("movers", MAX_MOVERS), message=message)
+    names = (*box_names(scene.boxes), "the helipad")  # as they stand on the ground
+    for index, mover in enumerate(movers):
+        wrong = mover_problem(mover, scene.ground_plan, names, scene.take_off.position_m)
+        if wrong is not None:
+            message = f"mover-{index + 1}: {wrong}"
+            return LayoutProblem(place=("movers", index), message=message)
+    return None

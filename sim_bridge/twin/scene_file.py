@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import yaml
 from pydantic import Field, TypeAdapter
 
+from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.scene import (
     BoxSpec,
     GroundSpec,
@@ -19,6 +20,7 @@ from sim_bridge.twin.scene import (
     TakeOffSpec,
     Vector2,
     layout_problem,
+    traffic_problem,
 )
 from uav_bt.errors import SceneError, UnknownNameError, ValueRangeError
 from uav_bt.yaml_file import read_yaml
@@ -60,7 +62,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if problem is not None:
         raise file.error(problem.message, *problem.place)
     try:
-        return Scene(
+        scene = Scene(
             name=found.name or path.stem,
             helipad=found.helipad,
             boxes=found.boxes,
@@ -70,6 +72,10 @@ def load_scene(name_or_path: str | Path) -> Scene:
         )
     except ValueRangeError as error:
         raise file.error(str(error), "take_off") from error
+    problem = traffic_problem(scene, found.movers)
+    if problem is not None:
+        raise file.error(problem.message, *problem.place)
+    return replace(scene, movers=found.movers)
 
 
 def scene_text(scene: Scene) -> str:
@@ -108,5 +114,6 @@ class _SceneFile:
     )
     boxes: tuple[BoxSpec, ...] = ()
     ground: GroundSpec = field(default_factory=GroundSpec)
+    movers: tuple[MoverSpec, ...] = ()
     lighting: Lighting = field(default_factory=Lighting)
     take_off: _TakeOff = field(default_factory=lambda: _TakeOff(start="helipad"))

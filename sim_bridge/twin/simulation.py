@@ -14,9 +14,10 @@ from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace
+from sim_bridge.twin.routes import Traffic
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.sensors import Sensors, Telemetry
-from uav_bt.types import Command, DroneState, MoveBy, Pose
+from uav_bt.types import Command, DroneState, MoveBy, MoverState, Pose
 
 _REMEMBERED_FRAMES = 900  # half a minute of video, for referees that look back
 _CONTACT_MEMORY_S = 0.1  # a tick: a reader once a tick misses no contact
@@ -30,6 +31,7 @@ class Capture:
     index: int
     time_s: float
     camera: CameraPose
+    movers: tuple[MoverState, ...]
     exposure: float  # relative brightness
     telemetry: Telemetry
 
@@ -54,7 +56,10 @@ class Simulation:
         self._profile = profile
         self._steps = 0
         self._queue: deque[tuple[float, Command, Pace | None]] = deque()
+        self._traffic = Traffic(scene.movers, seed)
+        self.movers = self._traffic.at(0.0)
         self.airframe = Airframe(lab, lag_s=profile.thrust_lag_s)
+        self.airframe.place_movers(self.movers)
         self.airframe.place(start.x_m, start.y_m, start.z_m, start.yaw_rad)
         self._autopilot = Autopilot(profile)
         self._sensors = Sensors(profile, seed, start_z_m=start.z_m)
@@ -155,7 +160,7 @@ class Simulation:
         while self._queue and self._queue[0][0] <= self.now_s + _TIME_SLACK_S:
             _, command, pace = self._queue.popleft()
             self._obey(command, pace)
-        height = self.motion.z_m - self._scene.surface_m(self.motion.x_m, self.motion.y_m)
+        height = self.motion.z_m - self._surface_m(self.motion.x_m, self.motion.y_m)
         demand = self._autopilot.update(
             self._estimate, height_m=height, touching=bool(self._touching)
         )
@@ -168,8 +173,10 @@ class Simulation:
                 self.motion, demand.acceleration_mps2, demand.yaw_acceleration_radps2, wind
             )
         self._move_gimbal()
-        self.airframe.advance()
         self._steps += 1
+        self.movers = self._traffic.at(self.now_s)
+        self.airframe.place_movers(self.movers)
+        self.airframe.advance()
         self._sense()
 
     def _obey(self, command: Command, pace: Pace | None) -> None:
@@ -197,10 +204,15 @@ class Simulation:
         elif self._touched_s:
             self._touched_s.clear()
         self._estimate = self._sensors.estimate(motion, airborne=self._autopilot.lifting)
-        surface = self._scene.surface_m(motion.x_m, motion.y_m)
+        surface = self._surface_m(motion.x_m, motion.y_m)
         self._telemetry = self._sensors.telemetry(motion, self._estimate, surface)
         if self.now_s >= self._frame_count / self._profile.video_rate_hz - _TIME_SLACK_S:
             self._capture()
+
+    def _surface_m(self, x_m: float, y_m: float) -> float:
+        """Return the height of whatever lies under a world point, movers included."""
+        standing_m = self._scene.surface_m(x_m, y_m)
+        return max(standing_m, self._traffic.top_m(self.movers, x_m, y_m))
 
     def _capture(self) -> None:
         motion = self.motion
@@ -217,6 +229,7 @@ class Simulation:
                     yaw_rad=motion.yaw_rad,
                     pitch_rad=self._gimbal_rad,
                 ),
+                movers=self.movers,
                 exposure=1.0 + self._exposure.step(),
                 telemetry=self._telemetry,
             )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.scene import Vector3
 
+_ROUND_FACES = 32  # of a cylinder: flatter than a true one by half a percent of its radius
 _PAPER_M = 0.001  # a roof is a sheet of this thickness, the uppermost part of its box
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]
@@ -18,23 +19,28 @@ Mesh = tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32]]
 
 @dataclass(frozen=True, kw_only=True)
 class Solid:
-    """An upright box: half sizes, centre, and yaw counter-clockwise."""
+    """An upright box or cylinder: half sizes, centre, and yaw counter-clockwise."""
 
     half_m: Vector3
     centre_m: Vector3
     yaw_rad: float = 0.0
+    round: bool = False
+
+    def mesh(self, tile_m: tuple[float, float]) -> Mesh:
+        """Return its mesh, textured in tiles of this size across and up."""
+        return (cylinder_mesh if self.round else box_mesh)(self.half_m, tile_m)
 
 
 def stacked(
-    position_m: tuple[float, float], size_m: Vector3, yaw_rad: float
+    position_m: tuple[float, float], size_m: Vector3, yaw_rad: float, *, is_round: bool = False
 ) -> tuple[Solid, Solid, Solid]:
-    """Return a standing box whole, without its paper-thin top, and that top."""
+    """Return a standing solid whole, without its paper-thin top, and that top."""
     half_x, half_y, half_z = (size / 2 for size in size_m)
     sheet = _PAPER_M / 2
 
     def part(half_height_m: float, middle_m: float) -> Solid:
         half_m, centre_m = (half_x, half_y, half_height_m), (*position_m, middle_m)
-        return Solid(half_m=half_m, centre_m=centre_m, yaw_rad=yaw_rad)
+        return Solid(half_m=half_m, centre_m=centre_m, yaw_rad=yaw_rad, round=is_round)
 
     body = part(half_z - sheet, half_z - sheet)
     return part(half_z, half_z), body, part(sheet, size_m[2] - sheet)
@@ -76,4 +82,39 @@ def box_mesh(half_m: Vector3, tile_m: tuple[float, float]) -> Mesh:
         np.array(vertices, np.float32),
         np.array(triangles, np.int32),
         np.array(coordinates, np.float32),
+    )
+
+
+def cylinder_mesh(half_m: Vector3, tile_m: tuple[float, float]) -> Mesh:
+    """Make an upright cylinder whose texture goes once round its side, and flat over its ends.
+
+    Args:
+        half_m: radius, radius again, and half height.
+        tile_m: what one repetition of the texture covers, across and up.
+    """
+    radius, _, half_z = half_m
+    turns = np.linspace(0.0, 2.0 * np.pi, _ROUND_FACES + 1)  # the seam has two columns of vertices
+    x, y, ones = radius * np.cos(turns), radius * np.sin(turns), np.ones_like(turns)
+    around, up = turns * radius / tile_m[0], half_z / tile_m[1]
+    side = [(np.stack([x, y, end * half_z * ones], axis=1), end) for end in (-1.0, 1.0)]
+    vertices = [ring for ring, _ in side]
+    coordinates = [np.stack([around, (0.5 + end * up) * ones], axis=1) for _, end in side]
+    low = np.arange(_ROUND_FACES)
+    high = low + len(turns)
+    triangles = [
+        np.stack([low, low + 1, high + 1], axis=1),
+        np.stack([low, high + 1, high], axis=1),
+    ]
+    for ring, end in side:
+        first = sum(map(len, vertices))
+        vertices += [ring, np.array([[0.0, 0.0, end * half_z]])]
+        flat = np.vstack([ring[:, :2], (0.0, 0.0)])
+        coordinates.append(0.5 + flat / tile_m)
+        edge, middle = first + low, np.full(_ROUND_FACES, first + len(ring))
+        fan = [edge, edge + 1, middle] if end > 0.0 else [edge + 1, edge, middle]
+        triangles.append(np.stack(fan, axis=1))
+    return (
+        np.vstack(vertices).astype(np.float32),
+        np.vstack(triangles).astype(np.int32),
+        np.vstack(coordinates).astype(np.float32),
     )

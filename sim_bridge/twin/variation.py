@@ -8,8 +8,16 @@ from typing import Final
 
 import numpy as np
 
+from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.noise import child_seed
-from sim_bridge.twin.scene import BoxSpec, Lighting, Scene, layout_problem
+from sim_bridge.twin.scene import (
+    PATTERN_COUNT,
+    BoxSpec,
+    Lighting,
+    Scene,
+    layout_problem,
+    traffic_problem,
+)
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import BODY_SIZE_M, Pose
 
@@ -22,6 +30,10 @@ _HEIGHTS_M: Final = (0.6, 2.2)  # as the shipped scenes have them
 _HIGH_SHARE: Final = 0.6  # of boxes that reach the flight height, 1.5 m
 _HIGH_M: Final = 1.5
 _TRIES: Final = 4000  # boxes
+_MOVER_FROM_EDGE_M: Final = 0.4  # of a drawn path
+_MOVER_FROM_PAD_M: Final = 0.9  # from helipad and take-off, so that the drone can start and land
+_MOVER_GAP_M: Final = 0.2  # between a mover's width and the room it needs between boxes
+_PATH_M: Final = 1.0  # a drawn path's length, at least
 _START_FROM_EDGE_M: Final = 0.5
 _START_FROM_BOX_M: Final = 0.5  # from the body's centre to the nearest box or pad
 _START_TRIES: Final = 10_000
@@ -90,7 +102,58 @@ def _fits(box: BoxSpec, placed: list[BoxSpec], scene: Scene) -> bool:
     apart = all(math.dist(box.position_m, other.position_m) >= _APART_M for other in placed)
     if not apart or math.dist(box.position_m, scene.helipad.position_m) < _FROM_PAD_M:
         return False
-    return layout_problem(scene.helipad, (*placed, box), scene.ground) is None
+    if layout_problem(scene.helipad, (*placed, box), scene.ground) is not None:
+        return False
+    return traffic_problem(replace(scene, boxes=(box,), movers=()), scene.movers) is None
+
+
+def with_movers(scene: Scene, count: int, seed: int) -> Scene:
+    """Return a scene with so many more movers, people and carts, drawn from a flight's seed.
+
+    Their paths are straight, a metre or longer, and keep away from boxes, helipad and take-off.
+
+    Args:
+        scene: the lab.
+        count: how many more.
+        seed: the flight's.
+
+    Raises:
+        ValueRangeError: there would be too many, or the boxes leave no room for them.
+    """
+    rng = np.random.default_rng(child_seed(seed, 10))
+    start = scene.take_off.position_m or scene.helipad.position_m
+    drawn: list[MoverSpec] = []
+    for _ in range(_TRIES):
+        if len(drawn) == count:
+            return replace(scene, movers=(*scene.movers, *drawn))
+        mover = _drawn_mover(scene, rng)
+        if mover is None:
+            continue
+        across, along, height = mover.size_m
+        wide = replace(mover, size_m=(across + _MOVER_GAP_M, along + _MOVER_GAP_M, height))
+        near_m = min(mover.distance_m(*place) for place in (start, scene.helipad.position_m))
+        if near_m >= _MOVER_FROM_PAD_M and traffic_problem(scene, [wide]) is None:
+            drawn.append(mover)
+    raise ValueRangeError(f"no room for {count} movers in scene '{scene.name}'")
+
+
+def _drawn_mover(scene: Scene, rng: np.random.Generator) -> MoverSpec | None:
+    half_x, half_y = (side / 2 - _MOVER_FROM_EDGE_M for side in scene.ground.size_m)
+    ends = [(_rounded(rng, -half_x, half_x), _rounded(rng, -half_y, half_y)) for _ in range(2)]
+    person, pauses = rng.random() < 0.6, rng.random() < 0.5
+    height_m, pattern = _rounded(rng, 0.7, 1.6), int(rng.integers(1, PATTERN_COUNT + 1))
+    speed_mps, yaw_deg = _rounded(rng, 0.2, 0.8), _rounded(rng, -90.0, 90.0)
+    if math.dist(*ends) < _PATH_M:
+        return None
+    return MoverSpec(
+        path_m=tuple(ends),
+        speed_mps=speed_mps,
+        shape="cylinder" if person else "box",
+        pattern=pattern,
+        size_m=(0.4, 0.4, 1.7) if person else (0.5, 0.35, height_m),
+        yaw_deg=0.0 if person else yaw_deg,
+        pauses_s=(0.5, 4.0) if pauses else None,
+    )
 
 
 def start_pose(scene: Scene, seed: int) -> Pose:
@@ -116,11 +179,15 @@ def _standing(scene: Scene, x_m: float, y_m: float, yaw_rad: float) -> Pose:
 
 def _random_pose(scene: Scene, seed: int) -> Pose:
     generator = np.random.default_rng(child_seed(seed, 6))
-    taken = [box.footprint for box in scene.boxes] + [scene.helipad.footprint]
+    away = [
+        *(box.footprint.distance_m for box in scene.boxes),
+        scene.helipad.footprint.distance_m,
+        *(mover.distance_m for mover in scene.movers),
+    ]
     half_x, half_y = (side / 2 - _START_FROM_EDGE_M for side in scene.ground.size_m)
     for _ in range(_START_TRIES):
         x, y = float(generator.uniform(-half_x, half_x)), float(generator.uniform(-half_y, half_y))
-        if all(footprint.distance_m(x, y) >= _START_FROM_BOX_M for footprint in taken):
+        if all(each(x, y) >= _START_FROM_BOX_M for each in away):
             return _standing(scene, x, y, float(generator.uniform(-math.pi, math.pi)))
     raise ValueRangeError(
         f"scene '{scene.name}': no free carpet for a random take-off; remove or move a box"

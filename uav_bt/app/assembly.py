@@ -206,7 +206,7 @@ def _named_drone(options: FlightOptions) -> Drone:
     settings = {**drone_settings(options), "address": address if colon else None}
     given = {key: value for key, value in settings.items() if value is not None}
     known = _field_names(config)
-    for key in ("address", "scene"):
+    for key in ("address", "scene", "movers"):
         if key in given and key not in known:
             raise InputError(f"drone '{name}' takes no {key}, got '{given[key]}'")
     return config(**{key: value for key, value in given.items() if key in known}).create()
@@ -239,6 +239,7 @@ def drone_settings(options: FlightOptions) -> dict[str, Any]:
         "profile": options.profile,
         "image_size_px": options.image_size_px,
         "realtime": options.realtime,
+        "movers": options.movers or None,
         **_place_settings(site_of(options) or Site(), limits_of(options)),
     }
 

@@ -26,7 +26,7 @@ from uav_bt.board import METRIC_DEPTH
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, CLASS_NAMES, HELIPAD_BOX
 from uav_bt.display.canvas import Colour
-from uav_bt.display.lab_map import LabMap, MapItem
+from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.phrases import describe_flight, lands_on_helipad
 from uav_bt.display.status import LiveStatus
 from uav_bt.display.video.class_pane import ClassPalette
@@ -50,6 +50,14 @@ def map_of_scene(scene: Scene) -> LabMap:
             for box in scene.boxes
         ),
         helipad=_item(pad.position_m, pad.yaw_deg, pad.size_m, HELIPAD_BOX),
+        movers=tuple(
+            MapMover(
+                item=_item(mover.path_m[0], mover.yaw_deg, mover.size_m, BOXES[mover.pattern - 1]),
+                path_m=(*mover.path_m, mover.path_m[0]) if mover.loop else mover.path_m,
+                round=mover.shape == "cylinder",
+            )
+            for mover in scene.movers
+        ),
     )
 
 

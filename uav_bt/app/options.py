@@ -40,6 +40,7 @@ class FlightOptions:
         inference_threads: threads of the networks' inference; with one, a flight does not depend
             on the machine's load.
         camera: camera file in place of the drone's own intrinsics; frames are undistorted by it.
+        movers: how many people and carts, drawn from the seed, move in the scene beside its own.
         exact_masks: simulated drones fly on the referee's masks instead of a network's.
         record: MCAP file that the flight's record is written to; None: no record.
         record_quality: of the record's images: lossless, which replays exactly, high or small.
@@ -62,6 +63,7 @@ class FlightOptions:
     realtime: bool = False
     inference_threads: int = 1
     camera: str | Path | None = None
+    movers: int = 0
     exact_masks: bool = False
     record: str | Path | None = None
     record_quality: Quality = "lossless"
@@ -83,7 +85,7 @@ class FlightOptions:
         if not isinstance(self.site, Site):
             file = as_file("site", self.site, "a site file or a Site")
             self._set("site", None if file is None else load_site(file))
-        for name, least in (("seed", 0), ("inference_threads", 1)):
+        for name, least in (("seed", 0), ("inference_threads", 1), ("movers", 0)):
             self._set(name, _whole(name, getattr(self, name), least))
         self._set("image_size_px", _size(self.image_size_px))
         for name in ("realtime", "exact_masks", "rehearse"):
@@ -139,7 +141,7 @@ class FlightOptions:
         }
 
 
-_OF_NAMED_DRONES: Final = frozenset({"scene", "profile", "image_size_px", "realtime"})
+_OF_NAMED_DRONES: Final = frozenset({"scene", "profile", "image_size_px", "realtime", "movers"})
 _ABSENT: Final = object()
 
 

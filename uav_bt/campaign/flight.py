@@ -33,6 +33,7 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
         policies=task.policies,
         image_size_px=task.image_size_px,
         exact_masks=task.exact_masks,
+        movers=task.movers,
         record=None if task.record is None else Path(task.record),
         record_quality=task.record_quality,  # type: ignore[arg-type]  # the plan's maker checked it
     )
@@ -52,6 +53,8 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
     flight |= {"scene": task.scene, "tree": task.tree}
     if task.exact_masks:
         flight["exact_masks"] = True
+    if task.movers:
+        flight["movers"] = task.movers
     flight["path"] = keeper.points
     flight["wall_s"] = round(time.perf_counter() - began_s, 3)
     return flight

@@ -32,6 +32,7 @@ class FlightTask:
     image_size_px: tuple[int, int]  # width, height
     exact_masks: bool
     policies: dict[str, str]  # by node
+    movers: int = 0  # drawn from the seed
     record: str | None = None  # where to write the flight's record
     record_quality: str = "lossless"  # of its images
 
@@ -62,6 +63,7 @@ class CampaignPlan:
     profile: str = "lab"  # how imperfect the twin is
     image_size_px: tuple[int, int] = (640, 360)  # width, height
     exact_masks: bool = False  # fly on the referee's masks instead of a network
+    movers: int = 0  # drawn from each flight's seed, beside the scene's own
     policies: dict[str, str] = field(default_factory=dict)  # by node
     record: bool = False  # keep a record of every flight
     record_quality: str = "lossless"  # of its images
@@ -72,6 +74,8 @@ class CampaignPlan:
     versions: dict[str, str] = field(default_factory=dict)  # of packages that flights depend on
 
     def __post_init__(self) -> None:
+        if self.movers < 0:
+            raise ValueRangeError(f"movers: expected a whole number from 0, got {self.movers}")
         if self.flights < 1 or self.seed_from < 0:
             raise ValueRangeError(
                 "a campaign needs at least one flight and seeds from 0, got "
@@ -107,6 +111,7 @@ class CampaignPlan:
                         profile=self.profile,
                         image_size_px=self.image_size_px,
                         exact_masks=self.exact_masks,
+                        movers=self.movers,
                         policies=self.policies,
                         record_quality=self.record_quality,
                     )
@@ -124,7 +129,7 @@ class CampaignPlan:
             found += _compared(what.removesuffix("s"), then, now)
         for what in ("weights", "versions", "policies"):
             found += _compared(what, getattr(before, what), getattr(self, what))
-        for what in ("seed_from", "profile", "image_size_px", "exact_masks"):
+        for what in ("seed_from", "profile", "image_size_px", "exact_masks", "movers"):
             now, then = getattr(self, what), getattr(before, what)
             if now != then:
                 found.append(f"{what}: was {then}, now {now}")

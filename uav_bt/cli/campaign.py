@@ -18,6 +18,7 @@ from uav_bt.cli.options import (
     FOLDER,
     RUNS,
     image_size_option,
+    movers_option,
     policy_option,
     profile_option,
     workers_option,
@@ -46,6 +47,7 @@ from uav_bt.errors import MissionError
 @workers_option
 @profile_option
 @click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
+@movers_option
 @image_size_option
 @policy_option
 @click.option(
@@ -93,6 +95,7 @@ def campaign(
     workers: int | None,
     profile: str,
     exact_masks: bool,
+    movers: int,
     image_size: tuple[int, int],
     policies: dict[str, str],
     out: Path | None,
@@ -139,6 +142,7 @@ def campaign(
             profile=profile,
             image_size_px=image_size,
             exact_masks=exact_masks,
+            movers=movers,
             timeout_s=timeout_s,
             record=record,
         )

@@ -21,6 +21,7 @@ from uav_bt.cli.keys import pilot_keys
 from uav_bt.cli.options import (
     INPUT,
     image_size_option,
+    movers_option,
     output_option,
     policy_option,
     profile_option,
@@ -81,6 +82,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     help="Motors off: perception and tree see the live video, and show what would be sent.",
 )
 @profile_option
+@movers_option
 @policy_option
 @click.option(
     "--camera",
@@ -133,6 +135,7 @@ def fly(
     seed: int,
     drone: str,
     profile: str,
+    movers: int,
     policies: dict[str, str],
     camera: Path | None,
     site: Path | None,
@@ -169,6 +172,7 @@ def fly(
         seed=seed,
         drone=drone,
         profile=profile,
+        movers=movers,
         policies=policies,
         image_size_px=image_size,
         camera=camera,

@@ -64,6 +64,7 @@ def _line(scene: Scene) -> str:
     return (
         f"{wide_m:g} x {deep_m:g} m, {len(scene.boxes)} boxes{span} "
         f"({tall} reach {_FLIGHT_HEIGHT_M} m), "
+        f"{f'{len(scene.movers)} movers, ' if scene.movers else ''}"
         f"helipad at ({x_m:g}, {y_m:g}), take-off from {place}"
     )
 

@@ -79,6 +79,14 @@ profile_option = click.option(
     show_default=True,
     help="How imperfect the twin is: ideal, lab or harsh.",
 )
+movers_option = click.option(
+    "--movers",
+    metavar="N",
+    type=WholeNumber(min=0),
+    default=0,
+    show_default=True,
+    help="So many people and carts, drawn from the seed, move in the twin's scene.",
+)
 threads_option = click.option(
     "--threads",
     type=WholeNumber(min=1),

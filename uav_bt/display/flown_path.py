@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from uav_bt.mission.tick import TickRecord
-from uav_bt.types import Pose
+from uav_bt.types import MoverState, Pose
 from uav_bt.types.dead_reckoning import Odometry, OdometryPose
 
 
@@ -31,12 +31,14 @@ class FlownPath:
         self.phases: list[str] = []  # in the order in which they first appeared
         self.distance_m = 0.0
         self.pose: Pose | None = None  # None before the first tick
+        self.movers: tuple[MoverState, ...] = ()  # by the truth
         self._odometry = Odometry()
         self._first: OdometryPose | None = None
 
     def add(self, record: TickRecord) -> Pose:
         """Note a tick and return the present pose."""
         truth = record.truth
+        self.movers = () if truth is None else truth.movers
         pose = truth.pose if truth is not None else self._reckoned(record)
         if self.pose is not None:
             self.distance_m += math.hypot(pose.x_m - self.pose.x_m, pose.y_m - self.pose.y_m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -67,12 +67,28 @@ class MapItem(Pose2D):
 
 
 @dataclass(frozen=True, kw_only=True)
+class MapMover:
+    """Something that moves, where its path begins."""
+
+    item: MapItem
+    path_m: tuple[Point, ...]  # world metres; of a loop the first point stands last, too
+    round: bool = False  # a cylinder
+
+    def outline(self, at_m: Point) -> list[Point]:
+        """Return its outline in world metres, its middle at a place."""
+        if self.round:
+            return circle(*at_m, self.item.size_m[0] / 2)
+        return replace(self.item, x_m=at_m[0], y_m=at_m[1]).corners()
+
+
+@dataclass(frozen=True, kw_only=True)
 class LabMap:
     """What a map of the lab shows; the origin is the carpet's middle."""
 
     carpet_size_m: tuple[float, float]  # along world x and y
     boxes: tuple[MapItem, ...] = ()
     helipad: MapItem | None = None
+    movers: tuple[MapMover, ...] = ()
 
     def __post_init__(self) -> None:
         if min(self.carpet_size_m) <= 0.0:
@@ -137,7 +153,7 @@ def phase_colours(phases: Sequence[str]) -> dict[str, Colour]:
 
 
 def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
-    """Return the empty lab: floor, carpet with a grid of metres, boxes with heights, helipad.
+    """Return the empty lab: floor, carpet with a grid of metres, boxes, helipad, movers' paths.
 
     Args:
         lab_map: what stands there; None draws the grid alone.
@@ -156,6 +172,8 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
         _grid(image, frame, lab_map.carpet_size_m, _CARPET_GRID)
         if lab_map.helipad is not None:
             _draw_helipad(image, frame, lab_map.helipad)
+        for mover in lab_map.movers:
+            line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, BACKDROP, 0.4))
         for box in lab_map.boxes:
             _draw_box(image, frame, box)
     _draw_scale(image, frame)
@@ -174,6 +192,16 @@ def _draw_box(image: Image, frame: MapFrame, box: MapItem) -> None:
     edge = _mixed(box.colour, INK, 0.45)
     polygon(image, frame.all_to_px(box.corners()), box.colour, edge)
     _label(image, frame, box, f"{box.size_m[2]:.1f}")
+
+
+def draw_movers(
+    image: Image, frame: MapFrame, lab_map: LabMap, places_m: Sequence[Point] = ()
+) -> None:
+    """Draw what moves, at places in the map's order; where their paths begin without any."""
+    begins = [mover.path_m[0] for mover in lab_map.movers]
+    for mover, at_m in zip(lab_map.movers, places_m or begins, strict=True):
+        edge = _mixed(mover.item.colour, INK, 0.7)
+        polygon(image, frame.all_to_px(mover.outline(at_m)), mover.item.colour, edge)
 
 
 def _draw_helipad(image: Image, frame: MapFrame, pad: MapItem) -> None:
@@ -226,6 +254,8 @@ def draw_path_map(
         carpet_m, size_px, margin_m=0.3, header_px=HEADER_PX, footer_px=_FOOTER_PX
     )
     image = draw_lab(lab_map, frame)
+    if lab_map is not None:
+        draw_movers(image, frame, lab_map)
     colours = phase_colours([point.phase for point in path])
     width_px = max(2, round(0.025 * frame.scale_px_per_m))
     for before, after in itertools.pairwise(path):

@@ -20,7 +20,14 @@ from uav_bt.display.canvas import (
     put,
 )
 from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import HEADER_PX, LabMap, MapFrame, draw_lab, phase_colours
+from uav_bt.display.lab_map import (
+    HEADER_PX,
+    LabMap,
+    MapFrame,
+    draw_lab,
+    draw_movers,
+    phase_colours,
+)
 from uav_bt.types import CameraModel, HelipadFix, Pose
 from uav_bt.types.projection import pixel_rays
 
@@ -79,6 +86,7 @@ class LiveMap:
         self.size_px = size_px
         self._frame = MapFrame.around(extent_m, size_px, header_px=HEADER_PX)
         self._camera = camera
+        self._lab_map = lab_map
         self._lab = draw_lab(lab_map, self._frame)
         put(self._lab, title, (12, 22), colour=INK, scale=0.48)
         self._drawn = 1  # points of the path that are already on the image
@@ -96,6 +104,9 @@ class LiveMap:
         """
         self._draw_new_path(flown)
         image = self._lab.copy()
+        if self._lab_map is not None:
+            places_m = [(mover.pose.x_m, mover.pose.y_m) for mover in flown.movers]
+            draw_movers(image, self._frame, self._lab_map, places_m)
         if flown.pose is not None:
             seen = ground_view(self._camera, pitch_rad, max(height_m, 0.0))
             # With the lens itself: a wedge when it points ahead, a rectangle when it points down.

@@ -20,7 +20,7 @@ from uav_bt.types.commands import (
     TakeOff,
     Velocity,
 )
-from uav_bt.types.observation import Observation, PastView, RecentViews, Truth
+from uav_bt.types.observation import MoverState, Observation, PastView, RecentViews, Truth
 from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
 from uav_bt.types.surroundings import (
     BODY_SIZE_M,
@@ -67,6 +67,7 @@ __all__ = [
     "Movement",
     "MovementState",
     "MovementStatus",
+    "MoverState",
     "Observation",
     "ObstaclePoints",
     "PastView",

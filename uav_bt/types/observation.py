@@ -49,15 +49,26 @@ class RecentViews:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MoverState:
+    """Where something that moves is, and how fast; world axes."""
+
+    name: str
+    pose: Pose  # of its middle
+    vx_mps: float
+    vy_mps: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Truth:
     """What only a simulator knows; used by reports and evaluations, never by the mission."""
 
     time_s: float
     pose: Pose
     contacts: tuple[str, ...]  # geoms the body touches now, the ground and the pad included
-    clearance_m: float  # from the hull to the nearest box, inf without boxes
+    clearance_m: float  # from the hull to the nearest box or mover, inf without any
     inside_carpet: bool  # the body's centre
     on_helipad: bool  # the body's centre is above the pad
     landing_error_m: float  # horizontal, body centre to pad centre
     motors_on: bool
     gimbal_pitch_rad: float | None = None  # of the camera; None where it is not known
+    movers: tuple[MoverState, ...] = ()  # in the scene's order

@@ -206,6 +206,7 @@ def _origin(source: Provenance) -> Table:
             ("seeds", f"{plan.seed_from} to {last}"),
             ("profile", plan.profile),
             ("images", f"{width}x{height}"),
+            *((("movers", str(plan.movers)),) if plan.movers else ()),
             ("masks", "exact, from the referee" if plan.exact_masks else "the network's"),
             *(("policy", f"{node}={name}") for node, name in plan.policies.items()),
             ("versions", ", ".join(f"{name} {version}" for name, version in plan.versions.items())),

@@ -242,6 +242,8 @@ def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
     profile = flight.get("profile")
     if isinstance(profile, str):
         words += ["--profile", profile]
+    if flight.get("movers"):
+        words += ["--movers", str(flight["movers"])]
     if plan is not None:
         width, height = plan.image_size_px
         words += ["--image-size", f"{width}x{height}"]

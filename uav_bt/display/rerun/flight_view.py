@@ -71,6 +71,7 @@ class FlightView:
         corridor, obstacles = board.read(CORRIDOR).value, board.read(OBSTACLES).value
         fix = board.read(HELIPAD).value
         self._world.show_drone(record.time_s, self._flown)
+        self._world.show_movers(self._flown.movers)
         self._world.show_lens(frame)
         self._images.show_frame(frame, fix)
         self._images.show_mask(class_map)

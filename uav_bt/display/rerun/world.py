@@ -5,6 +5,7 @@ The world is z up, its yaw counter-clockwise; the body's telemetry is z down, it
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -34,6 +35,7 @@ from uav_bt.types import (
     Corridor,
     Frame,
     HelipadFix,
+    MoverState,
     ObstaclePoints,
     Pose,
     projection,
@@ -102,6 +104,7 @@ class WorldView:
             origins=[[half[0], 0.0, 0.0]], vectors=[[0.15, 0.0, 0.0]], colors=[ACCENT], radii=0.012
         )
         stream.log(f"{BODY}/nose", nose, static=True)
+        self._movers = () if setting.lab_map is None else setting.lab_map.movers
         if setting.lab_map is not None:
             draw_lab(stream, setting.lab_map)
 
@@ -118,6 +121,17 @@ class WorldView:
             colour = phase_colours(flown.phases)[phase]
             self._stream.log(PATH, rr.LineStrips3D([ends], colors=[colour], radii=0.012))
         self._before = pose
+
+    def show_movers(self, states: Sequence[MoverState]) -> None:
+        """Draw what moves in the lab."""
+        for mover, state in zip(self._movers, states, strict=False):
+            size_m, colour = mover.item.size_m, mover.item.colour
+            shape: rr.AsComponents = (
+                rr.Cylinders3D(lengths=[size_m[2]], radii=[size_m[0] / 2.0], colors=[colour])
+                if mover.round
+                else rr.Boxes3D(half_sizes=[[side / 2.0 for side in size_m]], colors=[colour])
+            )
+            self._entities.draw(f"{LAB}/{state.name}", _placed(state.pose), shape)
 
     def show_lens(self, frame: Frame | None) -> None:
         """Draw the lens where it was when the newest frame was taken."""

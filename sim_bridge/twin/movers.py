@@ -1,0 +1,161 @@
+"""What moves in a lab, as scene files describe it: carts and people on paths."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.classes import BOXES, ROOFS
+from uav_bt.errors import ValueRangeError
+from uav_bt.types.ground import Footprint, Ground
+
+Point = tuple[float, float]
+
+KEPT_FREE_M = 0.25  # from the take-off place to what stands or drives
+_SPEEDS_MPS = (0.2, 1.0)
+_SIZES_M = (0.1, 2.5)
+_ROUND_CORNERS = 32  # of the polygon that stands for a cylinder's outline, and lies around it
+_LONGEST_PAUSE_S = 60.0
+
+
+def roof_of(pattern: int) -> int:
+    """Return the pattern of the roof, 1 to 5, of what is wrapped in a pattern."""
+    return (pattern - 1) % len(ROOFS) + 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoverSpec:
+    """A cart or a person that follows a path at a constant speed, wrapped in printed paper.
+
+    Raises:
+        ValueRangeError: a number is out of range.
+    """
+
+    path_m: tuple[Point, ...]  # corners of the path, world x and y; it begins at the first
+    speed_mps: float  # 0.2 to 1
+    shape: Literal["box", "cylinder"] = "cylinder"
+    pattern: int = 8  # 1 to 8; decides texture and class, as a box's
+    size_m: tuple[float, float, float] = (0.4, 0.4, 1.7)  # along its own x and y, and upwards
+    yaw_deg: float = 0.0  # counter-clockwise from +x; it keeps it, as a cart on castors does
+    loop: bool = False  # round and round, back to the first corner; else to and fro
+    pauses_s: Point | None = None  # it stands so long, least and most, before each way
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.pattern <= len(BOXES):
+            raise ValueRangeError(
+                f"a mover's pattern must be 1 to {len(BOXES)}, got {self.pattern}"
+            )
+        low, high = _SPEEDS_MPS
+        if not low <= self.speed_mps <= high:
+            raise ValueRangeError(
+                f"a mover's speed_mps must be {low} to {high}, got {self.speed_mps}"
+            )
+        low, high = _SIZES_M
+        if not all(low <= side <= high for side in self.size_m):
+            raise ValueRangeError(
+                f"a mover's size_m must be {low} to {high} m each way, got {list(self.size_m)}"
+            )
+        if self.shape == "cylinder" and self.size_m[0] != self.size_m[1]:
+            raise ValueRangeError(
+                "a cylinder is as wide as it is deep: the first two numbers of its size_m must be "
+                f"equal, got {list(self.size_m)}"
+            )
+        if not all(map(math.isfinite, (self.yaw_deg, *itertools.chain(*self.path_m)))):
+            raise ValueRangeError("a mover's path and yaw must be finite numbers")
+        if any(math.dist(*ends) < 0.1 for ends in self.legs()) or len(self.path_m) < 2:
+            raise ValueRangeError(
+                "a mover's path_m must have at least two corners, 0.1 m apart or more, got "
+                f"{[list(corner) for corner in self.path_m]}"
+            )
+        self._check_pauses()
+
+    def _check_pauses(self) -> None:
+        if self.pauses_s is not None:
+            least, most = self.pauses_s
+            if not 0.0 <= least <= most <= _LONGEST_PAUSE_S:
+                raise ValueRangeError(
+                    "a mover's pauses_s are the least and the most, 0 to "
+                    f"{_LONGEST_PAUSE_S:g} s, got {list(self.pauses_s)}"
+                )
+
+    def legs(self) -> Iterator[tuple[Point, Point]]:
+        """Yield the straight pieces of one way along the path."""
+        yield from itertools.pairwise(self.path_m)
+        if self.loop:
+            yield self.path_m[-1], self.path_m[0]
+
+    def footprint(self, x_m: float, y_m: float) -> Footprint:
+        """Return the mover from above, where its centre is; of a cylinder, what lies around it."""
+        return Footprint(
+            x_m=x_m,
+            y_m=y_m,
+            half_x_m=self.size_m[0] / 2,
+            half_y_m=self.size_m[1] / 2,
+            yaw_rad=math.radians(self.yaw_deg),
+        )
+
+    def covers(self, place: Point, at: Point) -> bool:
+        """Return whether a world point is below or in the mover, whose centre is at a place."""
+        if self.shape == "cylinder":
+            return math.dist(place, at) <= self.size_m[0] / 2
+        return self.footprint(*place).contains(*at)
+
+    def swept(self) -> list[NDArray[np.float32]]:
+        """Return what the mover sweeps over, a convex polygon (N, 2) for each leg of its path."""
+        outline = np.array(self._outline())
+        return [_hull(np.vstack([outline + start, outline + end])) for start, end in self.legs()]
+
+    def _outline(self) -> list[Point]:
+        if self.shape == "box":
+            return self.footprint(0.0, 0.0).corners()
+        radius = self.size_m[0] / 2 / math.cos(math.pi / _ROUND_CORNERS)
+        turns = (2.0 * math.pi * k / _ROUND_CORNERS for k in range(_ROUND_CORNERS))
+        return [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+
+    def distance_m(self, x_m: float, y_m: float) -> float:
+        """Return how near the mover ever comes to a world point; 0 where it drives over it."""
+        nearest = (
+            -cv2.pointPolygonTest(polygon, (x_m, y_m), measureDist=True) for polygon in self.swept()
+        )
+        return max(0.0, min(nearest))
+
+
+def _hull(points: NDArray[np.float64]) -> NDArray[np.float32]:
+    hull = cv2.convexHull(points.astype(np.float32))
+    return np.asarray(hull[:, 0], dtype=np.float32)
+
+
+def mover_problem(
+    mover: MoverSpec, ground: Ground, names: Sequence[str], take_off_m: Point | None
+) -> str | None:
+    """Return why a mover cannot follow its path; None when it can.
+
+    Args:
+        mover: the mover.
+        ground: with all that stands on it.
+        names: of what stands there, in the same order.
+        take_off_m: where the drone stands at first; None where it is drawn, or on the helipad.
+    """
+    for x, y in mover.path_m:
+        if not ground.contains(x, y):
+            return f"its path leaves the carpet at [{x:g}, {y:g}]"
+    for item, name in zip(ground.standing, names, strict=True):
+        corners = np.array(item.footprint.corners(), dtype=np.float32)
+        for polygon in mover.swept():
+            if cv2.intersectConvexConvex(polygon, corners)[0] > 1e-6:
+                return f"its path leads through {name}"
+    if take_off_m is not None and mover.distance_m(*take_off_m) < KEPT_FREE_M:
+        return f"its path leads over the take-off place [{take_off_m[0]:g}, {take_off_m[1]:g}]"
+    return None
+
+
+def mover_names(movers: Sequence[MoverSpec]) -> tuple[str, ...]:
+    """Return what contacts and messages call movers."""
+    return tuple(f"mover-{number}" for number in range(1, len(movers) + 1))
