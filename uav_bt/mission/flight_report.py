@@ -59,7 +59,7 @@ class FlightReport:
     time_to_find_helipad_s: float | None  # over the same span
     time_to_land_s: float | None  # from there until motors off
     landing_error_m: float | None  # horizontal, body centre to pad centre
-    min_clearance_m: float | None  # from the hull to the nearest box
+    min_clearance_m: float | None  # from the hull to the nearest box or mover
     # Shares of the free ground, 0 to 1, after so many seconds from the take-off command and at the
     # end: within 0.5 m of the flown path, and in view within 3 m.
     coverage_passed_90s: float | None = None

@@ -186,6 +186,11 @@ def test_the_places_of_other_sizes_load(name: str) -> None:
     assert scene.ground.size_m == (side, side)
 
 
+def test_the_place_with_movers_loads() -> None:
+    scene = load_scene(SCENES / "moving.yaml")
+    assert [mover.shape for mover in scene.movers] == ["cylinder", "box"]
+
+
 def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
     """No traceback for what is not a scene at all."""
     with pytest.raises(SceneError, match="no such scene file"):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from uav_bt import app
 from uav_bt.app import film
@@ -26,6 +27,7 @@ SCENE = Scene(
     name="small",
     helipad=Helipad(position_m=(-1.5, -1.0), yaw_deg=90.0),
     boxes=(BoxSpec(pattern=3, position_m=(1.0, 0.5), size_m=(0.4, 0.3, 1.9), yaw_deg=20.0),),
+    movers=(MoverSpec(path_m=((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0)), speed_mps=0.5, loop=True),),
 )
 
 
@@ -70,6 +72,10 @@ def test_a_scene_becomes_a_map_in_the_colours_of_its_classes() -> None:
     assert box.colour == tuple(CLASS_COLOURS[class_id("box_3")])
     assert np.allclose(box.corners(), SCENE.boxes[0].footprint.corners())
     assert (lab.helipad.x_m, lab.helipad.y_m) == (-1.5, -1.0)
+    (mover,) = lab.movers
+    assert mover.round
+    assert mover.path_m == ((0.0, -1.0), (0.0, 1.0), (-1.0, 1.0), (0.0, -1.0))
+    assert mover.item.colour == tuple(CLASS_COLOURS[class_id("box_8")])
 
 
 def test_a_drone_that_knows_no_scene_has_no_map() -> None:

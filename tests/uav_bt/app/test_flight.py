@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from behaviours.policies.segmentation_rule import SegmentationRule
 from sim_bridge.twin import TwinConfig
+from sim_bridge.twin.drone import TwinDrone
 from uav_bt import app, plugins
 from uav_bt.errors import (
     DroneError,
@@ -182,6 +183,21 @@ def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
     }
     assert (second["address"], second["scene"]) == (None, "none")
     assert not hangar.drone.connected
+
+
+def test_movers_are_for_the_twin() -> None:
+    with pytest.raises(InputError, match="drone 'anafi' takes no movers, got '2'"):
+        app.make_drone(app.FlightOptions(drone="anafi", movers=2))
+    with pytest.raises(InputError, match="movers: expected a whole number from 0, got -1"):
+        app.FlightOptions(movers=-1)
+    one, two = (
+        app.make_drone(app.FlightOptions(scene="val-a", seed=seed, movers=2)) for seed in (1, 2)
+    )
+    assert isinstance(one, TwinDrone)
+    assert isinstance(two, TwinDrone)
+    assert len(one.scene.movers) == 2
+    assert one.scene.movers != two.scene.movers
+    assert one.scene.name == "val-a"
 
 
 def test_a_scene_for_a_drone_that_knows_none_is_refused() -> None:

@@ -50,6 +50,7 @@ def test_plans_and_tasks_survive_being_written() -> None:
         ({"profile": "harsh"}, "profile: was lab, now harsh"),
         ({"image_size_px": (320, 180)}, "image_size_px: was (640, 360), now (320, 180)"),
         ({"exact_masks": True}, "exact_masks: was False, now True"),
+        ({"movers": 1}, "movers: was 0, now 1"),
         ({"policies": {"Explore": "x"}}, "policies: 'Explore' is new"),
         ({"weights": {"unet.onnx": "3" * 64}}, "weights: 'unet.onnx' is new"),
         ({"versions": {"numpy": "2"}}, "versions: 'numpy' is new"),

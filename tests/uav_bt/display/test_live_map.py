@@ -1,15 +1,16 @@
 """The map that follows a flight."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.uav_bt.display.display_world import CAMERA, LAB, World
 from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.lab_map import HEADER_PX, MapFrame, phase_colours
+from uav_bt.display.lab_map import HEADER_PX, MapFrame, MapItem, MapMover, phase_colours
 from uav_bt.display.live_map import LiveMap, ground_view
-from uav_bt.types import HelipadFix, Pose
+from uav_bt.types import HelipadFix, MoverState, Pose
 
 SIZE_PX = (638, 439)
 FRAME = MapFrame.around(LAB.carpet_size_m, SIZE_PX, header_px=HEADER_PX)
@@ -36,6 +37,28 @@ def test_the_path_stays_on_the_map_while_the_drone_moves_on() -> None:
         image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
     column, row = (round(v) for v in FRAME.to_px(-0.6, 0.0))
     assert tuple(image[row, column]) == phase_colours(["explore"])["explore"]
+
+
+def test_what_moves_is_drawn_where_it_is() -> None:
+    item = MapItem(x_m=-1.0, y_m=1.2, size_m=(0.4, 0.4, 1.7), colour=(10, 20, 30))
+    mover = MapMover(item=item, path_m=((-1.0, 1.2), (1.0, 1.2)), round=True)
+    live = LiveMap(replace(LAB, movers=(mover,)), CAMERA, SIZE_PX)
+    flown, world = FlownPath(), World()
+    at = {x: tuple(round(v) for v in FRAME.to_px(x, 1.2)) for x in (-1.0, 0.5)}
+    image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
+    assert tuple(image[at[-1.0][1], at[-1.0][0]]) == (10, 20, 30), "where its path begins"
+    record = world.tick(pose=Pose(x_m=0.0, y_m=-1.5, z_m=1.5, yaw_rad=-1.5))
+    assert record.truth is not None
+    moved = MoverState(
+        name="mover-1",
+        pose=Pose(x_m=0.5, y_m=1.2, z_m=0.85, yaw_rad=0.0),
+        vx_mps=0.5,
+        vy_mps=0.0,
+    )
+    flown.add(replace(record, truth=replace(record.truth, movers=(moved,))))
+    image = live.draw(flown, pitch_rad=-0.5, height_m=1.5, fix=None)
+    assert tuple(image[at[0.5][1], at[0.5][0]]) == (10, 20, 30)
+    assert tuple(image[at[-1.0][1], at[-1.0][0]]) != (10, 20, 30)
 
 
 def test_the_camera_view_lies_where_the_drone_looks() -> None:

@@ -25,6 +25,7 @@ from uav_bt.types import (
     DroneState,
     FlyingState,
     HelipadFix,
+    MoverState,
     Observation,
     ObstaclePoints,
     Pose,
@@ -42,6 +43,15 @@ TRUTH = Truth(
     on_helipad=True,
     landing_error_m=0.01,
     motors_on=True,
+    gimbal_pitch_rad=-0.5,
+    movers=(
+        MoverState(
+            name="mover-1",
+            pose=Pose(x_m=0.5, y_m=-1.0, z_m=0.85, yaw_rad=0.0),
+            vx_mps=0.5,
+            vy_mps=0.0,
+        ),
+    ),
 )
 BOARD: dict[str, Any] = {
     "class_map": ClassMap(ids=np.arange(6, dtype=np.uint8).reshape(2, 3), captured_s=CAPTURED_S),

@@ -29,7 +29,7 @@ _METRIC_NOTES: Final = {
     "search_distance_m": "Searching lasts from the end of exploration until the helipad is found.",
     "coverage_passed": f"Passed: within {PASSED_M:g} m of the flown path; seen: in view, not "
     f"hidden, within {SEEN_M:g} m of the lens.",
-    "min_clearance_m": "Least clearance: the nearest that the hull came to a box.",
+    "min_clearance_m": "Least clearance: the nearest that the hull came to a box or mover.",
 }
 """Sentences about the metrics that have values; the first stands always."""
 

@@ -274,6 +274,14 @@ def test_the_first_90_s_are_those_of_flights_that_lasted_so_long(tmp_path: Path)
     assert "count where a flight lasted as long" in written.page.read_text()
 
 
+def test_the_same_again_has_the_movers(tmp_path: Path) -> None:
+    lost = flight(3, outcome="collision", reason="touched mover-1", movers=2)
+    written = write(tmp_path / "r.html", campaign(tmp_path / "c", lost, movers=2))
+    (row,) = rows(written, "failures")
+    assert "--profile lab --movers 2 " in row["the same again"]
+    assert "movers" in Page(written.page.read_text()).texts
+
+
 def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path) -> None:
     source = jsonl(
         tmp_path / "f.jsonl",

@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 import pytest
+import rerun as rr
 
 from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
 from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.lab_map import LabMap, MapItem, MapMover
 from uav_bt.display.rerun.setting import CorridorSize
 from uav_bt.display.rerun.world import WorldView, camera_axes, corridor_planes
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import Corridor, HelipadFix, ObstaclePoints, Pose
+from uav_bt.types import Corridor, HelipadFix, MoverState, ObstaclePoints, Pose
 
 
 def pose(x_m: float = 0.0, y_m: float = 0.0, z_m: float = 1.5, yaw_rad: float = 0.0) -> Pose:
@@ -97,6 +99,26 @@ def test_the_lens_sits_ahead_of_the_bodys_centre() -> None:
     ahead_m = setting().camera.forward_offset_m
     placed = flight.stream.last("world/camera")
     np.testing.assert_allclose(values(placed.translation)[0], [0.0, ahead_m, 1.5], atol=1e-6)
+
+
+def test_what_moves_is_drawn_where_it_is() -> None:
+    item = MapItem(x_m=0.0, y_m=0.0, size_m=(0.4, 0.4, 1.7))
+    movers = tuple(
+        MapMover(item=item, path_m=((0.0, 0.0), (1.0, 0.0)), round=is_round)
+        for is_round in (True, False)
+    )
+    stream = NotedStream()
+    view = WorldView(stream, setting(lab_map=LabMap(carpet_size_m=(5.0, 4.0), movers=movers)))
+    view.show_movers(
+        [
+            MoverState(name=name, pose=pose(x_m=x_m, z_m=0.85), vx_mps=0.5, vy_mps=0.0)
+            for name, x_m in (("mover-1", 0.25), ("mover-2", 0.75))
+        ]
+    )
+    for name, x_m, kind in (("mover-1", 0.25, rr.Cylinders3D), ("mover-2", 0.75, rr.Boxes3D)):
+        placed, shape = stream.of(f"world/lab/{name}")[-1].things
+        np.testing.assert_allclose(values(placed.translation)[0], [x_m, 0.0, 0.85], atol=1e-6)
+        assert isinstance(shape, kind)
 
 
 def corridor(side: str | None, captured_s: float = 0.0) -> Corridor:
