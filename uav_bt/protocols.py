@@ -22,7 +22,11 @@ from uav_bt.types import (
     RecentViews,
     Truth,
 )
+<<<<<<< HEAD
 from uav_bt.types.ground import Ground
+=======
+from uav_bt.types.site_map import SiteMap
+>>>>>>> 3b726a4 (A site map with scan matching, and a coverage policy that plans over it (first flights))
 
 
 @runtime_checkable
@@ -169,6 +173,7 @@ class PolicyView:
         gimbal_pitch_rad: when the frame was captured; 0 level, negative down.
         height_above_carpet_m: when the frame was captured.
         obstacles: remembered, also those out of view; None without `RememberObstacles`.
+        site_map: the map of the place; None without `RememberObstacles`.
         corridor: how far the path is free; None without depth in the tree.
         recent: the pixels of the last seconds; None without `RememberViews`.
         turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.
@@ -181,6 +186,7 @@ class PolicyView:
     gimbal_pitch_rad: float
     height_above_carpet_m: float
     obstacles: ObstaclePoints | None = None
+    site_map: SiteMap | None = None
     corridor: Corridor | None = None
     recent: RecentViews | None = None
     turning: int = 0
@@ -199,9 +205,13 @@ class Decision:
         reason: one or two words, for the status line and the records.
         free_m: how far the path ahead is free of obstacles, wherever the carpet ends, up to the
             policy's longest step; None where the policy does not give it.
+        speed_mps: flown without a stop: ahead at this speed while the heading follows `yaw_rad`,
+            until the next decision; 0 turns only. None: an advance as a movement of its own.
+        done: nothing is left to do; what else it says is not flown.
 
     Raises:
-        ValueRangeError: a number is not finite, or the turn is more than a full one.
+        ValueRangeError: a number is not finite, the turn is more than a full one, or the speed is
+            negative.
     """
 
     forward_m: float = 0.0
@@ -209,8 +219,12 @@ class Decision:
     carpet_ends: bool = False
     reason: str = ""
     free_m: float | None = None
+    speed_mps: float | None = None
+    done: bool = False
 
     def __post_init__(self) -> None:
+        if self.speed_mps is not None and not 0.0 <= self.speed_mps < math.inf:
+            raise ValueRangeError(f"speed_mps must be zero or positive, got {self.speed_mps}")
         if not math.isfinite(self.forward_m):
             raise ValueRangeError(f"forward_m must be finite, got {self.forward_m}")
         if not abs(self.yaw_rad) <= 2.0 * math.pi:

@@ -9,7 +9,10 @@ from uav_bt.types import DroneState, MissionPhase
 
 
 class Explore(SteeringLeaf):
-    """Advance under a leaf policy; FAILURE when the path is blocked (Avoid's turn)."""
+    """Advance under a leaf policy; FAILURE when the path is blocked (Avoid's turn).
+
+    SUCCESS when the policy finds nothing left to explore.
+    """
 
     ports = (*SteeringLeaf.ports, FLOWING)
 
@@ -23,9 +26,12 @@ class Explore(SteeringLeaf):
         if self.flow(state) or self.moving(state):
             return Status.RUNNING
         decision = self.decide()
-        if decision is None:
-            return Status.RUNNING
-        if decision.blocked:
+        if decision is not None and decision.done:
+            return Status.SUCCESS
+        if decision is not None and decision.blocked:
             return Status.FAILURE
-        self.move(state, decision)
+        if decision is None or decision.speed_mps is not None:
+            self.fly_on(state, decision)
+        else:
+            self.move(state, decision)
         return Status.RUNNING

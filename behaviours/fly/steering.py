@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from behaviours.fly.heading import HeadingController
 from behaviours.fly.movement import MovingLeaf
 from behaviours.fly.mover import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
@@ -47,6 +48,9 @@ class SteeringConfig:
     turn_back_rad: float = math.radians(4)  # a smaller overshoot of a turn is left
     settle_s: float = 0.2  # the airframe swings on after a turn and would deflect a step
     interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
+    course_s: float = 0.5  # for so long a speed and a heading are flown without a new decision
+    climb_per_s: float = 0.8  # of the error in height, while it flies at a speed
+    climb_mps: float = 0.25  # at most
     lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
     min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
 
@@ -73,6 +77,8 @@ class SteeringLeaf(MovingLeaf):
         self._advancing = False  # the movement under way, if any, is an advance
         self._step_ends_m = 0.0  # ahead, of the advance under way
         self._stepped_s = 0.0
+        self._heading = HeadingController()
+        self._course: tuple[float, float, float] | None = None  # yaw, speed, and decided when
         self._forget_turn()
 
     # --- advancing --------------------------------------------------------------------------------
@@ -93,9 +99,7 @@ class SteeringLeaf(MovingLeaf):
             decision: how far, and in which direction.
         """
         self.write(HELD_TURN, HeldTurn())
-        flight_height_m = self.read(FLIGHT_HEIGHT).value
-        # Where no leaf has set a flight height, the drone keeps the height it has.
-        error_m = 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
+        error_m = self._too_high_m(state)
         self._advancing = True
         self._step_ends_m = decision.forward_m
         self._stepped_s = self.clock.now()
@@ -103,6 +107,42 @@ class SteeringLeaf(MovingLeaf):
             forward_m=decision.forward_m,
             yaw_rad=decision.yaw_rad,
             down_m=error_m if abs(error_m) > self.steering.altitude_slack_m else 0.0,
+        )
+
+    def _too_high_m(self, state: DroneState) -> float:
+        """Return the error in height; where no leaf has set a flight height there is none."""
+        flight_height_m = self.read(FLIGHT_HEIGHT).value
+        return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
+
+    def fly_on(self, state: DroneState, decision: Decision | None) -> None:
+        """Fly ahead at a speed while the heading follows, without a stop between decisions.
+
+        Args:
+            state: of the drone.
+            decision: with a speed; None without a new view, and the last one is flown on for a
+                while.
+        """
+        cfg, now_s, yaw_rad = self.steering, self.clock.now(), state.attitude.yaw_rad
+        if decision is not None and decision.speed_mps is not None:
+            if decision.speed_mps > 0.0:
+                self.write(HELD_TURN, HeldTurn())
+            self._course = (yaw_rad + decision.yaw_rad, decision.speed_mps, now_s)
+        if self._course is None or now_s - self._course[2] > cfg.course_s:
+            self._course = None
+            return
+        goal_rad, speed_mps, _ = self._course
+        error_rad = math.remainder(goal_rad - yaw_rad, 2.0 * math.pi)
+        yaw_rate = self._heading.update(error_rad, now_s)
+        if speed_mps == 0.0:
+            self.propose(self.turn_keeping_away(yaw_rate))
+            return
+        down_mps = cfg.climb_per_s * self._too_high_m(state)
+        self.propose(
+            Velocity(
+                forward_mps=speed_mps,
+                down_mps=max(-cfg.climb_mps, min(cfg.climb_mps, down_mps)),
+                yaw_rate_radps=yaw_rate,
+            )
         )
 
     def flow(self, state: DroneState) -> bool:
@@ -174,6 +214,8 @@ class SteeringLeaf(MovingLeaf):
         """Drop movement and turn, and only use views captured once the airframe has settled."""
         self._mover.drop(self.clock.now())
         self._view_from_s = self.clock.now() + self.steering.settle_s
+        self._course = None
+        self._heading.reset()
         self._forget_turn()
 
     def _forget_turn(self) -> None:

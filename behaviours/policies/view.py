@@ -12,6 +12,7 @@ from uav_bt.board import (
     HELD_TURN,
     OBSTACLES,
     RECENT_VIEWS,
+    SITE_MAP,
 )
 from uav_bt.board.blackboard import Key
 from uav_bt.errors import MissionError
@@ -20,7 +21,7 @@ from uav_bt.tree import Leaf
 from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
 
 VIEW_KEYS: Final[tuple[Key[Any], ...]] = (
-    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, OBSTACLES, RECENT_VIEWS, HELD_TURN),
+    *(FRAME, CLASS_MAP, CAMERA, CORRIDOR, OBSTACLES, SITE_MAP, RECENT_VIEWS, HELD_TURN),
 )
 """What a leaf must declare that it reads, to show views to policies."""
 
@@ -82,6 +83,7 @@ def policy_view(
         height_above_carpet_m=frame.height_above_carpet_m,
         corridor=leaf.read(CORRIDOR).value,
         obstacles=leaf.read(OBSTACLES).value,
+        site_map=leaf.read(SITE_MAP).value,
         recent=recent,
         turning=held.direction,
         full_turns=held.full_turns,

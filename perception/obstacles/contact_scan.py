@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE
+from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import CameraModel
+from uav_bt.types import CameraModel, ClassMap, Frame
 from uav_bt.types.projection import project
 
-_OUTSIDE = 255  # no group: what lies below the image
+NO_CLASS: Final = 255
+"""Of a sample that lies below the image: neither a class nor a group."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,11 +37,23 @@ class ContactScanConfig:
             raise ValueRangeError(f"a scan needs positive steps below the horizon, got {self}")
 
 
+@dataclass(frozen=True, eq=False)
+class GroundScan:
+    """A class map sampled along bearings, where its pixels' rays meet the ground."""
+
+    level_m: NDArray[np.float64]  # (B, E, 2) forward, right of the point below the camera
+    ids: NDArray[np.uint8]  # (B, E) class ids, `NO_CLASS` where a sample lies below the image
+    groups: NDArray[np.uint8]  # (B, E) their groups, likewise `NO_CLASS`
+    image_groups: NDArray[np.uint8]  # (H, W) group ids of the whole class map
+    min_run: int  # samples that make a base
+
+
 @dataclass(frozen=True)
 class Bases:
     """Where the carpet meets obstacles and where it ends, from the point below the camera."""
 
     placed_m: NDArray[np.float64]  # (N, 2) forward, right
+    placed_ids: NDArray[np.uint8]  # (N,) classes of what stands there
     # (M, 2): the nearest carpet in view on bearings where an obstacle hides it: the obstacle stands
     # somewhere before it, since a vertical edge keeps its bearing.
     hidden_m: NDArray[np.float64]
@@ -47,57 +61,55 @@ class Bases:
     hidden_edges_m: NDArray[np.float64]  # (L, 2): the nearest in view, where it is background
 
 
-def find_bases(
-    groups: NDArray[np.uint8],
-    camera: CameraModel,
-    gimbal_pitch_rad: float,
-    height_m: float,
-    config: ContactScanConfig | None = None,
-) -> Bases:
-    """Scan a group map along bearings for the first obstacle on the carpet, and for its edge.
+def scan_ground(
+    class_map: ClassMap, frame: Frame, camera: CameraModel, config: ContactScanConfig | None = None
+) -> GroundScan:
+    """Sample a class map along bearings, each from near to far.
 
     Args:
-        groups: (H, W) group ids.
-        camera: intrinsics at that size.
-        gimbal_pitch_rad: when the frame was captured.
-        height_m: of the camera above the carpet.
+        class_map: made from `frame`.
+        frame: its gimbal pitch and height place the samples on the ground.
+        camera: intrinsics at the class map's size.
         config: how finely it is scanned.
     """
     config = config or ContactScanConfig()
-    height_px, width_px = groups.shape
+    pitch_rad, height_m = frame.gimbal_pitch_rad, max(frame.height_above_carpet_m, 0.05)
+    height_px, width_px = class_map.ids.shape
     half_view = math.atan2(width_px / 2, camera.fx_px)
-    lowest = gimbal_pitch_rad - math.atan2(height_px / 2, camera.fy_px)
+    lowest = pitch_rad - math.atan2(height_px / 2, camera.fy_px)
     # At the lower edge the same columns span wider bearings than at the image's centre.
     widest = math.atan(math.tan(half_view) / max(math.cos(lowest), 0.2))
     bearings = np.arange(-widest, widest, config.bearing_step_rad)
-    end = min(config.max_elevation_rad, gimbal_pitch_rad + 0.6)
+    end = min(config.max_elevation_rad, pitch_rad + 0.6)
     elevations = np.arange(lowest, end, config.elevation_step_rad)
-    ranges = max(height_m, 0.05) / np.tan(-elevations)
+    ranges = height_m / np.tan(-elevations)
     ground = np.empty((bearings.size, elevations.size, 3))
     ground[..., 0] = np.cos(bearings)[:, None] * ranges
     ground[..., 1] = np.sin(bearings)[:, None] * ranges
-    ground[..., 2] = max(height_m, 0.05)
-    pixels = np.rint(project(ground, camera, gimbal_pitch_rad))
+    ground[..., 2] = height_m
+    pixels = np.rint(project(ground, camera, pitch_rad))
     columns, rows = pixels[..., 0], pixels[..., 1]
     inside = (columns >= 0) & (columns < width_px) & (rows >= 0) & (rows < height_px)
-    sampled = np.where(
-        inside,
-        groups[
-            np.clip(rows, 0, height_px - 1).astype(int),
-            np.clip(columns, 0, width_px - 1).astype(int),
-        ],
-        _OUTSIDE,
-    )
-    rows, first, before = _first_runs(sampled, GROUP_OBSTACLE, config.min_run)
-    stands, hides = before == GROUP_CARPET, before == _OUTSIDE
-    edge_rows, edge, before = _first_runs(sampled, GROUP_BACKGROUND, config.min_run)
-    ends, ended = before == GROUP_CARPET, before == _OUTSIDE
-    level = ground[..., :2]
+    ids = np.full(inside.shape, NO_CLASS, dtype=np.uint8)
+    ids[inside] = class_map.ids[rows[inside].astype(int), columns[inside].astype(int)]
+    image_groups = group_of(class_map.ids)
+    groups = np.full(inside.shape, NO_CLASS, dtype=np.uint8)
+    groups[inside] = image_groups[rows[inside].astype(int), columns[inside].astype(int)]
+    return GroundScan(ground[..., :2], ids, groups, image_groups, config.min_run)
+
+
+def find_bases(scan: GroundScan) -> Bases:
+    """Find the first obstacle on the carpet on each bearing of a scan, and the carpet's edge."""
+    rows, first, before = _first_runs(scan.groups, GROUP_OBSTACLE, scan.min_run)
+    stands, hides = before == GROUP_CARPET, before == NO_CLASS
+    edge_rows, edge, edge_before = _first_runs(scan.groups, GROUP_BACKGROUND, scan.min_run)
+    ends, ended = edge_before == GROUP_CARPET, edge_before == NO_CLASS
     return Bases(
-        placed_m=level[rows[stands], first[stands]],
-        hidden_m=level[rows[hides], first[hides]],
-        edges_m=level[edge_rows[ends], edge[ends]],
-        hidden_edges_m=level[edge_rows[ended], edge[ended]],
+        placed_m=scan.level_m[rows[stands], first[stands]],
+        placed_ids=scan.ids[rows[stands], first[stands]],
+        hidden_m=scan.level_m[rows[hides], first[hides]],
+        edges_m=scan.level_m[edge_rows[ends], edge[ends]],
+        hidden_edges_m=scan.level_m[edge_rows[ended], edge[ended]],
     )
 
 
@@ -116,5 +128,5 @@ def _first_runs(
         solid[:, -shift:] = False
     rows = np.flatnonzero(solid.any(axis=1))
     first = solid[rows].argmax(axis=1)
-    before = np.where(first > 0, sampled[rows, np.maximum(first - 1, 0)], _OUTSIDE)
+    before = np.where(first > 0, sampled[rows, np.maximum(first - 1, 0)], NO_CLASS)
     return rows, first, before

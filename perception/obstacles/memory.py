@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.obstacles.contact_scan import ContactScanConfig, find_bases
+from perception.obstacles.contact_scan import ContactScanConfig, GroundScan, find_bases, scan_ground
 from perception.odometry.visual import CarpetOdometry
-from uav_bt.classes import GROUP_CARPET, group_of
+from uav_bt.classes import GROUP_CARPET
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.projection import project
@@ -77,30 +77,27 @@ class ObstacleMemory:
         if now is not None:
             self._keep(self._until_s >= now.time_s)
 
-    def update(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
+    def update(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> GroundScan | None:
         """Take in a class map.
 
         Args:
             class_map: made from `frame`.
             frame: its telemetry places what is seen.
             camera: intrinsics at the class map's size.
+
+        Returns:
+            The view as it was scanned; None when nothing in it can be placed.
         """
         self._newest_s = frame.captured_s
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
         self._odometry.see(class_map, frame, camera)
         pose = self._odometry.at(frame.captured_s)
         if pose is None or frame.gimbal_pitch_rad < self._config.min_pitch_rad:
-            return
-        groups = group_of(class_map.ids)
-        self._forget_where_carpet_shows(groups, pose, frame, camera)
+            return None
         cfg = self._config
-        bases = find_bases(
-            groups,
-            camera,
-            frame.gimbal_pitch_rad,
-            frame.height_above_carpet_m,
-            cfg.scan,
-        )
+        scan = scan_ground(class_map, frame, camera, cfg.scan)
+        self._forget_where_carpet_shows(scan.image_groups, pose, frame, camera)
+        bases = find_bases(scan)
         offset = np.array([camera.forward_offset_m, 0.0])
         hidden = bases.hidden_m + offset
         for seen_m, age_s, kind in (
@@ -120,6 +117,7 @@ class ObstacleMemory:
         self._add(
             pose.points_to_world(assumed), frame.captured_s + cfg.assumed_age_s, _Kind.ASSUMED
         )
+        return scan
 
     def points(self) -> ObstaclePoints:
         """Return what is remembered, from where the drone is now."""

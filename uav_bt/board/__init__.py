@@ -20,6 +20,7 @@ from uav_bt.board.keys import (
     PHASE,
     RECENT_VIEWS,
     RELATIVE_DEPTH,
+    SITE_MAP,
     STATE,
 )
 
@@ -41,6 +42,7 @@ __all__ = [
     "PHASE",
     "RECENT_VIEWS",
     "RELATIVE_DEPTH",
+    "SITE_MAP",
     "STATE",
     "Blackboard",
     "BoardView",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.obstacles.contact_scan import Bases, find_bases
+from perception.obstacles.contact_scan import Bases, find_bases, scan_ground
 from perception.obstacles.memory import ObstacleMemory, ObstacleMemoryConfig
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
@@ -83,7 +83,7 @@ def look(memory: ObstacleMemory, ids: Ids, time_s: float, pitch_rad: float = PIT
 
 
 def bases(ids: Ids) -> Bases:
-    return find_bases(group_of(ids), CAMERA, PITCH_RAD, HEIGHT_M)
+    return find_bases(scan_ground(ClassMap(ids=ids, captured_s=0.0), frame(0.0), CAMERA))
 
 
 @pytest.mark.parametrize("forward_m", [1.6, 2.2, 3.0])

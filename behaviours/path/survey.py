@@ -1,0 +1,233 @@
+"""Where to fly to cover a place: the leg that passes the most new ground in a second.
+
+A next-best-view planner (Connolly, 1985; Bircher et al., 2016) over the site map: the fastest
+path to every place that is known to be free, at speeds that the room around it allows, and on each
+the ground within half a metre that has not been passed yet. Ground that was not seen yet counts,
+too, where it may be: it lies beside known ground.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types.site_map import SiteMap
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurveyConfig:
+    """How near to things a leg may pass, how fast it is flown, and what it is worth.
+
+    Distances are from the body's centre, half of whose diagonal is 0.2 m.
+    """
+
+    touch_m: float = 0.34  # no leg passes an obstacle nearer
+    wide_m: float = 0.75  # from here on the full speed
+    doubt_m: float = 0.30  # no leg passes nearer to where an obstacle is only assumed
+    edge_m: float = 0.30  # no leg passes the edge of the ground nearer
+    slow_mps: float = 0.25  # at the smallest distance
+    fast_mps: float = 0.6
+    free_start_m: float = 0.3  # around the drone, which may be nearer to something already
+    reach_m: float = 0.5  # ground so near to the path counts as passed
+    unseen_worth: float = 0.5  # of a cell that may be ground, beside one that is
+    yaw_rate_radps: float = 0.8  # of the first turn
+    leg_s: float = 1.0  # lost at the end of each leg
+    grid_step: int = 3  # of the ends that are tried, cells
+    stamp_step: int = 3  # of the places on a path whose surroundings are counted, cells
+    least_m2: float = 0.06  # a leg that passes less new ground is not worth it
+    ahead_m: float = 0.6  # on the path: where the drone steers to
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.slow_mps <= self.fast_mps or not self.touch_m < self.wide_m:
+            raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leg:
+    """A path to fly, and what it is worth."""
+
+    path_m: Floats  # (N, 2) from the drone to the end, in the map's frame
+    clear_m: Floats  # (N,) room around each place
+    time_s: float
+    new_m2: float  # ground that it passes for the first time
+
+
+class Room:
+    """What of a map can be flown, and how far everything is from obstacles and edges.
+
+    Args:
+        site_map: as it is known now.
+        assumed_m: (N, 2) where obstacles are assumed, in the map's frame.
+        config: how near legs may pass.
+    """
+
+    def __init__(self, site_map: SiteMap, assumed_m: Floats, config: SurveyConfig) -> None:
+        self.map, self.config = site_map, config
+        standing = np.vstack([site_map.obstacles_m, site_map.movers_m])
+        self.obstacle_m = self._distance_m(standing)
+        doubt_m = self._distance_m(assumed_m)
+        edge_m = np.minimum(
+            self._distance_m(site_map.edges_m), self._distance_of(site_map.outside)
+        )
+        # The edge does not hurt: half of its distance is as good as that of an obstacle.
+        room = np.minimum(self.obstacle_m, doubt_m + config.touch_m - config.doubt_m)
+        self.clear_m = np.minimum(room, edge_m + config.touch_m - config.edge_m)
+        self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
+        rows, columns = np.indices(self.clear_m.shape)
+        from_start_m = site_map.cell_m * np.hypot(rows - self.start[0], columns - self.start[1])
+        self.open = site_map.free & ~site_map.outside & (self.clear_m >= config.touch_m)
+        self.open |= (from_start_m <= config.free_start_m) & (self.clear_m >= config.touch_m / 2)
+        self.open[self.start] = True
+
+    def speed_mps(self, clear_m: Floats) -> Floats:
+        """Return how fast the drone flies with so much room around it."""
+        cfg = self.config
+        share = np.clip((clear_m - cfg.touch_m) / (cfg.wide_m - cfg.touch_m), 0.0, 1.0)
+        return np.asarray(cfg.slow_mps + share * (cfg.fast_mps - cfg.slow_mps))
+
+    def worth(self) -> Floats:
+        """Return what it is worth to pass each cell: ground that was not passed, or may be."""
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        found, cfg = self.map, self.config
+        standing = self.obstacle_m < 1.5 * found.cell_m
+        ground = found.ground & ~found.outside
+        near = cv2.dilate(
+            ground.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0
+        ).astype(bool)
+        unseen = near & ~ground & ~found.outside & ~standing & ~found.free
+        worth = np.where(ground & ~standing, 1.0, 0.0) + cfg.unseen_worth * unseen
+        return np.asarray(np.where(found.passed, 0.0, worth))
+
+    def _within(self, cell: Cell) -> Cell:
+        rows, columns = self.map.seen_s.shape
+        return min(max(cell[0], 0), rows - 1), min(max(cell[1], 0), columns - 1)
+
+    def _distance_m(self, points_m: Floats) -> Floats:
+        found = self.map
+        cells = np.rint((points_m - np.array(found.corner_m)) / found.cell_m).astype(int)
+        inside = ((cells >= 0) & (cells < found.seen_s.shape)).all(axis=1)
+        marked = np.zeros(found.seen_s.shape, dtype=bool)
+        marked[tuple(cells[inside].T)] = True
+        return self._distance_of(marked)
+
+    def _distance_of(self, marked: Flags) -> Floats:
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        if not marked.any():
+            return np.full(marked.shape, math.inf)
+        free = (~marked).astype(np.uint8)
+        return self.map.cell_m * cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
+
+
+def best_leg(room: Room) -> Leg | None:
+    """Return the leg that passes the most new ground in a second; None when none is worth it."""
+    cfg, site_map = room.config, room.map
+    time_s, before = _fastest(room)
+    worth = room.worth()
+    ends = np.zeros(time_s.shape, dtype=bool)
+    ends[:: cfg.grid_step, :: cfg.grid_step] = True
+    ends &= np.isfinite(time_s)
+    ends[room.start] = False
+    disc = _disc(cfg.reach_m / site_map.cell_m)
+    cell_m2 = site_map.cell_m**2
+    best: tuple[float, list[Cell], float, float] | None = None
+    # No leg gains more than all there is: what takes too long for that is not tried.
+    most_m2 = float(worth.sum()) * cell_m2
+    order = np.argwhere(ends)[np.argsort(time_s[ends], kind="stable")]
+    for row, column in order:
+        end = (int(row), int(column))
+        spent_s = float(time_s[end]) + cfg.leg_s
+        if best is not None and most_m2 / spent_s <= best[0]:
+            break
+        path = _path_to(end, before, room.start)
+        new_m2 = cell_m2 * _new_ground(path, worth, disc, cfg.stamp_step)
+        if new_m2 < cfg.least_m2:
+            continue
+        spent_s += _first_turn_s(path, room)
+        if best is None or new_m2 / spent_s > best[0]:
+            best = (new_m2 / spent_s, path, spent_s, new_m2)
+    if best is None:
+        return None
+    _, path, spent_s, new_m2 = best
+    cells = np.array(path)
+    return Leg(
+        path_m=np.array(site_map.corner_m) + site_map.cell_m * cells,
+        clear_m=room.clear_m[tuple(cells.T)],
+        time_s=spent_s,
+        new_m2=new_m2,
+    )
+
+
+def _fastest(room: Room) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the seconds to each cell, inf where no path leads, and the cell before it, flat."""
+    from scipy.sparse import coo_array  # noqa: PLC0415  (`uav-bt check` must answer at once)
+    from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (as above)
+
+    shape = room.open.shape
+    number = np.full(shape, -1)
+    number[room.open] = np.arange(np.count_nonzero(room.open))
+    slowness = room.map.cell_m / room.speed_mps(room.clear_m)
+    begins, ends, prices = [], [], []
+    height, width = shape
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
+        there = (slice(down, height), slice(max(0, right), width - max(0, -right)))
+        both = (number[here] >= 0) & (number[there] >= 0)
+        begins.append(number[here][both])
+        ends.append(number[there][both])
+        mean = (slowness[here][both] + slowness[there][both]) / 2
+        prices.append(math.hypot(down, right) * mean)
+    count = int(number.max()) + 1
+    graph = coo_array(
+        (np.concatenate(prices), (np.concatenate(begins), np.concatenate(ends))),
+        shape=(count, count),
+    ).tocsr()
+    times, before = dijkstra(
+        graph, directed=False, indices=int(number[room.start]), return_predecessors=True
+    )
+    flat = np.flatnonzero(room.open)
+    time_s = np.full(shape, math.inf)
+    time_s[room.open] = times
+    came_from = np.full(shape, -1, dtype=np.int64)
+    came_from[room.open] = np.where(before >= 0, flat[np.maximum(before, 0)], -1)
+    return time_s, came_from
+
+
+def _path_to(end: Cell, before: NDArray[np.int64], start: Cell) -> list[Cell]:
+    path, width = [end], before.shape[1]
+    while path[-1] != start:
+        row, column = divmod(int(before[path[-1]]), width)
+        path.append((row, column))
+    return path[::-1]
+
+
+def _new_ground(path: list[Cell], worth: Floats, disc: Flags, step: int) -> float:
+    """Return what the ground around a path is worth, in cells."""
+    reach = disc.shape[0] // 2
+    framed = np.zeros((worth.shape[0] + 2 * reach, worth.shape[1] + 2 * reach), dtype=bool)
+    for row, column in {*path[::-step], path[-1]}:
+        framed[row : row + disc.shape[0], column : column + disc.shape[1]] |= disc
+    return float(worth[framed[reach:-reach, reach:-reach]].sum())
+
+
+def _first_turn_s(path: list[Cell], room: Room) -> float:
+    """Return how long the drone turns before it can fly along a path."""
+    ahead = path[min(len(path) - 1, 4)]
+    azimuth = math.atan2(ahead[1] - path[0][1], ahead[0] - path[0][0])
+    turn_rad = abs(math.remainder(azimuth - room.map.pose.yaw_rad, 2.0 * math.pi))
+    return turn_rad / room.config.yaw_rate_radps
+
+
+def _disc(radius_cells: float) -> Flags:
+    reach = int(radius_cells)
+    down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    return np.asarray(np.hypot(down, right) <= radius_cells)

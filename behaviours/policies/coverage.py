@@ -1,0 +1,86 @@
+"""Cover the place: fly to where the most new ground lies for the least time, over the site map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from behaviours.path.survey import Leg, Room, SurveyConfig, best_leg
+from uav_bt.protocols import Decision, PolicyView
+from uav_bt.types.site_map import SiteMap
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoverageConfig:
+    """How legs are flown."""
+
+    survey: SurveyConfig = field(default_factory=SurveyConfig)
+    turn_rad: float = math.radians(30)  # when no way is known: look further round
+    facing_rad: float = math.radians(35)  # the drone flies on below this error of its heading
+    # What the corridor leaves ahead: from a frame to its effect, and to brake.
+    stop_m: float = 0.45
+    reaction_s: float = 0.45
+    brake_mps2: float = 0.8
+
+
+class Coverage:
+    """The planner as a leaf policy."""
+
+    def __init__(self, config: CoverageConfig | None = None) -> None:
+        self.config = config or CoverageConfig()
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Return a heading and a speed; a turn when no way is known; done when all is covered."""
+        cfg, site_map = self.config, view.site_map
+        turn = Decision(
+            yaw_rad=math.copysign(cfg.turn_rad, view.turning or 1.0), reason="no way", free_m=0.0
+        )
+        if site_map is None:
+            return turn
+        room = Room(site_map, self._assumed_m(view, site_map), cfg.survey)
+        leg = best_leg(room)
+        if leg is None:
+            covered = view.full_turns > 0
+            return Decision(done=True, reason="covered") if covered else turn
+        bearing_rad, speed_mps = self._course(leg, site_map)
+        facing = abs(bearing_rad) < cfg.facing_rad
+        if facing:
+            speed_mps = min(speed_mps * math.cos(bearing_rad), self._by_corridor(view))
+        return Decision(
+            forward_m=float(np.hypot(*(leg.path_m[-1] - leg.path_m[0]))) or site_map.cell_m,
+            yaw_rad=bearing_rad,
+            speed_mps=speed_mps if facing else 0.0,
+            reason=f"{leg.new_m2:.1f} m2 in {leg.time_s:.0f} s",
+        )
+
+    def _course(self, leg: Leg, site_map: SiteMap) -> tuple[float, float]:
+        """Return bearing and speed to the furthest place of the path that is reached straight."""
+        survey, pose = self.config.survey, site_map.pose
+        apart = np.hypot(*(leg.path_m - leg.path_m[0]).T)
+        ahead = int(np.argmax(apart >= survey.ahead_m)) or len(leg.path_m) - 1
+        x_m, y_m = leg.path_m[ahead]
+        forward_m, right_m = pose.to_body(float(x_m), float(y_m))
+        clear_m = float(leg.clear_m[: ahead + 1].min())
+        share = (clear_m - survey.touch_m) / (survey.wide_m - survey.touch_m)
+        speed = survey.slow_mps + min(max(share, 0.0), 1.0) * (survey.fast_mps - survey.slow_mps)
+        left_m = float(apart.max())
+        braking = math.sqrt(2.0 * self.config.brake_mps2 * max(left_m - 0.05, 0.0)) + 0.1
+        return math.atan2(right_m, forward_m), min(speed, braking)
+
+    def _by_corridor(self, view: PolicyView) -> float:
+        """Return the speed from which the drone stops before what the corridor shows."""
+        cfg = self.config
+        if view.corridor is None:
+            return math.inf
+        room_m = max(view.corridor.free_distance_m - cfg.stop_m, 0.0)
+        lag = cfg.brake_mps2 * cfg.reaction_s
+        return math.sqrt(lag**2 + 2.0 * cfg.brake_mps2 * room_m) - lag
+
+    @staticmethod
+    def _assumed_m(view: PolicyView, site_map: SiteMap) -> np.ndarray:
+        """Return where obstacles of unknown range are assumed, in the map's frame."""
+        if view.obstacles is None:
+            return np.empty((0, 2))
+        return site_map.pose.points_to_world(view.obstacles.assumed_m)

@@ -1,0 +1,159 @@
+"""The map's grid: where ground was seen, where it ends, where the drone has been."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.obstacles.contact_scan import NO_CLASS, GroundScan
+from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_HELIPAD
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose2D
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundGridConfig:
+    """The grid's size, and what goes into it."""
+
+    cell_m: float = 0.1
+    reach_m: float = 12.0  # from the take-off point, each way
+    max_range_m: float = 4.0  # further ground is seen too flatly
+    # Votes of views on whether a cell is ground or lies beyond it; the first few can be overturned.
+    max_votes: int = 6
+    near_step_m: float = 0.08  # between the places below the nearest line of sight
+    near_bearings: int = 3  # every so many bearings
+    passed_m: float = 0.5  # a cell this near to the flown path was passed
+    body_m: float = 0.35  # around the drone itself nothing can stand
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.cell_m < self.reach_m:
+            raise ValueRangeError(f"a cell must be smaller than the grid, got {self}")
+
+
+class GroundGrid:
+    """Cells around the take-off point, rows along x, columns along y of the map's frame."""
+
+    def __init__(self, config: GroundGridConfig | None = None) -> None:
+        self.config = config = config or GroundGridConfig()
+        side = 2 * round(config.reach_m / config.cell_m) + 1
+        self.seen_s = np.full((side, side), -np.inf, dtype=np.float32)
+        self.free = np.zeros((side, side), dtype=bool)
+        self.passed = np.zeros((side, side), dtype=bool)
+        self._beyond = np.zeros((side, side), dtype=np.int8)  # votes: positive lies beyond the edge
+        self._disc = _disc(config.passed_m / config.cell_m)
+        self._body = _disc(config.body_m / config.cell_m)
+        self._low, self._high = np.full(2, side // 2), np.full(2, side // 2)  # cells in use
+        self.full = False  # something lay outside the grid
+
+    def see(self, scan: GroundScan, lens: Pose2D, captured_s: float) -> None:
+        """Take in the ground that a view shows.
+
+        Args:
+            scan: of the view.
+            lens: where the camera was.
+            captured_s: when.
+        """
+        cfg, groups = self.config, scan.groups
+        near = np.hypot(*np.moveaxis(scan.level_m, -1, 0)) <= cfg.max_range_m
+        # The landing mark stands on ground, whichever cell its top is seen in.
+        is_ground = near & ((groups == GROUP_CARPET) | (groups == GROUP_HELIPAD))
+        is_beyond = near & (groups == GROUP_BACKGROUND)
+        ground = self._counts(lens.points_to_world(scan.level_m[is_ground]))
+        beyond = self._counts(lens.points_to_world(scan.level_m[is_beyond]))
+        more = np.flatnonzero(ground > beyond)
+        less = np.flatnonzero(beyond > ground)
+        votes = self._beyond.reshape(-1)
+        votes[more] = np.maximum(votes[more] - 1, -cfg.max_votes)
+        votes[less] = np.minimum(votes[less] + 1, cfg.max_votes)
+        self.seen_s.reshape(-1)[more] = captured_s
+        self.free.reshape(-1)[more] = True
+        self._clear_below(scan, lens)
+
+    def fly_over(self, x_m: float, y_m: float) -> None:
+        """Note where the drone is: what lies below it is passed, and nothing stands there."""
+        row, column = self._cells(np.array([[x_m, y_m]]))[0]
+        _stamp(self.passed, int(row), int(column), self._disc)
+        _stamp(self.free, int(row), int(column), self._body)
+        self._use(np.array([[row, column]]))
+
+    @property
+    def outside(self) -> NDArray[np.bool_]:
+        """Cells beyond the edge of the ground."""
+        return np.asarray(self._beyond > 0)
+
+    def window(self, margin: int = 6) -> tuple[slice, slice]:
+        """Return the part of the grid that holds everything seen.
+
+        Args:
+            margin: cells around it.
+        """
+        side = self.seen_s.shape[0]
+        low = np.maximum(self._low - margin, 0)
+        high = np.minimum(self._high + margin + 1, side)
+        return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
+
+    def corner_m(self, window: tuple[slice, slice]) -> tuple[float, float]:
+        """Return the centre of a window's first cell."""
+        cfg = self.config
+        middle = self.seen_s.shape[0] // 2
+        return (
+            (window[0].start - middle) * cfg.cell_m,
+            (window[1].start - middle) * cfg.cell_m,
+        )
+
+    def _clear_below(self, scan: GroundScan, lens: Pose2D) -> None:
+        """Note as free what lies between the camera and the nearest ground in view.
+
+        Whatever stood there and reached the flight height would hide that ground.
+        """
+        cfg = self.config
+        groups, level_m = scan.groups[:: cfg.near_bearings], scan.level_m[:: cfg.near_bearings]
+        first = (groups != NO_CLASS).argmax(axis=1)
+        rows = np.arange(len(groups))
+        shows = np.isin(groups[rows, first], (GROUP_CARPET, GROUP_HELIPAD))
+        ends = level_m[rows, first][shows]
+        lengths = np.hypot(*ends.T)
+        steps = np.arange(cfg.near_step_m, cfg.max_range_m, cfg.near_step_m)
+        shares = steps / np.maximum(lengths, cfg.near_step_m)[:, None]
+        below = (ends[:, None, :] * shares[..., None])[shares < 1.0]
+        cells = self._inside(lens.points_to_world(below))
+        self.free[tuple(cells.T)] = True
+
+    def _counts(self, places_m: Floats) -> NDArray[np.intp]:
+        """Return how many of the places lie in each cell, flat."""
+        cells = self._inside(places_m)
+        self._use(cells)
+        side = self.seen_s.shape[0]
+        return np.bincount(cells[:, 0] * side + cells[:, 1], minlength=side * side)
+
+    def _inside(self, places_m: Floats) -> NDArray[np.intp]:
+        cells = self._cells(places_m)
+        inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
+        self.full |= not bool(inside.all())
+        return cells[inside]
+
+    def _cells(self, places_m: Floats) -> NDArray[np.intp]:
+        middle = self.seen_s.shape[0] // 2
+        return np.asarray(np.rint(places_m / self.config.cell_m).astype(np.intp) + middle)
+
+    def _use(self, cells: NDArray[np.intp]) -> None:
+        if len(cells):
+            self._low = np.minimum(self._low, cells.min(axis=0))
+            self._high = np.maximum(self._high, cells.max(axis=0))
+
+
+def _disc(radius_cells: float) -> NDArray[np.bool_]:
+    reach = int(radius_cells)
+    down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    return np.asarray(np.hypot(down, right) <= radius_cells)
+
+
+def _stamp(grid: NDArray[np.bool_], row: int, column: int, disc: NDArray[np.bool_]) -> None:
+    reach, side = disc.shape[0] // 2, grid.shape[0]
+    if reach <= row < side - reach and reach <= column < side - reach:
+        place = (slice(row - reach, row + reach + 1), slice(column - reach, column + reach + 1))
+        grid[place] |= disc

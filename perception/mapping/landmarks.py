@@ -1,0 +1,173 @@
+"""The map's points: where obstacles meet the ground, and where the ground ends.
+
+A point stays where it was seen from nearest, so that what is seen again can correct the drone's
+place instead of following its drift. It goes when the ground around it is seen free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from perception.obstacles.contact_scan import Bases
+from uav_bt.classes import GROUP_CARPET
+from uav_bt.types import CameraModel, Frame, Pose2D
+from uav_bt.types.projection import project
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LandmarkConfig:
+    """Which points are kept, and when they go."""
+
+    same_m: float = 0.08  # what is seen so near to a known point is that point
+    max_range_m: float = 3.2  # a pixel of a base weighs too much further away
+    # The weight of a sighting falls with the square of its range; a point's is bounded, so that one
+    # that was placed badly from far away can still be corrected.
+    max_weight: float = 20.0  # in sightings from a metre away
+    # A point goes when the ground is seen at it and at this distance to all four sides.
+    probe_m: float = 0.05
+    min_pitch_rad: float = -1.0  # looking further down, roofs are nearer than bases
+
+
+@dataclass
+class Landmarks:
+    """Points of one kind, as columns of a table."""
+
+    xy_m: Floats  # (N, 2) in the map's frame
+    weight: Floats  # (N,) of the sightings that went in
+    first_s: Floats  # (N,) first and last seen
+    seen_s: Floats
+    from_m: Floats  # (N, 2) where the camera was when it was placed
+    ids: NDArray[np.uint8]  # (N,) class that stands there
+
+    @classmethod
+    def none(cls) -> Landmarks:
+        """Return an empty table."""
+        return cls(
+            xy_m=np.empty((0, 2)),
+            weight=np.empty(0),
+            first_s=np.empty(0),
+            seen_s=np.empty(0),
+            from_m=np.empty((0, 2)),
+            ids=np.empty(0, dtype=np.uint8),
+        )
+
+    def __len__(self) -> int:
+        return len(self.xy_m)
+
+    def take(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Landmarks:
+        """Return the chosen rows."""
+        return Landmarks(**{name: column[which] for name, column in vars(self).items()})
+
+    def with_rows(self, other: Landmarks) -> Landmarks:
+        """Return this table with another's rows below."""
+        mine, theirs = vars(self), vars(other)
+        return Landmarks(**{name: np.concatenate([mine[name], theirs[name]]) for name in mine})
+
+
+def seen_points(
+    points_m: Floats,
+    ids: NDArray[np.uint8],
+    lens: Pose2D,
+    captured_s: float,
+) -> Landmarks:
+    """Return what one view shows as a table.
+
+    Args:
+        points_m: (N, 2) forward, right of the point below the camera.
+        ids: (N,) classes.
+        lens: where the camera was, in the map's frame.
+        captured_s: when.
+    """
+    count = len(points_m)
+    return Landmarks(
+        xy_m=lens.points_to_world(points_m),
+        weight=1.0 / np.maximum((points_m**2).sum(axis=1), 0.25),
+        first_s=np.full(count, captured_s),
+        seen_s=np.full(count, captured_s),
+        from_m=np.tile([lens.x_m, lens.y_m], (count, 1)),
+        ids=ids,
+    )
+
+
+def merged(
+    known: Landmarks, seen: Landmarks, config: LandmarkConfig, *, adds: bool = True
+) -> Landmarks:
+    """Return the known points with those of a view.
+
+    What stands near a known point is that point again, which moves to the weighted mean of its
+    sightings; the rest is new.
+
+    Args:
+        known: the map's points.
+        seen: of the view.
+        config: how near is near.
+        adds: False leaves out what is new.
+    """
+    seen = _thinned(seen, config)
+    if not len(known) or not len(seen):
+        return known.with_rows(seen) if adds else known
+    apart_m, nearest = cKDTree(known.xy_m).query(seen.xy_m)
+    again = apart_m <= config.same_m
+    result = known.with_rows(seen.take(~again & adds))
+    rows, sighted = nearest[again], seen.take(again)
+    share = sighted.weight / (sighted.weight + result.weight[rows])
+    result.xy_m[rows] += share[:, None] * (sighted.xy_m - result.xy_m[rows])
+    result.weight[rows] = np.minimum(result.weight[rows] + sighted.weight, config.max_weight)
+    result.seen_s[rows] = sighted.seen_s
+    return result
+
+
+def _thinned(points: Landmarks, config: LandmarkConfig) -> Landmarks:
+    """Return one point of each cell."""
+    cells = np.floor(points.xy_m / config.same_m).astype(np.int64)
+    _, first = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
+    return points.take(first)
+
+
+def without_ground(
+    known: Landmarks,
+    groups: NDArray[np.uint8],
+    lens: Pose2D,
+    frame: Frame,
+    camera: CameraModel,
+    config: LandmarkConfig,
+) -> Landmarks:
+    """Return the known points less those around which a view shows nothing but ground.
+
+    Args:
+        known: the map's points.
+        groups: (H, W) group ids of the view.
+        lens: where the camera was, in the map's frame.
+        frame: its pitch and height.
+        camera: intrinsics at the size of `groups`.
+        config: how far around.
+    """
+    if not len(known):
+        return known
+    local = lens.points_to_body(known.xy_m)
+    probe = config.probe_m * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+    places = local[:, None, :] + probe
+    height_m = np.full((*places.shape[:2], 1), max(frame.height_above_carpet_m, 0.05))
+    pixels = project(np.concatenate([places, height_m], axis=-1), camera, frame.gimbal_pitch_rad)
+    height_px, width_px = groups.shape
+    columns, rows = pixels[..., 0], pixels[..., 1]
+    with np.errstate(invalid="ignore"):
+        inside = (columns >= 0) & (columns <= width_px - 1) & (rows >= 0) & (rows <= height_px - 1)
+    shows = np.zeros(inside.shape, dtype=bool)
+    shows[inside] = (
+        groups[np.rint(rows[inside]).astype(int), np.rint(columns[inside]).astype(int)]
+        == GROUP_CARPET
+    )
+    return known.take(~shows.all(axis=1))
+
+
+def near_bases(bases: Bases, config: LandmarkConfig) -> tuple[Floats, NDArray[np.uint8]]:
+    """Return the bases that are near enough to be placed, and their classes."""
+    near = np.hypot(*bases.placed_m.T) <= config.max_range_m
+    return bases.placed_m[near], bases.placed_ids[near]

@@ -1,0 +1,205 @@
+"""Keep the map of the place: every view is matched to it, corrects the drone's place, and adds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
+from perception.mapping.landmarks import (
+    LandmarkConfig,
+    Landmarks,
+    merged,
+    near_bases,
+    seen_points,
+    without_ground,
+)
+from perception.mapping.objects import objects_of
+from perception.mapping.registration import Agreement, Registration, RegistrationConfig
+from perception.obstacles.contact_scan import Bases, GroundScan, find_bases
+from uav_bt.errors import MissionError
+from uav_bt.types import CameraModel, Frame, HelipadFix, Pose2D
+from uav_bt.types.dead_reckoning import MotionEstimate
+from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteMapperConfig:
+    """How the map is kept."""
+
+    tracked_s: float = 0.6  # without ground followed for longer, telemetry alone is flown by
+    displaced_m: float = 0.06  # a view further off the map adds nothing to it
+    settled_s: float = 1.0  # points known for so long correct the drone's place
+    objects_s: float = 0.5  # objects are made of points so often
+    mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
+    mark_std_ratio: float = 0.05  # and of its range besides
+    moved_s: float = 3.0  # where ground was seen before, a point has come and goes after so long
+    contradiction: float = 0.25  # a smaller share of a view's points in the map contradicts it;
+    restart_s: float = 5.0  # for so long, and the map begins anew
+    grid: GroundGridConfig = field(default_factory=GroundGridConfig)
+    landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
+    registration: RegistrationConfig = field(default_factory=RegistrationConfig)
+
+
+class SiteMapper:
+    """Makes one map of the views of a mission."""
+
+    def __init__(self, config: SiteMapperConfig | None = None) -> None:
+        self._config = config or SiteMapperConfig()
+        self._restarts = 0
+        self._motion: MotionEstimate | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        cfg = self._config
+        self._grid = GroundGrid(cfg.grid)
+        self._registration = Registration(cfg.registration)
+        self._bases, self._edges = Landmarks.none(), Landmarks.none()
+        self._mark: MapMark | None = None
+        self._objects: tuple[MapObject, ...] = ()
+        self._objects_s = self._captured_s = self._agreed_s = -math.inf
+
+    def follow(self, motion: MotionEstimate) -> None:
+        """Follow the drone."""
+        tracked = motion.untracked_s <= self._config.tracked_s
+        self._registration.predict(motion.pose, motion.pose.time_s, tracked=tracked)
+        self._motion = motion
+        here = self._registration.corrected(motion.pose)
+        self._grid.fly_over(here.x_m, here.y_m)
+
+    def see(
+        self,
+        scan: GroundScan,
+        frame: Frame,
+        camera: CameraModel,
+    ) -> None:
+        """Take in the view that the odometry saw last.
+
+        Args:
+            scan: of its class map.
+            frame: that it was made from.
+            camera: intrinsics at that size.
+        """
+        cfg, time_s = self._config, frame.captured_s
+        self._captured_s = time_s
+        if self._motion is None:
+            return
+        reckoned = self._motion.seen
+        if frame.gimbal_pitch_rad < cfg.landmarks.min_pitch_rad:
+            return
+        bases = find_bases(scan)
+        agreement = self._match(bases, camera, reckoned, time_s)
+        here = self._registration.corrected(reckoned)
+        x_m, y_m = here.to_world(camera.forward_offset_m, 0.0)
+        lens = replace(here, x_m=x_m, y_m=y_m)
+        adds = agreement is None or agreement.off_m <= cfg.displaced_m
+        self._add(scan, bases, lens, frame, camera, adds=adds)
+        self._grid.see(scan, lens, time_s)
+        if time_s - self._objects_s >= cfg.objects_s:
+            self._objects, self._objects_s = objects_of(self._bases), time_s
+
+    def see_mark(self, fix: HelipadFix) -> None:
+        """Take in a sighting of the landing mark, given from where the drone is now."""
+        cfg = self._config
+        if self._motion is None:
+            return
+        reckoned = self._motion.pose
+        std_m = math.hypot(cfg.mark_std_m, cfg.mark_std_ratio * fix.range_m)
+        place = np.array(reckoned.to_world(fix.forward_m, fix.right_m))
+        known = self._mark
+        if known is not None:
+            known_m = np.array([known.x_m, known.y_m])
+            both_m = math.hypot(std_m, known.std_m)
+            if not self._registration.see_mark(place, known_m, both_m):
+                known = None  # it is elsewhere now
+        x_m, y_m = self._registration.correction.to_world(*map(float, place))
+        if known is None or std_m < known.std_m:
+            self._mark = MapMark(x_m=x_m, y_m=y_m, std_m=std_m, seen_s=fix.captured_s)
+        else:
+            self._mark = replace(known, seen_s=fix.captured_s)
+
+    def map(self) -> SiteMap:
+        """Return the map as it is known now.
+
+        Raises:
+            MissionError: the drone was not followed yet.
+        """
+        if self._motion is None:
+            raise MissionError("a map begins with the drone's motion: call follow first")
+        grid, window = self._grid, self._grid.window()
+        return SiteMap(
+            pose=self._registration.corrected(self._motion.pose),
+            corner_m=grid.corner_m(window),
+            cell_m=grid.config.cell_m,
+            seen_s=grid.seen_s[window].copy(),
+            free=grid.free[window].copy(),
+            outside=grid.outside[window],
+            passed=grid.passed[window].copy(),
+            obstacles_m=self._bases.xy_m,
+            edges_m=self._edges.xy_m,
+            captured_s=self._captured_s,
+            objects=self._objects,
+            mark=self._mark,
+            correction=self._registration.correction,
+            contradicted_s=self._contradicted_s,
+            restarts=self._restarts,
+            full=grid.full,
+        )
+
+    @property
+    def _contradicted_s(self) -> float:
+        return max(0.0, self._captured_s - self._agreed_s) if self._agreed_s > -math.inf else 0.0
+
+    def _match(
+        self, bases: Bases, camera: CameraModel, reckoned: Pose2D, time_s: float
+    ) -> Agreement | None:
+        """Match a view to the map; a map that views contradict for long begins anew."""
+        cfg = self._config
+        placed_m, _ = near_bases(bases, cfg.landmarks)
+        edges_m = bases.edges_m[np.hypot(*bases.edges_m.T) <= cfg.landmarks.max_range_m]
+        seen_m = np.vstack([placed_m, edges_m])
+        offset = np.array([camera.forward_offset_m, 0.0])
+        known_m = np.vstack(
+            [
+                points.xy_m[time_s - points.first_s >= cfg.settled_s]
+                for points in (self._bases, self._edges)
+            ]
+        )
+        agreement = self._registration.match(
+            reckoned.points_to_world(seen_m + offset), np.hypot(*seen_m.T), known_m
+        )
+        if agreement is None or agreement.share >= cfg.contradiction:
+            self._agreed_s = time_s
+        elif self._contradicted_s > cfg.restart_s:
+            self._restarts += 1
+            self._begin()
+            self._captured_s = self._agreed_s = time_s
+        return agreement
+
+    def _add(
+        self,
+        scan: GroundScan,
+        bases: Bases,
+        lens: Pose2D,
+        frame: Frame,
+        camera: CameraModel,
+        *,
+        adds: bool,
+    ) -> None:
+        cfg, time_s = self._config, frame.captured_s
+        self._bases, self._edges = (
+            without_ground(known, scan.image_groups, lens, frame, camera, cfg.landmarks)
+            for known in (self._bases, self._edges)
+        )
+        placed_m, ids = near_bases(bases, cfg.landmarks)
+        seen = seen_points(placed_m, ids, lens, time_s)
+        self._bases = merged(self._bases, seen, cfg.landmarks, adds=adds)
+        edges_m = bases.edges_m[np.hypot(*bases.edges_m.T) <= cfg.landmarks.max_range_m]
+        none = np.zeros(len(edges_m), dtype=np.uint8)
+        ends = seen_points(edges_m, none, lens, time_s)
+        self._edges = merged(self._edges, ends, cfg.landmarks, adds=adds)

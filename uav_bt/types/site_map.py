@@ -1,0 +1,90 @@
+"""The map of the place that a mission keeps: ground, obstacles, edges, objects, landing mark."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.brief import shapes_repr
+from uav_bt.errors import ShapeError
+from uav_bt.types.pose import Pose2D
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapObject:
+    """An object that stands in the place, as far as its base was seen."""
+
+    class_id: int
+    x_m: float  # the middle of its base, in the map's frame
+    y_m: float
+    size_m: float  # of the longer side of its base, as far as seen
+    std_m: float  # one standard deviation of the position
+    seen_s: float  # the capture of the newest frame that showed its base
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapMark:
+    """The landing mark in the map."""
+
+    x_m: float
+    y_m: float
+    std_m: float
+    seen_s: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SiteMap:
+    """A grid around the take-off point, and what was seen to stand in it.
+
+    The frame is the dead-reckoned one: x along yaw 0, y to its right, the origin where the mission
+    began; what was seen again has corrected the drone's place in it. All grids have one shape,
+    rows along x and columns along y.
+    """
+
+    pose: Pose2D  # the drone now
+    corner_m: tuple[float, float]  # the centre of cell (0, 0)
+    cell_m: float
+    seen_s: NDArray[np.float32]  # when the cell last showed ground; -inf: never
+    free: Flags  # known to be free to fly: ground, or below a line of sight to the ground
+    outside: Flags  # beyond the edge of the ground
+    passed: Flags  # within half a metre of the flown path
+    obstacles_m: Floats  # (N, 2) points where obstacles stand
+    edges_m: Floats  # (K, 2) points where the ground ends
+    captured_s: float  # of the newest frame that went in
+    movers_m: Floats = field(default_factory=lambda: np.empty((0, 2)))  # (M, 2) what moves now
+    objects: tuple[MapObject, ...] = ()
+    mark: MapMark | None = None
+    correction: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    contradicted_s: float = 0.0  # for so long the view has disagreed with the map
+    restarts: int = 0  # how often the map was given up for that
+    full: bool = False  # part of the place lies beyond the grid
+
+    __repr__ = shapes_repr
+
+    def __post_init__(self) -> None:
+        for grid in (self.free, self.outside, self.passed):
+            if grid.shape != self.seen_s.shape or grid.ndim != 2:  # noqa: PLR2004
+                raise ShapeError("map grid", expected=self.seen_s.shape, actual=grid.shape)
+
+    @property
+    def ground(self) -> Flags:
+        """Cells that were seen to be ground."""
+        return np.asarray(np.isfinite(self.seen_s))
+
+    def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """Return the row and column of a place, which may lie outside the grid."""
+        return (
+            math.floor((x_m - self.corner_m[0]) / self.cell_m + 0.5),
+            math.floor((y_m - self.corner_m[1]) / self.cell_m + 0.5),
+        )
+
+    def places_m(self) -> Floats:
+        """Return the centres of the cells, (rows, columns, 2)."""
+        steps = np.moveaxis(np.indices(self.seen_s.shape), 0, -1)
+        return np.asarray(np.array(self.corner_m) + self.cell_m * steps)
