@@ -22,11 +22,8 @@ from uav_bt.types import (
     RecentViews,
     Truth,
 )
-<<<<<<< HEAD
 from uav_bt.types.ground import Ground
-=======
 from uav_bt.types.site_map import SiteMap
->>>>>>> 3b726a4 (A site map with scan matching, and a coverage policy that plans over it (first flights))
 
 
 @runtime_checkable

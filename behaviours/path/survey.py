@@ -74,9 +74,7 @@ class Room:
         standing = np.vstack([site_map.obstacles_m, site_map.movers_m])
         self.obstacle_m = self._distance_m(standing)
         doubt_m = self._distance_m(assumed_m)
-        edge_m = np.minimum(
-            self._distance_m(site_map.edges_m), self._distance_of(site_map.outside)
-        )
+        edge_m = np.minimum(self._distance_m(site_map.edges_m), self._distance_of(site_map.outside))
         # The edge does not hurt: half of its distance is as good as that of an obstacle.
         room = np.minimum(self.obstacle_m, doubt_m + config.touch_m - config.doubt_m)
         self.clear_m = np.minimum(room, edge_m + config.touch_m - config.edge_m)
@@ -100,9 +98,9 @@ class Room:
         found, cfg = self.map, self.config
         standing = self.obstacle_m < 1.5 * found.cell_m
         ground = found.ground & ~found.outside
-        near = cv2.dilate(
-            ground.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0
-        ).astype(bool)
+        near = cv2.dilate(ground.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0).astype(
+            bool
+        )
         unseen = near & ~ground & ~found.outside & ~standing & ~found.free
         worth = np.where(ground & ~standing, 1.0, 0.0) + cfg.unseen_worth * unseen
         return np.asarray(np.where(found.passed, 0.0, worth))

@@ -6,22 +6,16 @@ import time
 from pathlib import Path
 
 from perception.networks.named import segmentation_file
-
-    def _take_in(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
-        with self._timer:
-            scan = self._memory.update(class_map, frame, camera)
-        motion = self._memory.motion
-        if motion is None:
-            return
-        with self._map_timer:
-            self._mapper.follow(motion)
-            if scan is not None:
-                self._mapper.see(scan, frame, camera)
-            fix = self.read(HELIPAD).value
-            if fix is not None and fix.detected:
-                self._mapper.see_mark(fix)
-            site_map = self._mapper.map()
-        self.write(SITE_MAP, site_map, captured_s=frame.captured_s)
+from uav_bt.board import (
+    CAMERA,
+    CLASS_MAP,
+    FRAME,
+    HELIPAD,
+    OBSTACLES,
+    ODOMETRY,
+    SITE_MAP,
+    STATE,
+)
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import FileError
 from uav_bt.protocols import Segmenter
@@ -147,23 +141,14 @@ class FindHelipad(Leaf):
 
 
 class RememberObstacles(Leaf):
-<<<<<<< HEAD
-    """Remember where obstacles stand after they have left the view; SUCCESS always.
-
-    What that takes, how the drone moves over the ground, it writes to the board, too.
-    """
-
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
-    writes = (OBSTACLES, ODOMETRY, SITE_MAP)
-=======
     """Keep the map of the place, and where obstacles stand around the drone; SUCCESS always.
 
-    `FindHelipad` ahead of it puts the landing mark on the map.
+    What that takes, how the drone moves over the ground, it writes to the board, too. `FindHelipad`
+    ahead of it puts the landing mark on the map.
     """
 
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, HELIPAD)
     writes = (OBSTACLES, ODOMETRY, SITE_MAP)
->>>>>>> 3b726a4 (A site map with scan matching, and a coverage policy that plans over it (first flights))
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the memory and the map."""
@@ -198,24 +183,19 @@ class RememberObstacles(Leaf):
             self._take_in(class_map, frame, camera.resized(width_px, height_px))
         points = self._memory.points()
         self.write(OBSTACLES, points, captured_s=points.captured_s)
-<<<<<<< HEAD
-=======
-        return Status.SUCCESS
 
     def _take_in(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
         with self._timer:
             scan = self._memory.update(class_map, frame, camera)
-        odometry = self._memory.odometry
-        now, then = odometry.now, odometry.at(frame.captured_s)
-        if now is None or then is None:
+        motion = self._memory.motion
+        if motion is None:
             return
         with self._map_timer:
-            self._mapper.follow(now, now.time_s)
+            self._mapper.follow(motion)
             if scan is not None:
-                self._mapper.see(scan, frame, camera, then)
+                self._mapper.see(scan, frame, camera)
             fix = self.read(HELIPAD).value
             if fix is not None and fix.detected:
-                self._mapper.see_mark(fix, now)
-            site_map = self._mapper.map(now)
+                self._mapper.see_mark(fix)
+            site_map = self._mapper.map()
         self.write(SITE_MAP, site_map, captured_s=frame.captured_s)
->>>>>>> 3b726a4 (A site map with scan matching, and a coverage policy that plans over it (first flights))

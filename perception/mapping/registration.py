@@ -126,7 +126,9 @@ class Registration:
         self._state, self._covariance = state, np.linalg.inv(hessian)
         left_m = _equations(_pose(state).points_to_world(seen), tree, known, cfg)
         near = left_m[2] <= cfg.gate_m
-        return Agreement(share, float(np.median(np.abs(left_m[0][near]))) if near.any() else math.inf)
+        return Agreement(
+            share, float(np.median(np.abs(left_m[0][near]))) if near.any() else math.inf
+        )
 
     def see_mark(self, seen_m: Floats, known_m: Floats, std_m: float) -> bool:
         """Correct by the landing mark, whose place in the map is known.

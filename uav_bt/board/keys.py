@@ -18,11 +18,8 @@ from uav_bt.types import (
     ObstaclePoints,
     RecentViews,
 )
-<<<<<<< HEAD
 from uav_bt.types.dead_reckoning import MotionEstimate
-=======
 from uav_bt.types.site_map import SiteMap
->>>>>>> 3b726a4 (A site map with scan matching, and a coverage policy that plans over it (first flights))
 
 # A frame is old when the drone has flown blind for longer than one 30 cm step takes to start.
 _FRAME_MAX_AGE_S = 0.7
@@ -88,21 +85,19 @@ OBSTACLES: Final = Key(
     writer="RememberObstacles",
     max_age_s=_FRAME_MAX_AGE_S,
 )
-<<<<<<< HEAD
 ODOMETRY: Final = Key(
     "odometry",
     MotionEstimate,
     "where the drone is and how it moves over the ground, as the ground shows it",
     writer="RememberObstacles",
     max_age_s=_STATE_MAX_AGE_S,
-=======
+)
 SITE_MAP: Final = Key(
     "site_map",
     SiteMap,
     "the map of the place: ground, obstacles, edges, objects, landing mark",
     writer="RememberObstacles",
     max_age_s=_FRAME_MAX_AGE_S,
->>>>>>> 3b726a4 (A site map with scan matching, and a coverage policy that plans over it (first flights))
 )
 PHASE: Final = Key(
     "phase",
@@ -152,11 +147,8 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     CORRIDOR,
     HELIPAD,
     OBSTACLES,
-<<<<<<< HEAD
     ODOMETRY,
-=======
     SITE_MAP,
->>>>>>> 3b726a4 (A site map with scan matching, and a coverage policy that plans over it (first flights))
     PHASE,
     FLIGHT_HEIGHT,
     HELD_TURN,
