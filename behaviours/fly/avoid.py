@@ -8,7 +8,10 @@ from uav_bt.types import DroneState
 
 
 class Avoid(SteeringLeaf):
-    """Turn away until the policy finds the path free; SUCCESS at once when it is already."""
+    """Turn away until the policy finds the path free; SUCCESS at once when it is already.
+
+    SUCCESS, too, when a look round has left the policy nothing to do.
+    """
 
     def initialise(self) -> None:
         """Forget the last turn."""
@@ -19,6 +22,8 @@ class Avoid(SteeringLeaf):
         if self.moving(state):
             return Status.RUNNING
         decision = self.decide()
+        if decision is not None and decision.done:
+            return Status.SUCCESS
         if decision is not None and not decision.blocked and self.turn_is_complete:
             if not self.turning:
                 return Status.SUCCESS

@@ -29,9 +29,9 @@ class SurveyConfig:
     Distances are from the body's centre, half of whose diagonal is 0.2 m.
     """
 
-    touch_m: float = 0.34  # no leg passes an obstacle nearer
-    wide_m: float = 0.75  # from here on the full speed
-    doubt_m: float = 0.30  # no leg passes nearer to where an obstacle is only assumed
+    touch_m: float = 0.38  # no leg passes an obstacle nearer
+    wide_m: float = 0.8  # from here on the full speed
+    doubt_m: float = 0.34  # no leg passes nearer to where an obstacle is only assumed
     edge_m: float = 0.30  # no leg passes the edge of the ground nearer
     slow_mps: float = 0.25  # at the smallest distance
     fast_mps: float = 0.6
@@ -75,7 +75,7 @@ class Room:
         self.obstacle_m = self._distance_m(standing)
         doubt_m = self._distance_m(assumed_m)
         edge_m = np.minimum(self._distance_m(site_map.edges_m), self._distance_of(site_map.outside))
-        # The edge does not hurt: half of its distance is as good as that of an obstacle.
+        # In one measure: what may be passed nearer counts as so much further away.
         room = np.minimum(self.obstacle_m, doubt_m + config.touch_m - config.doubt_m)
         self.clear_m = np.minimum(room, edge_m + config.touch_m - config.edge_m)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))

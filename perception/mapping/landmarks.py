@@ -136,6 +136,7 @@ def without_ground(
     lens: Pose2D,
     frame: Frame,
     camera: CameraModel,
+    *,
     config: LandmarkConfig,
 ) -> Landmarks:
     """Return the known points less those around which a view shows nothing but ground.

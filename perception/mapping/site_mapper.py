@@ -193,7 +193,7 @@ class SiteMapper:
     ) -> None:
         cfg, time_s = self._config, frame.captured_s
         self._bases, self._edges = (
-            without_ground(known, scan.image_groups, lens, frame, camera, cfg.landmarks)
+            without_ground(known, scan.image_groups, lens, frame, camera, config=cfg.landmarks)
             for known in (self._bases, self._edges)
         )
         placed_m, ids = near_bases(bases, cfg.landmarks)
