@@ -59,8 +59,7 @@ class GroundGrid:
         """
         cfg, groups = self.config, scan.groups
         near = np.hypot(*np.moveaxis(scan.level_m, -1, 0)) <= cfg.max_range_m
-        # The landing mark stands on ground, whichever cell its top is seen in.
-        is_ground = near & ((groups == GROUP_CARPET) | (groups == GROUP_HELIPAD))
+        is_ground = near & (groups == GROUP_CARPET)
         is_beyond = near & (groups == GROUP_BACKGROUND)
         ground = self._counts(lens.points_to_world(scan.level_m[is_ground]))
         beyond = self._counts(lens.points_to_world(scan.level_m[is_beyond]))

@@ -25,10 +25,14 @@ class LandmarkConfig:
     """Which points are kept, and when they go."""
 
     same_m: float = 0.08  # what is seen so near to a known point is that point
-    max_range_m: float = 3.2  # a pixel of a base weighs too much further away
-    # The weight of a sighting falls with the square of its range; a point's is bounded, so that one
-    # that was placed badly from far away can still be corrected.
-    max_weight: float = 20.0  # in sightings from a metre away
+    max_range_m: float = 3.0  # a pixel of a base weighs too much further away
+    # The weight of a sighting falls with the square of its range. A point that so many have placed,
+    # counted from a metre away, stays: it would follow the drift that it shall correct.
+    enough: float = 10.0
+    # A base is one of a row of them: on the bearing of a vertical edge, samples that miss it below
+    # and hit it above look like a base far behind.
+    beside_rad: float = 0.03
+    beside_m: float = 0.12
     # A point goes when the ground is seen at it and at this distance to all four sides.
     probe_m: float = 0.05
     min_pitch_rad: float = -1.0  # looking further down, roofs are nearer than bases
@@ -39,7 +43,7 @@ class Landmarks:
     """Points of one kind, as columns of a table."""
 
     xy_m: Floats  # (N, 2) in the map's frame
-    weight: Floats  # (N,) of the sightings that went in
+    weight: Floats  # (N,) of the sightings that placed it
     first_s: Floats  # (N,) first and last seen
     seen_s: Floats
     from_m: Floats  # (N, 2) where the camera was when it was placed
@@ -116,9 +120,10 @@ def merged(
     again = apart_m <= config.same_m
     result = known.with_rows(seen.take(~again & adds))
     rows, sighted = nearest[again], seen.take(again)
-    share = sighted.weight / (sighted.weight + result.weight[rows])
+    moves = result.weight[rows] < config.enough
+    share = moves * sighted.weight / (sighted.weight + result.weight[rows])
     result.xy_m[rows] += share[:, None] * (sighted.xy_m - result.xy_m[rows])
-    result.weight[rows] = np.minimum(result.weight[rows] + sighted.weight, config.max_weight)
+    result.weight[rows] += sighted.weight
     result.seen_s[rows] = sighted.seen_s
     return result
 
@@ -165,10 +170,18 @@ def without_ground(
         groups[np.rint(rows[inside]).astype(int), np.rint(columns[inside]).astype(int)]
         == GROUP_CARPET
     )
-    return known.take(~shows.all(axis=1))
+    free = np.asarray(shows.all(axis=1))
+    return known.take(~free)
 
 
-def near_bases(bases: Bases, config: LandmarkConfig) -> tuple[Floats, NDArray[np.uint8]]:
-    """Return the bases that are near enough to be placed, and their classes."""
-    near = np.hypot(*bases.placed_m.T) <= config.max_range_m
-    return bases.placed_m[near], bases.placed_ids[near]
+def firm_bases(bases: Bases, config: LandmarkConfig) -> tuple[Floats, NDArray[np.uint8]]:
+    """Return the bases that are near enough, and have another beside them, and their classes."""
+    ranges_m, bearings = np.hypot(*bases.placed_m.T), np.arctan2(*bases.placed_m.T[::-1])
+    alike = (np.abs(np.diff(bearings)) <= config.beside_rad) & (
+        np.abs(np.diff(ranges_m)) <= config.beside_m
+    )
+    firm = np.zeros(len(ranges_m), dtype=bool)
+    firm[1:] |= alike
+    firm[:-1] |= alike
+    firm &= ranges_m <= config.max_range_m
+    return bases.placed_m[firm], bases.placed_ids[firm]

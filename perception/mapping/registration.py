@@ -30,7 +30,7 @@ class RegistrationConfig:
     # by a few centimetres in ten seconds while it follows the ground, by more on telemetry alone.
     walk_m: float = 0.015
     blind_walk_m: float = 0.04
-    walk_rad: float = 0.006  # of the heading, likewise
+    walk_rad: float = 0.004  # of the heading, likewise
     max_yaw_std_rad: float = 0.06  # telemetry's heading is not wrong by more
     point_std_m: float = 0.03  # of a point near by
     range_std_ratio: float = 0.02  # of its range besides: height and pitch are off a little

@@ -12,8 +12,8 @@ from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.landmarks import (
     LandmarkConfig,
     Landmarks,
+    firm_bases,
     merged,
-    near_bases,
     seen_points,
     without_ground,
 )
@@ -160,7 +160,7 @@ class SiteMapper:
     ) -> Agreement | None:
         """Match a view to the map; a map that views contradict for long begins anew."""
         cfg = self._config
-        placed_m, _ = near_bases(bases, cfg.landmarks)
+        placed_m, _ = firm_bases(bases, cfg.landmarks)
         edges_m = bases.edges_m[np.hypot(*bases.edges_m.T) <= cfg.landmarks.max_range_m]
         seen_m = np.vstack([placed_m, edges_m])
         offset = np.array([camera.forward_offset_m, 0.0])
@@ -196,7 +196,7 @@ class SiteMapper:
             without_ground(known, scan.image_groups, lens, frame, camera, config=cfg.landmarks)
             for known in (self._bases, self._edges)
         )
-        placed_m, ids = near_bases(bases, cfg.landmarks)
+        placed_m, ids = firm_bases(bases, cfg.landmarks)
         seen = seen_points(placed_m, ids, lens, time_s)
         self._bases = merged(self._bases, seen, cfg.landmarks, adds=adds)
         edges_m = bases.edges_m[np.hypot(*bases.edges_m.T) <= cfg.landmarks.max_range_m]

@@ -70,7 +70,7 @@ class SiteMap:
     def __post_init__(self) -> None:
         for grid in (self.free, self.outside, self.passed):
             if grid.shape != self.seen_s.shape or grid.ndim != 2:
-                raise ShapeError("map grid", expected=self.seen_s.shape, actual=grid.shape)
+                raise ShapeError("map grid", expected=str(self.seen_s.shape), actual=grid.shape)
 
     @property
     def ground(self) -> Flags:

@@ -20,6 +20,7 @@ from tests.behaviours.leaf_world import (
     steering_bench,
 )
 from uav_bt.board import HELD_TURN, OBSTACLES, STATE
+from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import Attitude, HeldTurn, MoveBy, ObstaclePoints, Velocity
@@ -257,3 +258,9 @@ def test_a_turn_keeps_off_the_edge_of_the_carpet() -> None:
         turn = bench.proposed
         assert isinstance(turn, Velocity)
         assert turn.forward_mps == pytest.approx(away_mps)
+
+
+def test_when_a_look_round_leaves_nothing_to_do_it_ends() -> None:
+    bench = steering_bench(Avoid, Says(Decision(done=True, reason="covered")))
+    live(bench)
+    assert live(bench, seconds=0.3) is Status.SUCCESS

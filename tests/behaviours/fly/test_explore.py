@@ -15,11 +15,20 @@ from tests.behaviours.leaf_world import (
     steering_bench,
 )
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, FRAME, HELD_TURN, PHASE, STATE
-from uav_bt.errors import NodeFailedError, UnknownNameError
+from uav_bt.errors import NodeFailedError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import BodyVelocity, ClassMap, HeldTurn, MoveBy, MovementState
+from uav_bt.types import (
+    BodyVelocity,
+    ClassMap,
+    DroneState,
+    FlyingState,
+    HeldTurn,
+    MoveBy,
+    MovementState,
+    Velocity,
+)
 
 
 def stepping(policy: Says | None = None, **attributes: object) -> LeafBench:
@@ -244,3 +253,56 @@ def test_without_flowing_a_step_is_flown_to_its_end() -> None:
 def test_a_policy_that_returns_no_decision_is_named(answer: object) -> None:
     with pytest.raises(NodeFailedError, match=r"decide\(\) of Says must return a Decision, got"):
         stepping(Says(answer))  # type: ignore[arg-type]
+
+
+def test_a_decision_with_a_speed_is_flown_without_a_stop() -> None:
+    """Ahead at that speed, the heading towards the bearing, every tick; no movement of its own."""
+    policy = Says(Decision(forward_m=1.0, yaw_rad=0.3, speed_mps=0.5, reason="on"))
+    bench = stepping(policy)
+    for _ in range(3):
+        assert live(bench) is Status.RUNNING
+        assert isinstance(bench.proposed, Velocity)
+        assert bench.proposed.forward_mps == 0.5
+        assert bench.proposed.yaw_rate_radps > 0.0
+
+
+def test_a_speed_of_zero_turns_on_the_spot() -> None:
+    bench = stepping(Says(Decision(forward_m=1.0, yaw_rad=-1.0, speed_mps=0.0)))
+    assert isinstance(bench.proposed, Velocity)
+    assert bench.proposed.forward_mps == 0.0
+    assert bench.proposed.yaw_rate_radps < 0.0
+
+
+def test_at_a_speed_the_height_is_kept() -> None:
+    bench = steering_bench(Explore, Says(Decision(forward_m=1.0, speed_mps=0.4)))
+    bench.board[FLIGHT_HEIGHT] = 1.5
+    live(bench, height_m=1.2)
+    live(bench, seconds=0.3, height_m=1.2)
+    assert isinstance(bench.proposed, Velocity)
+    assert bench.proposed.down_mps < 0.0
+
+
+def test_a_speed_is_not_flown_on_blind() -> None:
+    """Without a view for half a second the drone stops."""
+    bench = stepping(Says(Decision(forward_m=1.0, speed_mps=0.5)))
+    bench.board[CLASS_MAP] = ClassMap(ids=bench.board[CLASS_MAP].ids, captured_s=-1.0)
+    bench.allow_stale()
+    proposed = []
+    for _ in range(8):
+        bench.clock.advance(0.1)
+        bench.observe(DroneState(captured_s=bench.clock.now(), flying=FlyingState.FLYING))
+        bench.tick()
+        proposed.append(bench.proposed)
+    assert isinstance(proposed[0], Velocity)
+    assert proposed[-1] is None
+
+
+def test_nothing_left_to_do_is_a_success() -> None:
+    bench = steering_bench(Explore, Says(Decision(done=True, reason="covered")))
+    live(bench)
+    assert live(bench, seconds=0.3) is Status.SUCCESS
+
+
+def test_a_negative_speed_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match="speed_mps"):
+        Decision(forward_m=1.0, speed_mps=-0.1)

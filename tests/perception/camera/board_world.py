@@ -48,7 +48,7 @@ def photograph(
     Yields:
         (H, W, 3) uint8 RGB.
     """
-    builder = twin_model._Builder()
+    builder = twin_model._Builder(diagonal_m=10.0)
     builder.room()
     builder.lights(Lighting(ambient=0.9, direction=(0.6, 0.2, -0.6)))
     builder._texture("board", _texture(squares))

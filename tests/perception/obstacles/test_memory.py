@@ -14,7 +14,7 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
-from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, group_of
+from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX
 from uav_bt.errors import ShapeError
 from uav_bt.types import (
     Attitude,
@@ -390,7 +390,7 @@ def test_the_twins_box_is_where_it_stands() -> None:
         for x, y, yaw in ((-1.0, 0.0, 0.1), (-0.9, 1.0, -0.5), (0.8, -1.5, 1.5))
     ]
     for view in render_views(scene, poses, truth_size_px=(224, 112)):
-        found = find_bases(group_of(view.ids), CAMERA, PITCH_RAD, view.pose.z_m)
+        found = bases(view.ids)
         assert len(found.placed_m) > 5
         c, s = math.cos(view.pose.yaw_rad), math.sin(view.pose.yaw_rad)
         for forward_m, right_m in found.placed_m:

@@ -1,0 +1,118 @@
+"""The survey planner on drawn maps: which leg it flies, and what it keeps clear of."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from behaviours.path.survey import Leg, Room, SurveyConfig, best_leg
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Pose2D
+from uav_bt.types.site_map import SiteMap
+
+CONFIG = SurveyConfig()
+NOTHING = np.empty((0, 2))
+
+
+def drawn_map(
+    *,
+    passed: NDArray[np.bool_] | None = None,
+    known: NDArray[np.bool_] | None = None,
+    obstacles: NDArray[np.float64] = NOTHING,
+    pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> SiteMap:
+    """Return ground of 4 x 4 m around the origin in a grid of 6 x 6 m, beyond it the outside."""
+    places = np.moveaxis(np.indices((61, 61)), 0, -1) * 0.1 - 3.0
+    ground = np.abs(places).max(axis=-1) <= 2.0
+    seen = ground if known is None else ground & known
+    return SiteMap(
+        pose=Pose2D(x_m=pose[0], y_m=pose[1], yaw_rad=pose[2]),
+        corner_m=(-3.0, -3.0),
+        cell_m=0.1,
+        seen_s=np.where(seen, 1.0, -math.inf).astype(np.float32),
+        free=seen,
+        outside=~ground,
+        passed=np.zeros_like(ground) if passed is None else passed,
+        obstacles_m=obstacles,
+        edges_m=NOTHING,
+        captured_s=1.0,
+    )
+
+
+def where(condition: str) -> NDArray[np.bool_]:
+    x, y = np.indices((61, 61)) * 0.1 - 3.0
+    return {"left": y < 0.0, "right": y > 0.0, "near": np.hypot(x, y) < 1.2}[condition]
+
+
+def leg(site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING) -> Leg | None:
+    return best_leg(Room(site_map, assumed, CONFIG))
+
+
+def test_the_leg_leads_to_the_half_that_was_not_passed() -> None:
+    found = leg(drawn_map(passed=where("left")))
+    assert found is not None
+    assert found.path_m[-1][1] > 0.3
+    assert found.new_m2 > 0.5
+
+
+def test_a_leg_straight_ahead_is_better_than_the_same_behind() -> None:
+    ahead = leg(drawn_map(pose=(0.0, 0.0, math.pi / 2)))
+    assert ahead is not None
+    assert ahead.path_m[-1][1] > 0.0
+
+
+def test_all_passed_is_no_leg() -> None:
+    assert leg(drawn_map(passed=np.ones((61, 61), dtype=bool))) is None
+
+
+def test_ground_behind_a_wall_is_not_flown_to() -> None:
+    wall = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, 0.8)])
+    found = leg(drawn_map(passed=where("left") | where("near"), obstacles=wall))
+    assert found is None or found.path_m[:, 1].max() < 0.8 - CONFIG.touch_m + 0.1
+
+
+def test_unknown_ground_is_not_flown_over() -> None:
+    known = where("near")
+    found = leg(drawn_map(known=known))
+    assert found is not None
+    assert np.hypot(*found.path_m.T).max() < 1.3
+
+
+def test_where_an_obstacle_is_assumed_no_leg_leads() -> None:
+    ring = [(1.0 * math.cos(a), 1.0 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 120)]
+    found = leg(drawn_map(passed=where("near")), np.array(ring))
+    assert found is None or np.hypot(*found.path_m.T).max() < 1.0
+
+
+@given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=25))
+def test_no_leg_passes_an_obstacle_or_the_edge_too_near(places: list[tuple[float, float]]) -> None:
+    obstacles = np.array([p for p in places if math.hypot(*p) > 0.7], dtype=float).reshape(-1, 2)
+    found = leg(drawn_map(obstacles=obstacles))
+    if found is None:
+        return
+    away = found.path_m[np.hypot(*found.path_m.T) > CONFIG.free_start_m]
+    assert np.abs(away).max(initial=0.0) <= 2.0 - CONFIG.edge_m + 0.1
+    for place in obstacles:
+        assert np.hypot(*(away - place).T).min(initial=9.0) >= CONFIG.touch_m - 0.1
+
+
+def test_the_speed_rises_with_the_room() -> None:
+    room = Room(drawn_map(), NOTHING, CONFIG)
+    speeds = room.speed_mps(np.array([0.0, CONFIG.touch_m, 0.6, CONFIG.wide_m, 3.0]))
+    assert np.all(np.diff(speeds) >= 0.0)
+    assert speeds[0] == CONFIG.slow_mps
+    assert speeds[-1] == CONFIG.fast_mps
+
+
+def test_a_drone_off_the_grid_plans_from_its_edge() -> None:
+    leg(drawn_map(pose=(50.0, -50.0, 0.0)))
+
+
+def test_speeds_in_the_wrong_order_are_refused() -> None:
+    with pytest.raises(ValueRangeError, match="in order"):
+        SurveyConfig(slow_mps=1.0, fast_mps=0.5)

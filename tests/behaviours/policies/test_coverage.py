@@ -1,0 +1,68 @@
+"""The coverage policy: heading, speed, a look round without a way, and the end."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from behaviours.policies.coverage import Coverage
+from tests.behaviours.path.test_survey import drawn_map, where
+from tests.behaviours.policies.cast_world import cast, view
+from uav_bt.protocols import Decision
+from uav_bt.types import Corridor
+from uav_bt.types.site_map import SiteMap
+
+ALL = np.ones((61, 61), dtype=bool)
+
+
+def decide(site_map: SiteMap | None, **seen: object) -> Decision:
+    return Coverage().decide(view(cast(), site_map=site_map, **seen))
+
+
+def corridor(free_m: float) -> Corridor:
+    return Corridor(
+        captured_s=0.0,
+        free_distance_m=free_m,
+        nearest_m=free_m,
+        nearest_side="front",
+        time_to_impact_s=math.inf,
+    )
+
+
+def test_without_a_map_it_looks_round() -> None:
+    assert decide(None).blocked
+
+
+def test_it_turns_before_it_flies_to_what_lies_behind() -> None:
+    decision = decide(drawn_map(passed=where("right"), pose=(0.0, 0.5, math.pi / 2)))
+    assert not decision.blocked
+    assert decision.speed_mps == 0.0
+    assert abs(decision.yaw_rad) > math.radians(35)
+
+
+def test_facing_new_ground_it_flies() -> None:
+    decision = decide(drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2)))
+    assert decision.speed_mps is not None
+    assert decision.speed_mps > 0.25
+
+
+@pytest.mark.parametrize(("free_m", "most_mps"), [(0.3, 0.0), (0.6, 0.25), (1.0, 0.6)])
+def test_what_the_corridor_shows_limits_the_speed(free_m: float, most_mps: float) -> None:
+    ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
+    speed = decide(ahead, corridor=corridor(free_m)).speed_mps
+    assert speed is not None
+    assert speed <= most_mps
+
+
+def test_covered_after_a_full_turn_without_a_leg() -> None:
+    covered = drawn_map(passed=ALL)
+    assert decide(covered).blocked
+    assert not decide(covered).done
+    assert decide(covered, full_turns=1).done
+
+
+def test_the_same_view_gives_the_same_decision() -> None:
+    policy, seen = Coverage(), view(cast(), site_map=drawn_map())
+    assert policy.decide(seen) == policy.decide(seen)

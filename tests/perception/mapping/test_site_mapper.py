@@ -1,0 +1,198 @@
+"""The site map on exact views of the twin's lab: where things are, and how drift is corrected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.mapping.site_mapper import SiteMapper, SiteMapperConfig
+from perception.obstacles.contact_scan import scan_ground
+from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
+from sim_bridge.twin.views import render_views
+from uav_bt.errors import MissionError
+from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.site_map import SiteMap
+
+CAMERA = anafi_camera(640, 360).resized(224, 112)
+PITCH_RAD = math.radians(-42)
+HEIGHT_M = 1.5
+BOX = BoxSpec(pattern=3, position_m=(1.0, 0.4), yaw_deg=20, size_m=(0.4, 0.4, 1.9))
+LOW = BoxSpec(pattern=5, position_m=(-1.2, -1.0), yaw_deg=60, size_m=(0.5, 0.4, 0.8))
+SCENE = Scene(name="two", helipad=Helipad(position_m=(-1.9, 1.4)), boxes=(BOX, LOW))
+STEP_S = 0.2
+
+Drift = Callable[[float], tuple[float, float, float]]  # seconds: metres x, y and radians of yaw
+
+
+def _circle() -> Iterator[tuple[float, float, float]]:
+    """Body poses in the world, twice round a circle, the nose inwards half of the time."""
+    for step in range(120):
+        angle = step * math.tau / 60
+        yaw = angle + math.pi / 2 + 0.9 * math.sin(angle * 1.5)
+        yield 0.6 * math.cos(angle), 0.5 * math.sin(angle), yaw
+
+
+@cache
+def flown() -> list[tuple[Pose2D, NDArray[np.uint8]]]:
+    """Return the true poses, in the map's convention, and the exact class ids seen from there."""
+    poses = list(_circle())
+    cameras = [
+        CameraPose(
+            x_m=x + CAMERA_FORWARD_M * math.cos(yaw),
+            y_m=y + CAMERA_FORWARD_M * math.sin(yaw),
+            z_m=HEIGHT_M,
+            yaw_rad=yaw,
+            pitch_rad=PITCH_RAD,
+        )
+        for x, y, yaw in poses
+    ]
+    views = render_views(SCENE, cameras, truth_size_px=(224, 112))
+    return [
+        (Pose2D(x_m=x, y_m=-y, yaw_rad=-yaw), view.ids)
+        for (x, y, yaw), view in zip(poses, views, strict=True)
+    ]
+
+
+def no_drift(_: float) -> tuple[float, float, float]:
+    return 0.0, 0.0, 0.0
+
+
+def slow_drift(time_s: float) -> tuple[float, float, float]:
+    """Return what dead reckoning is off by: 1 cm/s, and 0.1 degrees a second."""
+    return 0.01 * time_s, -0.004 * time_s, 0.0017 * time_s
+
+
+def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> list[SiteMap]:
+    """Fly the circle and return the map after each view."""
+    maps = []
+    for index, (true, ids) in enumerate(flown()):
+        time_s = from_s + index * STEP_S
+        x_m, y_m, yaw_rad = drift(time_s)
+        pose = OdometryPose(
+            time_s=time_s, x_m=true.x_m + x_m, y_m=true.y_m + y_m, yaw_rad=true.yaw_rad + yaw_rad
+        )
+        frame = Frame(
+            image=np.zeros((4, 8, 3), dtype=np.uint8),
+            index=index,
+            captured_s=time_s,
+            gimbal_pitch_rad=PITCH_RAD,
+            height_above_carpet_m=HEIGHT_M,
+        )
+        mapper.follow(motion(pose))
+        mapper.see(scan_ground(ClassMap(ids=ids, captured_s=time_s), frame, CAMERA), frame, CAMERA)
+        maps.append(mapper.map())
+    return maps
+
+
+def motion(pose: OdometryPose) -> MotionEstimate:
+    still = BodyVelocity()
+    return MotionEstimate(pose=pose, seen=pose, velocity=still, error=still, tracked_s=pose.time_s)
+
+
+def to_world(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return points * (1.0, -1.0)
+
+
+def test_bases_stand_on_the_boxes_outlines() -> None:
+    found = fly(SiteMapper())[-1]
+    assert len(found.obstacles_m) > 12
+    for x_m, y_m in to_world(found.obstacles_m):
+        nearest = min(box.footprint.distance_m(x_m, y_m) for box in SCENE.boxes)
+        assert nearest < 0.08
+
+
+def test_edges_lie_on_the_carpets_edge() -> None:
+    found = fly(SiteMapper())[-1]
+    x, y = np.abs(found.edges_m).T
+    off_m = np.minimum(np.abs(x - 2.5), np.abs(y - 2.0))
+    assert len(off_m) > 50
+    assert np.percentile(off_m, 95) < 0.08
+
+
+def test_ground_is_where_carpet_is_and_outside_where_it_is_not() -> None:
+    found = fly(SiteMapper())[-1]
+    places = np.abs(found.places_m())
+    inside = (places[..., 0] < 2.3) & (places[..., 1] < 1.8)
+    beyond = (places[..., 0] > 2.7) | (places[..., 1] > 2.2)
+    assert not (found.ground & ~found.outside)[beyond].any()
+    assert found.ground[inside].mean() > 0.8
+    assert found.outside[beyond & np.isfinite(places[..., 0])].sum() > 100
+
+
+def test_both_boxes_are_objects_where_they_stand() -> None:
+    found = fly(SiteMapper())[-1].objects
+    assert [thing.class_id for thing in found] == [6, 8]
+    for thing, box in zip(found, SCENE.boxes, strict=True):
+        assert math.dist((thing.x_m, -thing.y_m), box.position_m) < 0.12
+
+
+def test_drift_is_corrected_by_what_is_seen_again() -> None:
+    """What drifted before anything was seen twice stays; from then on half of it is taken away."""
+    found = fly(SiteMapper(), slow_drift)[-1]
+    true, off = flown()[-1][0], slow_drift((len(flown()) - 1) * STEP_S)
+    off_m = math.dist((found.pose.x_m, found.pose.y_m), (true.x_m, true.y_m))
+    assert off_m < 0.6 * math.hypot(*off[:2])
+    assert abs(math.remainder(found.pose.yaw_rad - true.yaw_rad, math.tau)) < 0.8 * off[2]
+    assert found.restarts == 0
+
+
+def test_without_drift_nothing_is_corrected() -> None:
+    correction = fly(SiteMapper())[-1].correction
+    assert math.hypot(correction.x_m, correction.y_m) < 0.03
+
+
+def test_a_map_that_views_contradict_is_begun_anew() -> None:
+    """The drone is carried elsewhere: after some seconds the old map is given up, and said so."""
+    mapper = SiteMapper()
+    fly(mapper)
+    later = fly(mapper, lambda _: (0.0, 0.0, 1.2), from_s=60.0)
+    assert later[-1].restarts >= 1
+    assert max(found.contradicted_s for found in later) > 0.0
+
+
+def test_what_was_passed_is_near_the_path() -> None:
+    found = fly(SiteMapper())[-1]
+    path = np.array([(pose.x_m, pose.y_m) for pose, _ in flown()])
+    places = found.places_m()[found.passed]
+    apart = np.hypot(*np.moveaxis(places[:, None] - path, -1, 0)).min(axis=1)
+    assert apart.max() <= SiteMapperConfig().grid.passed_m + 0.1
+
+
+def test_the_mark_corrects_and_is_remembered() -> None:
+    mapper = SiteMapper()
+    still = OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    mapper.follow(motion(still))
+    mapper.see_mark(HelipadFix(captured_s=0.0, forward_m=1.0, right_m=0.5, detected=True))
+    for tenths in range(1, 600):
+        drifted = OdometryPose(time_s=tenths / 10, x_m=0.1, y_m=0.0, yaw_rad=0.0)
+        mapper.follow(motion(drifted))
+        mapper.see_mark(
+            HelipadFix(captured_s=tenths / 10, forward_m=1.0, right_m=0.5, detected=True)
+        )
+    found = mapper.map()
+    assert found.mark is not None
+    assert math.dist((found.mark.x_m, found.mark.y_m), (1.0, 0.5)) < 0.03
+    assert abs(found.pose.x_m) < 0.04
+
+
+def test_a_mark_that_moved_is_placed_anew() -> None:
+    mapper = SiteMapper()
+    mapper.follow(motion(OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)))
+    for forward_m in (1.0, 2.5):
+        mapper.see_mark(HelipadFix(captured_s=0.0, forward_m=forward_m, right_m=0.0, detected=True))
+    mark = mapper.map().mark
+    assert mark is not None
+    assert mark.x_m == pytest.approx(2.5)
+
+
+def test_a_map_without_motion_is_refused() -> None:
+    with pytest.raises(MissionError, match="follow"):
+        SiteMapper().map()
