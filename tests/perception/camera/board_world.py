@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.gl import load_mujoco
-from sim_bridge.twin.scene import Lighting
+from sim_bridge.twin.scene import ROOM_SIZE_M, Lighting
 
 load_mujoco()
 
@@ -48,12 +48,12 @@ def photograph(
     Yields:
         (H, W, 3) uint8 RGB.
     """
-    builder = twin_model._Builder(diagonal_m=10.0)
-    builder.room()
+    builder = twin_model._Builder(math.hypot(*ROOM_SIZE_M))
+    builder.room(ROOM_SIZE_M)
     builder.lights(Lighting(ambient=0.9, direction=(0.6, 0.2, -0.6)))
     builder._texture("board", _texture(squares))
     width_m, height_m = ((count + 2) * square_m for count in squares)
-    solid = twin_model._Solid(half_m=(0.002, width_m / 2, height_m / 2), centre_m=_CENTRE_M)
+    solid = twin_model.Solid(half_m=(0.002, width_m / 2, height_m / 2), centre_m=_CENTRE_M)
     builder._show("board/seen", solid, material="board", class_id=0, tile_m=(width_m, height_m))
     with Renderer(builder.done(), samples=4) as renderer:
         for pose in poses:
