@@ -106,7 +106,7 @@ class FindHelipad(Leaf):
             doc="top of the helipad above the carpet, m",
         ),
     )
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY)
     writes = (HELIPAD,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -122,7 +122,9 @@ class FindHelipad(Leaf):
         state = self.read(STATE).value
         if state is None:
             return Status.SUCCESS
-        self._finder.predict(state)
+        motion = self.read(ODOMETRY).value
+        # The pad stands still on the ground, whatever telemetry takes for the drone's motion.
+        self._finder.predict(state if motion is None else motion.over_ground(state))
         class_map = self.read(CLASS_MAP).value
         if class_map is None:
             self._finder.miss()

@@ -45,7 +45,9 @@ class AutopilotConfig:
     touch_down_mps: float = 0.25  # landing speed near the ground
     near_ground_m: float = 0.5
     standing_s: float = 0.3  # ground contact for so long stops the motors
-    standing_mps: float = 0.15  # at less than this speed on each axis
+    standing_mps: float = 0.15  # at less than this vertical speed
+    # Horizontally an estimate that drifts says that a drone on the ground moves.
+    standing_flat_mps: float = 0.5
 
 
 class Mode(enum.Enum):
@@ -252,8 +254,9 @@ class Autopilot:
         elif self._mode in (Mode.CLIMB, Mode.MOVE):
             self._settle(estimate)
         elif self._mode in (Mode.DESCEND, Mode.FALL):
-            speed = max(abs(estimate.vx_mps), abs(estimate.vy_mps), abs(estimate.vz_mps))
-            standing = touching and speed < self._config.standing_mps
+            flat_mps = max(abs(estimate.vx_mps), abs(estimate.vy_mps))
+            still = abs(estimate.vz_mps) < self._config.standing_mps
+            standing = touching and still and flat_mps < self._config.standing_flat_mps
             self._settled_s = self._settled_s + CONTROL_STEP_S if standing else 0.0
             if self._settled_s >= self._config.standing_s:
                 self._enter(Mode.OFF)

@@ -130,6 +130,8 @@ class LiveStatus:
         elif record.active:
             word = f": {record.feedback}" if record.feedback else ""
             parts.append((f"{record.active[-1]}{word}", "cyan"))
+        if record.warning is not None:
+            parts.append((record.warning, "yellow"))
         text = Text(no_wrap=True, overflow="ellipsis")
         for index, (words, style) in enumerate(parts):
             text.append("  " if index else "")

@@ -72,6 +72,8 @@ class FlightReport:
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
     # Leaves that blocked longer than their budget, by path: the longest time, milliseconds.
     slow_leaves: dict[str, float] = field(default_factory=dict)
+    # What was wrong with the drone's motion and was borne.
+    warnings: tuple[str, ...] = ()
     # Whether the drone was still in the air when the program left it, as far as is known.
     airborne_at_end: bool = False
     # What follows a flight (displays, records) and failed on the way: what, and why.
@@ -99,7 +101,7 @@ class FlightReport:
         rest = (each.name for each in fields(self) if each.name not in first + curves)
         for name in (*first, *rest):
             value = getattr(self, name)
-            if value not in (None, {}):
+            if value not in (None, {}, ()):
                 yield name, value
 
 
@@ -131,11 +133,14 @@ class FlightLog:
         self._tick_s: list[float] = []
         self._last_truth: Truth | None = None
         self._end_s: float | None = None
+        self._warnings: dict[str, None] = {}  # in the order of their first time
 
     def on_tick(self, record: TickRecord) -> None:
         """Take note of a tick."""
         self._tick_s.append(record.compute_s)
         self._end_s = record.time_s
+        if record.warning is not None:
+            self._warnings[record.warning] = None
         marks = self._marks
         if marks.take_off_s is None and isinstance(record.command.movement, TakeOff):
             marks.take_off_s = record.time_s
@@ -259,6 +264,7 @@ class FlightLog:
                 stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
             },
             slow_leaves={path: round(1000.0 * s, 1) for path, s in (slow_leaves_s or {}).items()},
+            warnings=tuple(self._warnings),
             airborne_at_end=airborne_at_end,
             lost_outputs=dict(lost_outputs or {}),
         )

@@ -7,13 +7,15 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, PHASE, STATE
+from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.descent import Descent, DescentEnd
+from uav_bt.mission.ground_watch import GroundWatch
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.obedience import ObedienceWatch
+from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances, Lasting, Limits, Override
 from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
@@ -91,6 +93,8 @@ class MissionRunner:
         self._timer = timer
         self._screening = Screening(drone.camera, judge_frame)
         self._obedience = ObedienceWatch()
+        self._hold = PositionHold()
+        self._ground = GroundWatch()
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
@@ -193,6 +197,7 @@ class MissionRunner:
             slow=self._budgets.take(),
             refused=self._screening.refused,
             decided=decided,
+            warning=self._ground.warning,
         )
         self.listeners.on_tick(record)
         self._index += 1
@@ -211,7 +216,7 @@ class MissionRunner:
             self.request_abort(
                 f"critical battery: {100 * (observation.state.battery or 0.0):.0f} %"
             )
-        fault = self._obedience.complaint(command, observation.state, start_s)
+        fault = self._obedience.complaint(command, observation.state, start_s) or self._hold.trouble
         if fault is not None and self._arbiter.override is not Override.MANUAL:
             self.request_abort(f"the drone does not obey: {fault}")
         if verdict is None:
@@ -236,7 +241,17 @@ class MissionRunner:
             manual=self._manual,
             cut=self._cut,
         )
-        return self._arbiter.decide(self._context.proposals, now)
+        motion = self._context.board.read(ODOMETRY).value
+        command = self._arbiter.decide(
+            self._context.proposals,
+            now,
+            lambda movement: self._hold.correct(movement, state, motion, now_s),
+        )
+        if self._arbiter.override is not None:
+            self._hold.rest()
+        self._hold.sent(command.movement, motion, now_s)
+        self._ground.update(motion, now_s)
+        return command
 
     def _escalate(self, state: DroneState, now_s: float) -> None:
         """Land when blind for long, end the mission when the drone is out of reach.

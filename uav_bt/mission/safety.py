@@ -172,17 +172,24 @@ class Arbiter:
         self._limits = limits
         self.override: Override | None = None  # the one in force since the last decision
 
-    def decide(self, proposals: Proposals, now: Circumstances) -> Command:
+    def decide(
+        self,
+        proposals: Proposals,
+        now: Circumstances,
+        correct: Callable[[Movement], Movement] | None = None,
+    ) -> Command:
         """Return this tick's command.
 
         Args:
             proposals: of the leaves in this tick.
             now: what the safety rules depend on.
+            correct: returns a movement as it should be flown, before it is limited.
         """
         rule = rule_in_force(now, self._limits)
         self.override = None if rule is None else rule.override
         if rule is None:
             movement = proposals.movement or Hover()
+            movement = movement if correct is None else correct(movement)
             return Command(movement=self._clamp(movement, now.state), gimbal=proposals.gimbal)
         gimbal = proposals.gimbal if rule.gimbal_too else None
         return Command(movement=rule.movement, gimbal=gimbal)

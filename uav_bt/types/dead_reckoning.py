@@ -81,6 +81,16 @@ class MotionEstimate:
         """For how long telemetry alone has been flown by; inf before ground was followed."""
         return self.pose.time_s - self.tracked_s
 
+    def over_ground(self, state: DroneState) -> DroneState:
+        """Return telemetry with the velocity over the ground."""
+        told = state.velocity
+        velocity = BodyVelocity(
+            forward_mps=told.forward_mps + self.error.forward_mps,
+            right_mps=told.right_mps + self.error.right_mps,
+            down_mps=told.down_mps + self.error.down_mps,
+        )
+        return replace(state, velocity=velocity)
+
 
 class Odometry:
     """Integrates telemetry into poses and remembers the last few seconds of them.
