@@ -17,6 +17,7 @@ class VelocityErrorConfig:
         wander_mps: how far the error wanders in a second, standard deviation.
         first_mps: how large it may be at first, standard deviation.
         forget_s: unseen, the error is less and less likely the old one.
+        doubt_mps: an error of this size may as well be none, and is taken for none.
         seen_m: standard deviation of what two frames, and telemetry's noise, say of the way
             between them.
     """
@@ -24,6 +25,7 @@ class VelocityErrorConfig:
     wander_mps: float = 0.015
     first_mps: float = 0.03
     forget_s: float = 30.0
+    doubt_mps: float = 0.025
     seen_m: float = 0.005
 
 
@@ -37,11 +39,17 @@ class VelocityError:
     def __init__(self, config: VelocityErrorConfig | None = None) -> None:
         self._config = config or VelocityErrorConfig()
         self._variance = self._config.first_mps**2
-        self.mps: NDArray[np.float64] = np.zeros(2)  # in the odometry's frame
+        self._mean_mps: NDArray[np.float64] = np.zeros(2)
+
+    @property
+    def mps(self) -> NDArray[np.float64]:
+        """The error in the odometry's frame, (2,), less what it may as well not be."""
+        size_mps = max(float(np.hypot(*self._mean_mps)), self._config.doubt_mps)
+        return self._mean_mps * (1.0 - (self._config.doubt_mps / size_mps) ** 2)
 
     def predict(self, passed_s: float) -> None:
         """Let time pass."""
-        self.mps = self.mps * math.exp(-passed_s / self._config.forget_s)
+        self._mean_mps = self._mean_mps * math.exp(-passed_s / self._config.forget_s)
         self._variance += self._config.wander_mps**2 * passed_s
 
     def correct(self, seen_mps: NDArray[np.float64], passed_s: float) -> None:
@@ -53,5 +61,5 @@ class VelocityError:
         """
         noise = (self._config.seen_m / passed_s) ** 2
         gain = self._variance / (self._variance + noise)
-        self.mps = self.mps + gain * (seen_mps - self.mps)
+        self._mean_mps = self._mean_mps + gain * (seen_mps - self._mean_mps)
         self._variance *= 1.0 - gain
