@@ -7,7 +7,7 @@ import math
 from behaviours.fly.leaf_clock import LeafClock
 from behaviours.fly.movement import MovingLeaf, camera_points_at
 from behaviours.fly.mover import Progress
-from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
+from uav_bt.board import FRAME, HELIPAD, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import DroneState, GimbalTo, Hover, MissionPhase
@@ -130,12 +130,14 @@ class Hovering(Leaf):
             doc="horizontal speed that counts as none, m/s",
         ),
     )
-    reads = (STATE,)
+    reads = (STATE, ODOMETRY)
 
     def update(self) -> Status:
         """Compare the horizontal speed with the largest allowed."""
         state = self.read(STATE).value
         if state is None:
             return Status.FAILURE
+        motion = self.read(ODOMETRY).value
+        state = state if motion is None else motion.over_ground(state)
         speed_mps = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
         return Status.SUCCESS if speed_mps < self.port_value("below_mps") else Status.FAILURE

@@ -17,7 +17,7 @@ from behaviours.fly.heading import HeadingController
 from behaviours.fly.movement import MovingLeaf
 from behaviours.fly.mover import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
-from uav_bt.board import FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
+from uav_bt.board import FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, ODOMETRY, PHASE, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy
@@ -60,7 +60,7 @@ class SteeringLeaf(MovingLeaf):
 
     steering: ClassVar[SteeringConfig] = SteeringConfig()
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY,)
-    reads: ClassVar[tuple[Key[Any], ...]] = (STATE, FLIGHT_HEIGHT, *VIEW_KEYS)
+    reads: ClassVar[tuple[Key[Any], ...]] = (STATE, FLIGHT_HEIGHT, ODOMETRY, *VIEW_KEYS)
     writes = (PHASE, HELD_TURN)
     resumes = False  # an interrupted step is decided anew, on what is in view then
 
@@ -153,8 +153,9 @@ class SteeringLeaf(MovingLeaf):
         """
         if not (self._mover.busy and self._advancing and self.port_value("flowing")):
             return False
-        now_s = self.clock.now()
-        self._step_ends_m -= state.velocity.forward_mps * (now_s - self._stepped_s)
+        now_s, motion = self.clock.now(), self.read(ODOMETRY).value
+        forward_mps = (state if motion is None else motion.over_ground(state)).velocity.forward_mps
+        self._step_ends_m -= forward_mps * (now_s - self._stepped_s)
         self._stepped_s = now_s
         decision, frame = self.decide(), self.read(FRAME).value
         if decision is None or frame is None:
@@ -163,7 +164,7 @@ class SteeringLeaf(MovingLeaf):
             self.restart_view()
             return True
         # The decision was made for the place where the frame was captured.
-        flown_m = state.velocity.forward_mps * (now_s - frame.captured_s)
+        flown_m = forward_mps * (now_s - frame.captured_s)
         if decision.forward_m - flown_m < self._step_ends_m + self.steering.lengthen_m:
             return False
         self.move(state, replace(decision, forward_m=decision.forward_m - flown_m))

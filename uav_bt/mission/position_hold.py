@@ -61,6 +61,7 @@ class HoldConfig:
         lost_s: a place that is given up for so long cannot be held.
         move_s: a movement, and what follows it, take about so long ...
         move_mps: ... and besides its length at this speed.
+        aim_mps: a disturbance of this size may as well be none for the aim.
         blind_s: after so long without ground in view nothing is corrected.
         fresh_s: what is older is not learned from.
         land_per_s: speed of a landing for a metre of height above the surface ...
@@ -85,6 +86,7 @@ class HoldConfig:
     lost_s: float = 4.0
     move_s: float = 1.3
     move_mps: float = 0.5
+    aim_mps: float = 0.04
     blind_s: float = 5.0
     fresh_s: float = 1.0
     land_per_s: float = 0.6
@@ -226,6 +228,7 @@ class PositionHold:
             return None
         self._landing_s = now_s if self._landing_s is None else self._landing_s
         if state.height_m <= cfg.land_from_m or now_s - self._landing_s > cfg.land_s:
+            self._landing_s = -math.inf  # and stays the drone's
             return None
         down_mps = min(max(cfg.land_per_s * state.height_m, cfg.land_mps[0]), cfg.land_mps[1])
         return Velocity(down_mps=down_mps)
@@ -306,11 +309,13 @@ class PositionHold:
         cfg = self._config
         length_m = math.hypot(move.forward_m, move.right_m, move.down_m)
         lasts_s = cfg.move_s + length_m / cfg.move_mps
+        size_mps = max(self.disturbance_mps, cfg.aim_mps)
+        sure_s = lasts_s * (1.0 - (cfg.aim_mps / size_mps) ** 2)
         forward_mps, right_mps = rotate(*self._learned, -motion.pose.yaw_rad)
         self._aimed = replace(
             move,
-            forward_m=move.forward_m - forward_mps * lasts_s,
-            right_m=move.right_m - right_mps * lasts_s,
+            forward_m=move.forward_m - forward_mps * sure_s,
+            right_m=move.right_m - right_mps * sure_s,
         )
         return self._aimed
 
