@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.obstacles.contact_scan import ContactScanConfig, GroundScan, find_bases, scan_ground
-from perception.odometry.visual import CarpetOdometry
+from perception.odometry.carpet import CarpetOdometry
 from uav_bt.classes import GROUP_CARPET
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate

@@ -81,6 +81,8 @@ RIGHT = (
     "gimbal-nan@explore",
     "battery-nan@take-off+1",
     "no-landing@land",
+    "drift@explore",
+    "velocity-bias@explore",
 )
 
 

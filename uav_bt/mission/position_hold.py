@@ -16,9 +16,10 @@ landing                   is a descent that keeps the place, and the drone's own
 from __future__ import annotations
 
 import math
-from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from uav_bt.mission.ground_watch import GroundWatch
+from uav_bt.mission.ordered_motion import HoldConfig, OrderedMotion, Vector, add, limited
 from uav_bt.mission.safety import Lasting
 from uav_bt.types import (
     BodyVelocity,
@@ -34,101 +35,6 @@ from uav_bt.types import (
 )
 from uav_bt.types.dead_reckoning import MotionEstimate
 
-Vector = tuple[float, float]  # horizontal, in the odometry's frame
-
-
-@dataclass(frozen=True, kw_only=True)
-class HoldConfig:
-    """Gains, limits, and when nothing is corrected.
-
-    The estimate lags by the video (0.15 to 0.4 s) only in what telemetry misses, which varies
-    slowly; the loop itself is as fast as telemetry, a command's delay and the drone's own lag.
-
-    Attributes:
-        gain_per_s: from the distance to the place to a velocity: well below one over the delays.
-        pull_mps: that velocity's limit.
-        disturbance_mps: limit of the estimated disturbance.
-        learn_s: time constant of that estimate.
-        delay_s: from a command to its first effect.
-        lag_s: of the velocity behind a command that has arrived.
-        steady_mps: what a drone does about a command that changed by more is not learned from.
-        swing_s: nor is what it does so soon after a movement of its own.
-        on_the_spot_mps: an order of at most this is one to stay about where it is.
-        stopping_s: the place is where a drone that flew has stopped, at the latest after so long.
-        begin_mps: a hover is only corrected by a velocity of at least this ...
-        end_mps: ... until it falls to this: centred sticks leave it to the drone's own hold.
-        leash_m: a place further away is given up for a nearer one.
-        lost_s: a place that is given up for so long cannot be held.
-        move_s: a movement, and what follows it, take about so long ...
-        move_mps: ... and besides its length at this speed.
-        aim_mps: a disturbance of this size may as well be none for the aim.
-        blind_s: after so long without ground in view nothing is corrected.
-        fresh_s: what is older is not learned from.
-        land_per_s: speed of a landing for a metre of height above the surface ...
-        land_mps: ... not slower, and not faster, than these ...
-        land_from_m: ... until the drone's own landing begins at this height ...
-        land_s: ... or after so long: the height may be wrong.
-    """
-
-    gain_per_s: float = 0.6
-    pull_mps: float = 0.15
-    disturbance_mps: float = 0.35
-    learn_s: float = 1.1
-    delay_s: float = 0.15
-    lag_s: float = 0.25
-    steady_mps: float = 0.12
-    swing_s: float = 0.5
-    on_the_spot_mps: float = 0.15
-    stopping_s: float = 1.5
-    begin_mps: float = 0.03
-    end_mps: float = 0.012
-    leash_m: float = 0.4
-    lost_s: float = 4.0
-    move_s: float = 1.3
-    move_mps: float = 0.5
-    aim_mps: float = 0.04
-    blind_s: float = 5.0
-    fresh_s: float = 1.0
-    land_per_s: float = 0.6
-    land_mps: tuple[float, float] = (0.2, 0.45)
-    land_from_m: float = 0.2
-    land_s: float = 6.0
-
-
-class _OrderedMotion:
-    """What the drone's velocity would be if nothing disturbed it: orders, delayed and lagging."""
-
-    def __init__(self, config: HoldConfig) -> None:
-        self._config = config
-        self._waiting: deque[tuple[float, Vector]] = deque()
-        self._target: Vector = (0.0, 0.0)
-        self._last_s = -math.inf
-        self.mps: Vector = (0.0, 0.0)
-
-    @property
-    def steady(self) -> bool:
-        """Whether the drone has had the time to do as it was ordered."""
-        orders = [self._target, *(order for _, order in self._waiting)]
-        return all(math.dist(order, self.mps) < self._config.steady_mps for order in orders)
-
-    def order(self, mps: Vector, now_s: float) -> None:
-        """Note an order."""
-        self._waiting.append((now_s + self._config.delay_s, mps))
-
-    def advance(self, now_s: float) -> None:
-        """Let time pass."""
-        while self._waiting and self._waiting[0][0] <= now_s:
-            self._target = self._waiting.popleft()[1]
-        passed_s = max(0.0, now_s - self._last_s)
-        share = 1.0 - math.exp(-passed_s / self._config.lag_s)
-        self._last_s = now_s
-        self.mps = _sum(self.mps, share, _sum(self._target, -1.0, self.mps))
-
-    def reset(self, mps: Vector) -> None:
-        """Begin anew with what it does now: it was not ordered from here."""
-        self._waiting.clear()
-        self._target = self.mps = mps
-
 
 class PositionHold:
     """Corrects the movement of a tick by what the ground shows.
@@ -139,7 +45,7 @@ class PositionHold:
 
     def __init__(self, config: HoldConfig | None = None) -> None:
         self._config = config or HoldConfig()
-        self._ordered = _OrderedMotion(self._config)
+        self._ordered = OrderedMotion(self._config)
         self._unordered: Vector = (0.0, 0.0)  # of telemetry's velocity: beyond the orders
         self._learned: Vector = (0.0, 0.0)  # the disturbance when it was last seen by itself
         self._place: Vector | None = None
@@ -150,6 +56,7 @@ class PositionHold:
         self._last_s = self._learns_from_s = -math.inf
         self._holds = False  # a hover is being corrected
         self._lost = Lasting()
+        self._watch = GroundWatch()
         self.trouble: str | None = None  # why the place cannot be held
 
     def correct(
@@ -194,8 +101,25 @@ class PositionHold:
             right_mps=order.right_mps + right_mps,
         )
 
-    def sent(self, movement: Movement, motion: MotionEstimate | None, now_s: float) -> None:
-        """Note what was really sent in this tick."""
+    def sent(
+        self,
+        movement: Movement,
+        motion: MotionEstimate | None,
+        now_s: float,
+        *,
+        rests: bool = False,
+    ) -> None:
+        """Note what was decided in this tick.
+
+        Args:
+            movement: what is sent.
+            motion: as the ground shows it, None where nothing does.
+            now_s: mission clock.
+            rests: whether it was not the leaves that decided.
+        """
+        self._watch.update(motion, now_s)
+        if rests:
+            self.rest()
         if motion is None or not isinstance(movement, Hover | Velocity):
             return
         order = movement if isinstance(movement, Velocity) else Velocity()
@@ -206,6 +130,11 @@ class PositionHold:
         """Give up the place: somebody else flies, or nothing is known."""
         self._place = self._goal = self._aimed = self._stopping_s = None
         self._holds = False
+
+    @property
+    def warning(self) -> str | None:
+        """What the ground shows to be wrong with telemetry, while it does."""
+        return self._watch.warning
 
     @property
     def disturbance_mps(self) -> float:
@@ -245,23 +174,23 @@ class PositionHold:
         if motion.untracked_s > cfg.fresh_s or not settled:
             return
         told = _world(motion, motion.velocity, less=motion.error)
-        beyond = _sum(told, -1.0, self._ordered.mps)
+        beyond = add(told, -1.0, self._ordered.mps)
         share = 1.0 - math.exp(-passed_s / cfg.learn_s)
-        self._unordered = _limited(
-            _sum(self._unordered, share, _sum(beyond, -1.0, self._unordered)), cfg.disturbance_mps
+        self._unordered = limited(
+            add(self._unordered, share, add(beyond, -1.0, self._unordered)), cfg.disturbance_mps
         )
         self._learned = self._disturbance(motion)
 
     def _disturbance(self, motion: MotionEstimate) -> Vector:
         missed = _world(motion, motion.error)
-        return _limited(_sum(missed, 1.0, self._unordered), self._config.disturbance_mps)
+        return limited(add(missed, 1.0, self._unordered), self._config.disturbance_mps)
 
     def _correction(self, motion: MotionEstimate) -> Vector:
         cfg, pull = self._config, (0.0, 0.0)
         if self._place is not None:
-            away = _sum((motion.pose.x_m, motion.pose.y_m), -1.0, self._place)
-            pull = _limited((-cfg.gain_per_s * away[0], -cfg.gain_per_s * away[1]), cfg.pull_mps)
-        return _sum(pull, -1.0, self._disturbance(motion))
+            away = add((motion.pose.x_m, motion.pose.y_m), -1.0, self._place)
+            pull = limited((-cfg.gain_per_s * away[0], -cfg.gain_per_s * away[1]), cfg.pull_mps)
+        return add(pull, -1.0, self._disturbance(motion))
 
     # --- the place --------------------------------------------------------------------------------
 
@@ -288,8 +217,8 @@ class PositionHold:
                 return
             self._place = here
         self._stopping_s = None
-        away = _sum(_sum(self._place, passed_s, wanted), -1.0, here)
-        self._place = _sum(here, 1.0, _limited(away, cfg.leash_m))
+        away = add(add(self._place, passed_s, wanted), -1.0, here)
+        self._place = add(here, 1.0, limited(away, cfg.leash_m))
         lost_s = self._lost.update(now_s, holds=math.hypot(*away) > cfg.leash_m)
         if lost_s > cfg.lost_s:
             self.trouble = (
@@ -329,15 +258,6 @@ class PositionHold:
         self._learns_from_s = self._last_s + self._config.swing_s
         done = status is not None and (status.id, status.state) == (aimed.id, MovementState.DONE)
         return goal if done else None
-
-
-def _sum(first: Vector, times: float, second: Vector) -> Vector:
-    return first[0] + times * second[0], first[1] + times * second[1]
-
-
-def _limited(vector: Vector, length: float) -> Vector:
-    share = min(1.0, length / (math.hypot(*vector) or 1.0))
-    return share * vector[0], share * vector[1]
 
 
 def _world(

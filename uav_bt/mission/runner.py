@@ -6,13 +6,13 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.descent import Descent, DescentEnd
-from uav_bt.mission.ground_watch import GroundWatch
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.obedience import ObedienceWatch
 from uav_bt.mission.position_hold import PositionHold
@@ -94,7 +94,6 @@ class MissionRunner:
         self._screening = Screening(drone.camera, judge_frame)
         self._obedience = ObedienceWatch()
         self._hold = PositionHold()
-        self._ground = GroundWatch()
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
@@ -197,7 +196,7 @@ class MissionRunner:
             slow=self._budgets.take(),
             refused=self._screening.refused,
             decided=decided,
-            warning=self._ground.warning,
+            warning=self._hold.warning,
         )
         self.listeners.on_tick(record)
         self._index += 1
@@ -242,15 +241,9 @@ class MissionRunner:
             cut=self._cut,
         )
         motion = self._context.board.read(ODOMETRY).value
-        command = self._arbiter.decide(
-            self._context.proposals,
-            now,
-            lambda movement: self._hold.correct(movement, state, motion, now_s),
-        )
-        if self._arbiter.override is not None:
-            self._hold.rest()
-        self._hold.sent(command.movement, motion, now_s)
-        self._ground.update(motion, now_s)
+        correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
+        command = self._arbiter.decide(self._context.proposals, now, correct)
+        self._hold.sent(command.movement, motion, now_s, rests=self._arbiter.override is not None)
         return command
 
     def _escalate(self, state: DroneState, now_s: float) -> None:

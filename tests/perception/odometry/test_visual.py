@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from perception.odometry.visual import CarpetOdometry
+from perception.odometry.carpet import CarpetOdometry
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile

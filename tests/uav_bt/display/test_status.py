@@ -73,6 +73,13 @@ def test_an_override_takes_the_place_of_the_leaf() -> None:
     assert line.endswith("helipad -  manual take-over")
 
 
+def test_a_warning_stands_behind_the_leaf() -> None:
+    world = World()
+    status, _, wall = watch(world, terminal=False)
+    record = replace(world.tick(), warning="it drifts")
+    assert status.line(record, wall.now_s).plain.endswith("Explore: clear  it drifts")
+
+
 def test_an_override_is_shown_at_once_and_so_is_its_end() -> None:
     world = World()
     status, out, _ = watch(world, terminal=False)

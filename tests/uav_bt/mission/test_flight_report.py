@@ -60,6 +60,7 @@ class Tale:
         clearance_m: float = math.inf,
         error_m: float = 3.0,
         compute_s: float = 0.001,
+        warning: str | None = None,
     ) -> None:
         """Tell of a tick, a step further than the last one."""
         self.x_m += dx_m
@@ -94,6 +95,7 @@ class Tale:
                 proposed_by=None,
                 override=None,
                 compute_s=compute_s,
+                warning=warning,
                 truth=truth if self.referee else None,
             )
         )
@@ -252,6 +254,16 @@ def test_what_happens_before_the_take_off_is_not_flown() -> None:
     assert tale.report().total_distance_m == pytest.approx(0.5)
 
 
+def test_each_warning_is_reported_once() -> None:
+    tale = Tale()
+    tale.take_off()
+    for warning in (None, "it drifts", "it drifts", None, "it drifts", "it drifts more"):
+        tale.tick("explore", warning=warning)
+    assert tale.report().warnings == ("it drifts", "it drifts more")
+    assert "warnings: ('it drifts'," in str(tale.report())
+    assert "warnings" not in str(whole_flight().report())
+
+
 def test_a_second_take_off_command_starts_nothing_anew() -> None:
     tale = Tale()
     tale.take_off()
@@ -358,7 +370,7 @@ FIELDS = {
     "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
     "time_to_land_s", "landing_error_m", "min_clearance_m", "coverage_passed_90s",
     "coverage_passed", "coverage_seen_90s", "coverage_seen", "coverage_curve",
-    "ticks", "tick_ms", "perception_ms", "slow_leaves",
+    "ticks", "tick_ms", "perception_ms", "slow_leaves", "warnings",
     "airborne_at_end",
     "lost_outputs",
 }  # fmt: skip

@@ -142,6 +142,16 @@ def test_calm_circumstances_leave_the_word_to_the_leaves() -> None:
     assert rule_in_force(circumstances(), LIMITS) is None
 
 
+def test_a_corrected_movement_is_limited_like_any_other_and_no_rule_is_corrected() -> None:
+    faster = Velocity(forward_mps=30.0)
+    arbiter, proposals = Arbiter(Limits(speed_mps=0.5)), proposals_of(Hover())
+    flying = Circumstances(state=DroneState(captured_s=0.0, flying=FlyingState.FLYING))
+    decided = arbiter.decide(proposals, flying, lambda _: faster)
+    aborted = arbiter.decide(proposals, dataclasses.replace(flying, abort=True), lambda _: faster)
+    assert decided.movement == Velocity(forward_mps=0.5)
+    assert aborted.movement == Land()
+
+
 def test_every_rule_says_why() -> None:
     assert all(rule.why for rule in SAFETY)
 

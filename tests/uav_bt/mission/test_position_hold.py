@@ -1,0 +1,304 @@
+"""Position hold: a drone in numbers that drifts, or reports a wrong velocity, stays where it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from uav_bt.mission.ground_watch import GroundWatch
+from uav_bt.mission.position_hold import PositionHold
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    DroneState,
+    FlyingState,
+    Hover,
+    Land,
+    MoveBy,
+    Movement,
+    MovementState,
+    MovementStatus,
+    TakeOff,
+    Velocity,
+    rotate,
+)
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+
+TICK_S = 0.1
+LATE_TICKS = 2  # from a command to its effect
+LEARNED_S = 1.0  # of the odometry
+
+
+@dataclass
+class Body:
+    """Flies what it is ordered, and drifts; all velocities of the world, x forward at yaw 0."""
+
+    drift_mps: tuple[float, float] = (0.0, 0.0)
+    told_mps: float = 0.0  # forward, more than it flies
+    hold: PositionHold = field(default_factory=PositionHold)
+    x_m: float = 0.0
+    y_m: float = 0.0
+    height_m: float = 1.5
+    yaw_rad: float = 0.0
+    now_s: float = 0.0
+    mps: tuple[float, float] = (0.0, 0.0)  # over the ground, less the drift
+    error_mps: tuple[float, float] = (0.0, 0.0)  # as the odometry has learned it
+    untracked_s: float = 0.0
+    flying: FlyingState = FlyingState.FLYING
+    movement: MovementStatus | None = None
+    sees: bool = True
+    sent: list[Movement] = field(default_factory=list)
+
+    def motion(self) -> MotionEstimate:
+        told = rotate(*self.mps, -self.yaw_rad)
+        error = rotate(*self.error_mps, -self.yaw_rad)
+        pose = OdometryPose(time_s=self.now_s, x_m=self.x_m, y_m=self.y_m, yaw_rad=self.yaw_rad)
+        return MotionEstimate(
+            pose=pose,
+            seen=pose,
+            velocity=BodyVelocity(
+                forward_mps=told[0] + self.told_mps + error[0], right_mps=told[1] + error[1]
+            ),
+            error=BodyVelocity(forward_mps=error[0], right_mps=error[1]),
+            tracked_s=self.now_s - self.untracked_s,
+        )
+
+    def state(self) -> DroneState:
+        return DroneState(
+            captured_s=self.now_s,
+            flying=self.flying,
+            attitude=Attitude(yaw_rad=self.yaw_rad),
+            height_m=self.height_m,
+            height_above_carpet_m=self.height_m,
+            movement=self.movement,
+        )
+
+    def tick(self, proposed: Movement) -> Movement:
+        motion = self.motion() if self.sees else None
+        flown = self.hold.correct(proposed, self.state(), motion, self.now_s)
+        self.hold.sent(flown, motion, self.now_s)
+        self.sent.append(flown)
+        arrived = self.sent[-1 - LATE_TICKS] if len(self.sent) > LATE_TICKS else Hover()
+        order = arrived if isinstance(arrived, Velocity) else Velocity()
+        wanted = rotate(order.forward_mps, order.right_mps, self.yaw_rad)
+        missed = rotate(-self.told_mps, 0.0, self.yaw_rad)
+        share = 1.0 - math.exp(-TICK_S / 0.3)
+        learned = 1.0 - math.exp(-TICK_S / LEARNED_S)
+        truth = (missed[0] + self.drift_mps[0], missed[1] + self.drift_mps[1])
+        self.mps = _blend(self.mps, wanted, share)
+        self.error_mps = _blend(self.error_mps, truth, learned)
+        self.x_m += TICK_S * (self.mps[0] + self.drift_mps[0])
+        self.y_m += TICK_S * (self.mps[1] + self.drift_mps[1])
+        self.height_m -= TICK_S * order.down_mps
+        self.yaw_rad += TICK_S * order.yaw_rate_radps
+        self.now_s += TICK_S
+        return flown
+
+    def fly(self, proposed: Movement, seconds: float) -> float:
+        """Return how far it was from where it began, at most."""
+        away = 0.0
+        for _ in range(round(seconds / TICK_S)):
+            self.tick(proposed)
+            away = max(away, math.hypot(self.x_m, self.y_m))
+        return away
+
+
+def _blend(old: tuple[float, float], new: tuple[float, float], share: float) -> tuple[float, float]:
+    return old[0] + share * (new[0] - old[0]), old[1] + share * (new[1] - old[1])
+
+
+ON_THE_SPOT = pytest.mark.parametrize("proposed", [Hover(), Velocity(yaw_rate_radps=0.6)], ids=str)
+
+
+@ON_THE_SPOT
+@pytest.mark.parametrize("drift", [(0.1, 0.0), (-0.1, 0.15)])
+def test_a_drift_is_held(proposed: Movement, drift: tuple[float, float]) -> None:
+    body = Body(drift_mps=drift)
+
+    assert body.fly(proposed, 20.0) < 1.6 * math.hypot(*drift)
+    assert math.hypot(body.x_m, body.y_m) < 0.04
+
+
+@ON_THE_SPOT
+@pytest.mark.parametrize("told_mps", [0.2, -0.2])
+def test_a_velocity_that_is_told_wrong_moves_nothing_for_long(
+    proposed: Movement, told_mps: float
+) -> None:
+    """The drone itself knows better: nothing is to be ordered against it."""
+    body = Body(told_mps=told_mps)
+
+    assert body.fly(proposed, 20.0) < 0.25
+    assert math.hypot(body.x_m, body.y_m) < 0.12
+
+
+def test_what_hovers_well_is_left_to_itself() -> None:
+    body = Body(drift_mps=(0.005, 0.0))
+    body.fly(Hover(), 3.0)
+
+    assert set(map(type, body.sent)) == {Hover}
+
+
+def test_a_turn_keeps_its_rate() -> None:
+    body = Body(drift_mps=(0.1, 0.0))
+    body.fly(Velocity(yaw_rate_radps=0.6), 5.0)
+
+    assert {turn.yaw_rate_radps for turn in body.sent if isinstance(turn, Velocity)} == {0.6}
+
+
+def test_a_velocity_flight_goes_where_it_is_ordered_to() -> None:
+    """Sideways it was carried by 0.15 m until the drift was known, and no further."""
+    body = Body(drift_mps=(0.0, 0.1))
+    body.fly(Velocity(forward_mps=0.4), 3.0)
+    begun_m = body.y_m
+    body.fly(Velocity(forward_mps=0.4), 5.0)
+
+    assert begun_m < 0.2
+    assert body.y_m - begun_m < 0.03
+    assert body.x_m == pytest.approx(0.4 * 8.0, abs=0.2)
+
+
+def test_a_place_follows_a_slow_order() -> None:
+    """A turn that keeps away from something moves at a few centimetres a second."""
+    body = Body(drift_mps=(-0.1, 0.0))
+    body.fly(Hover(), 5.0)
+    x_m = body.x_m
+    body.fly(Velocity(forward_mps=0.08), 5.0)
+
+    assert body.x_m - x_m == pytest.approx(0.4, abs=0.06)
+
+
+def drifting() -> Body:
+    body = Body(drift_mps=(0.1, 0.0))
+    body.fly(Hover(), 10.0)
+    return body
+
+
+def test_a_movement_is_aimed_for_the_drift_once_and_its_goal_is_kept() -> None:
+    body, move = drifting(), MoveBy(id=7, forward_m=0.3, down_m=0.1)
+    aimed = body.tick(move)
+    assert isinstance(aimed, MoveBy)
+    assert aimed.forward_m == pytest.approx(0.3 - 0.1 * 1.6, abs=0.05)
+    assert (aimed.id, aimed.right_m, aimed.down_m) == (7, pytest.approx(0.0, abs=0.01), 0.1)
+    assert body.tick(move) == aimed
+
+    goal_m = body.x_m + 0.3 - 0.02
+    body.movement = MovementStatus(id=7, state=MovementState.DONE)
+    body.x_m += 0.2  # it ended short of it
+    body.fly(Hover(), 8.0)
+    assert body.x_m == pytest.approx(goal_m, abs=0.04)
+
+
+def test_a_movement_is_flown_as_it_is_where_nothing_is_known_to_drift() -> None:
+    body, move = Body(drift_mps=(0.02, 0.0)), MoveBy(id=7, forward_m=0.3)
+    body.fly(Hover(), 5.0)
+
+    assert body.tick(move) == move
+
+
+def test_a_movement_that_was_broken_off_leaves_no_goal() -> None:
+    body = Body()
+    body.tick(MoveBy(id=7, forward_m=2.0))
+    body.movement = MovementStatus(id=7, state=MovementState.INTERRUPTED)
+    body.fly(Hover(), 5.0)
+
+    assert body.x_m == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_landing_keeps_its_place_and_ends_with_the_drone_s_own() -> None:
+    body = drifting()
+    body.fly(Land(), 0.3)
+    x_m = body.x_m
+    while isinstance(body.tick(Land()), Velocity):
+        assert abs(body.x_m - x_m) < 0.03
+    assert body.height_m == pytest.approx(0.2, abs=0.05)
+
+    body.height_m = 0.25  # by the height's noise
+    assert body.tick(Land()) == Land()
+
+
+def test_a_landing_by_a_height_that_does_not_sink_is_the_drone_s_in_the_end() -> None:
+    body = Body()
+    for _ in range(70):
+        body.height_m = 1.5
+        body.tick(Land())
+
+    assert body.sent[-1] == Land()
+
+
+BLIND: dict[str, Callable[[Body], None]] = {
+    "no odometry": lambda body: setattr(body, "sees", False),
+    "no ground for long": lambda body: setattr(body, "untracked_s", 6.0),
+    "on the ground": lambda body: setattr(body, "flying", FlyingState.LANDED),
+}
+
+
+@pytest.mark.parametrize("why", BLIND)
+@pytest.mark.parametrize(
+    "proposed", [Hover(), Velocity(forward_mps=0.3), MoveBy(id=1, forward_m=1.0), Land(), TakeOff()]
+)
+def test_without_a_fresh_estimate_nothing_is_corrected(why: str, proposed: Movement) -> None:
+    body = drifting()
+    BLIND[why](body)
+
+    assert body.tick(proposed) == proposed
+
+
+def test_the_correction_is_limited_and_what_cannot_be_held_is_named() -> None:
+    body = Body(drift_mps=(0.8, 0.0))
+    body.fly(Hover(), 10.0)
+
+    assert body.hold.trouble is not None
+    assert "drifts" in body.hold.trouble
+    speeds = [math.hypot(s.forward_mps, s.right_mps) for s in body.sent if isinstance(s, Velocity)]
+    assert max(speeds) <= 0.5 + 1e-9
+    assert drifting().hold.trouble is None
+
+
+def test_another_place_is_kept_after_somebody_else_flew() -> None:
+    body = Body()
+    body.fly(Hover(), 1.0)
+    body.hold.rest()
+    body.x_m = 2.0
+    body.fly(Hover(), 5.0)
+
+    assert body.x_m == pytest.approx(2.0, abs=0.01)
+
+
+# --- the watch ------------------------------------------------------------------------------------
+
+
+def warnings(error_mps: float, seconds: float) -> set[str | None]:
+    watch, motion = GroundWatch(), Body().motion()
+    off = replace(motion, error=BodyVelocity(right_mps=error_mps))
+    said = set()
+    for tick in range(round(seconds / TICK_S)):
+        watch.update(off, tick * TICK_S)
+        said.add(watch.warning)
+    return said
+
+
+def test_ground_that_moves_otherwise_than_telemetry_says_is_named_once() -> None:
+    said = warnings(0.12, 10.0) - {None}
+
+    assert len(said) == 1
+    assert "0.12 m/s" in str(said)
+    assert "velocity" in str(said)
+
+
+@pytest.mark.parametrize(("error_mps", "seconds"), [(0.06, 10.0), (0.2, 2.5)])
+def test_a_small_or_short_difference_is_none(error_mps: float, seconds: float) -> None:
+    assert warnings(error_mps, seconds) == {None}
+
+
+def test_a_warning_ends_with_its_cause() -> None:
+    watch, motion = GroundWatch(), Body().motion()
+    for tick in range(50):
+        watch.update(replace(motion, error=BodyVelocity(right_mps=0.2)), tick * TICK_S)
+    assert watch.warning is not None
+    watch.update(motion, 5.0)
+    assert watch.warning is None
+    watch.update(None, 5.1)
+    assert watch.warning is None
