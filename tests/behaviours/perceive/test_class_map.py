@@ -14,6 +14,7 @@ from uav_bt.classes import BOXES, HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
 from uav_bt.tree import Status
 from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 
 class Counts:
@@ -176,6 +177,36 @@ def test_below_the_pads_height_there_is_no_fix() -> None:
     live(bench, ids=pad_map(), height_m=0.3)
 
     assert HELIPAD not in bench.board
+
+
+def test_a_pad_out_of_view_stays_where_the_ground_says_it_is() -> None:
+    """Telemetry says that the drone flies to the right, the ground says that it hovers."""
+    places = []
+    for error_mps in (0.0, -0.5):
+        bench = finding()
+        live(bench, ids=pad_map())
+        before = bench.board[HELIPAD]
+        for _ in range(5):
+            bench.clock.advance(0.1)
+            bench.observe(
+                DroneState(
+                    captured_s=bench.clock.now(),
+                    flying=FlyingState.FLYING,
+                    velocity=BodyVelocity(right_mps=0.5),
+                )
+            )
+            pose = OdometryPose(time_s=bench.clock.now(), x_m=0.0, y_m=0.0, yaw_rad=0.0)
+            bench.board[ODOMETRY] = MotionEstimate(
+                pose=pose,
+                seen=pose,
+                velocity=BodyVelocity(right_mps=0.5 + error_mps),
+                error=BodyVelocity(right_mps=error_mps),
+                tracked_s=pose.time_s,
+            )
+            bench.tick()
+        places.append(bench.board[HELIPAD].right_m - before.right_m)
+
+    assert places == [pytest.approx(-0.225, abs=0.03), pytest.approx(0.0, abs=0.03)]
 
 
 # --- RememberObstacles ----------------------------------------------------------------------------
