@@ -14,7 +14,7 @@ import argparse
 import math
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.camera.ground_plane import CameraView, ground_depth, ray_lengths
+from perception.camera.ground_plane import CameraView, ground_depth, level_rays, ray_lengths
 from perception.depth.contact.depth import ContactDepth, contact_depth
 from perception.depth.scale import AdaptiveScale, sample_carpet
 from perception.obstacles.corridor import CorridorBuilder
@@ -39,6 +39,8 @@ from uav_bt.types import DepthMap
 SIZE = (224, 112)
 CAMERA = anafi_camera(640, 360).resized(*SIZE)
 NEAR_M = 5.0
+ROOF_PX = 40  # of a roof; smaller ones are not counted
+LACKING = 0.9  # share of a roof that contact must not know
 
 
 @dataclass
@@ -125,6 +127,38 @@ def _tally_contact(tallies: dict[str, Tally], found: ContactDepth, view: View) -
     tallies["helipad"].add(found.depth, view.depth, np.isin(ids, (HELIPAD_H, HELIPAD_BOX)) & near)
 
 
+def _roof_levels(
+    found: ContactDepth, metres: NDArray[Any], view: View, seen: CameraView
+) -> Iterator[float]:
+    """Give how far below the lens a network puts roofs without a known base, over the truth."""
+    down = level_rays(seen)[2]
+    for roof in ROOFS:
+        where = (view.ids == roof) & (down > 0.0)
+        if np.count_nonzero(where) >= ROOF_PX and np.isnan(found.depth[where]).mean() > LACKING:
+            yield float(np.median((metres * down)[where]) / np.median((view.depth * down)[where]))
+
+
+def _show_levels(levels: Sequence[float]) -> None:
+    if levels:
+        low, middle, high = np.percentile(levels, [25, 50, 75])
+        print(f"{len(levels)} roofs that contact lacks, below the lens as the network has them")
+        print(f"  median {middle:.3f} times the truth, half of them {low:.3f} to {high:.3f}")
+
+
+def _tally_fused(
+    tallies: dict[str, Tally],
+    found: ContactDepth,
+    *,
+    both: ContactDepth,
+    metres: NDArray[Any],
+    truth: NDArray[Any],
+    counts: NDArray[np.bool_],
+) -> None:
+    fused = np.minimum(np.where(np.isnan(both.depth), metres, both.depth), both.at_most)
+    tallies["fused, things"].add(fused, truth, counts)
+    tallies["what contact lacks, fused"].add(fused, truth, counts & np.isnan(found.depth))
+
+
 def load_network(name: str) -> Any:
     """Return the depth network to measure."""
     from perception.depth.runtime import load_depth_estimator  # noqa: PLC0415 - only where asked
@@ -153,7 +187,7 @@ def main() -> None:
         "constant": CollectedScale("constant"),
         "least_squares": CollectedScale("least_squares"),
     }
-    points = []
+    points, levels = list[NDArray[Any]](), list[float]()
     for index, (view, seen) in enumerate(drawn_views(arguments)):
         ids = view.ids
         if unet is not None:
@@ -180,11 +214,14 @@ def main() -> None:
             metres = applied if name == "adaptive" else metres
             scaled[f"{name}, things"].add(applied, view.depth, counts)
             scaled[f"{name}, carpet"].add(applied, view.depth, view.ids == CARPET)
-        bounded = np.minimum(metres, found.at_most)
-        unknown = np.isnan(found.depth)
-        fused = np.where(unknown, bounded, found.depth)
-        scaled["fused, things"].add(fused, view.depth, counts)
-        scaled["what contact lacks, fused"].add(fused, view.depth, counts & unknown)
+        if np.isnan(metres).all():
+            continue
+        both = watch.run(
+            "contact and network",
+            lambda: contact_depth(ids, seen, network_m=metres),  # noqa: B023
+        )
+        levels.extend(_roof_levels(found, metres, view, seen))
+        _tally_fused(scaled, found, both=both, metres=metres, truth=view.depth, counts=counts)
 
     error = np.concatenate(points)
     print(f"{', '.join(arguments.scene)}; {arguments.views} views each; {arguments.masks} masks")
@@ -194,6 +231,7 @@ def main() -> None:
             print(title)
         for name, tally in tallies.items():
             print(f"  {name:<30} {tally.row()}")
+    _show_levels(levels)
     print("speed")
     watch.show()
 

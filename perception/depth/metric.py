@@ -63,8 +63,9 @@ class MetricDepthMaker:
 
     Args:
         source: ``network`` (relative depth times scale), ``contact`` (masks and geometry, NaN where
-            they know nothing) or ``fused`` (those where they know, the network elsewhere, never
-            further than they allow).
+            they know nothing) or ``fused`` (those where they know, with the network's word for how
+            high a roof is whose box's base is out of sight; the network elsewhere; never further
+            than they allow).
         scale: of the network's depth; None for the adaptive one.
         generator: draws the carpet's pixels.
         config: when a frame is refused.
@@ -113,6 +114,12 @@ class MetricDepthMaker:
         if not view.height_m > 0.0:
             return MetricDepth(depth=None, refusal="no height above the carpet")
         ground = GroundPlane.of(view)
+        scale, network_m, no_scale = None, None, ""
+        if self._source != "contact" and relative is not None:
+            scale, no_scale = self._scale_of(relative, class_map, ground)
+            if scale is not None:
+                metres = scale.apply(_resized(relative.depth, view))
+                network_m = np.clip(metres, 0.0, self._config.max_m)
         contact = None
         if self._source != "network":
             contact = contact_depth(
@@ -121,20 +128,23 @@ class MetricDepthMaker:
                 self._config.contact,
                 ground=ground,
                 remembered=remembered,
+                network_m=network_m,
             )
-        known = None if contact is None else _as_map(contact, frame.captured_s)
-        if self._source == "contact" or relative is None:
-            return _contact_only(known, none="nothing in view stands on carpet")
-        fitting = _resized(relative.depth, view)
-        sampling, ids = self._config.sampling, class_map.ids
-        sample = sample_carpet(fitting, ids, ground.depth_m, self._generator, sampling)
-        scale = self._scale.update(sample, frame.captured_s)
-        if scale is None:
-            why = "too little carpet" if sample is None else "the carpet disagrees with itself"
-            return _contact_only(known, none=f"no scale: {why}", less=f"no scale: {why}")
-        return MetricDepth(
-            depth=self._fused(scale, fitting, contact, frame.captured_s), scale=scale
-        )
+        if scale is None or network_m is None:
+            return _contact_only(contact, frame.captured_s, no_scale)
+        return MetricDepth(depth=_fused(scale, network_m, contact, frame.captured_s), scale=scale)
+
+    def _scale_of(
+        self, relative: DepthMap, class_map: ClassMap, ground: GroundPlane
+    ) -> tuple[Scale | None, str]:
+        """Return the scale of a network's depth, or None and why there is none."""
+        fitting, sampling = _resized(relative.depth, ground.view), self._config.sampling
+        sample = sample_carpet(fitting, class_map.ids, ground.depth_m, self._generator, sampling)
+        scale = self._scale.update(sample, class_map.captured_s)
+        if scale is not None:
+            return scale, ""
+        why = "too little carpet" if sample is None else "the carpet disagrees with itself"
+        return None, f"no scale: {why}"
 
     def _refusal(self, frame: Frame, class_map: ClassMap, relative: DepthMap | None) -> str:
         height_m, pitch_rad = frame.height_above_carpet_m, frame.gimbal_pitch_rad
@@ -149,25 +159,6 @@ class MetricDepthMaker:
         if class_map.captured_s != frame.captured_s:
             return "the class map is of another frame"
         return "" if self._source == "contact" else _relative_refusal(frame, relative)
-
-    def _fused(
-        self,
-        scale: Scale,
-        relative: NDArray[np.float32],
-        contact: ContactDepth | None,
-        captured_s: float,
-    ) -> DepthMap:
-        metres = np.clip(scale.apply(relative), 0.0, self._config.max_m)
-        if contact is not None:
-            metres = np.where(np.isfinite(contact.depth), contact.depth, metres)
-            metres = np.minimum(metres, contact.at_most)
-        return DepthMap(
-            depth=np.asarray(metres, dtype=np.float32),
-            metric=True,
-            captured_s=captured_s,
-            confidence=scale.confidence,
-            at_most=None if contact is None else contact.at_most,
-        )
 
 
 def remembered_bases(
@@ -195,20 +186,37 @@ def _relative_refusal(frame: Frame, relative: DepthMap | None) -> str:
     return "" if np.isfinite(relative.depth).all() else "relative depth is not finite"
 
 
-def _contact_only(known: DepthMap | None, *, none: str, less: str = "") -> MetricDepth:
+def _contact_only(contact: ContactDepth | None, captured_s: float, no_scale: str) -> MetricDepth:
     """Return what ground contact knows; a map of nothing would read as a free path."""
-    if known is None or not np.isfinite(known.depth).any():
-        return MetricDepth(depth=None, refusal=none)
-    return MetricDepth(depth=known, refusal=less)
-
-
-def _as_map(contact: ContactDepth, captured_s: float) -> DepthMap:
-    return DepthMap(
+    if contact is None or not np.isfinite(contact.depth).any():
+        refusal = no_scale or "nothing in view stands on carpet"
+        return MetricDepth(depth=None, refusal=refusal)
+    known = DepthMap(
         depth=contact.depth,
         metric=True,
         captured_s=captured_s,
         confidence=contact.known_share,
         at_most=contact.at_most,
+    )
+    return MetricDepth(depth=known, refusal=no_scale)
+
+
+def _fused(
+    scale: Scale,
+    network_m: NDArray[np.float32],
+    contact: ContactDepth | None,
+    captured_s: float,
+) -> DepthMap:
+    metres = network_m
+    if contact is not None:
+        metres = np.where(np.isfinite(contact.depth), contact.depth, metres)
+        metres = np.minimum(metres, contact.at_most)
+    return DepthMap(
+        depth=np.asarray(metres, dtype=np.float32),
+        metric=True,
+        captured_s=captured_s,
+        confidence=scale.confidence,
+        at_most=None if contact is None else contact.at_most,
     )
 
 
