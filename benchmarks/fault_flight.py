@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.fault_reactions import Facts
+from benchmarks.loopback_drone import loopback_address, served
 from uav_bt import app
+from uav_bt.app.site import Site
 from uav_bt.errors import InputError
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
@@ -23,6 +25,10 @@ from uav_bt.testing.faults import FAULTS, Fault, FaultKind, FaultyDrone
 from uav_bt.types import FlyingState, MissionPhase, Observation
 
 _AFTER_S: Final = 3.0  # what the drone does when the program has ended counts, too
+_MOTORS_OFF: Final = frozenset({FlyingState.LANDED, FlyingState.EMERGENCY})
+# Of a loopback ANAFI: it takes off from a box in the lab, and shares our cores.
+_LAB: Final = Site(take_off_surface_m=0.4, video_latency_s=0.03)
+_RATE_HZ: Final = 15.0
 
 
 def _fill_disk() -> None:
@@ -57,7 +63,16 @@ class Case:
     @property
     def exact_masks(self) -> bool:
         """Whether it is flown on exact masks, and on small images then."""
-        return not (self.networks or self.parsed.kind.in_image)
+        return not (self.networks or self.parsed.kind.in_image or self.address)
+
+    @property
+    def address(self) -> str | None:
+        """Where the loopback ANAFI is served that is flown over Olympe, None for other drones.
+
+        Raises:
+            InputError: the address is not one of this machine alone.
+        """
+        return loopback_address(self.drone)
 
     def make_drone(self) -> WatchedDrone:
         """Return the drone with its fault, unconnected.
@@ -65,13 +80,25 @@ class Case:
         Raises:
             InputError: drone, scene or seed cannot be used.
         """
-        options = app.FlightOptions(
-            drone=self.drone,
-            scene=self.scene if self.drone == "twin" else None,
-            seed=self.seed,
-            image_size_px=(160, 90) if self.exact_masks else (320, 180),
-        )
+        if self.address:
+            options = app.FlightOptions(drone=self.drone, site=_LAB)
+        else:
+            options = app.FlightOptions(
+                drone=self.drone,
+                scene=self.scene if self.drone == "twin" else None,
+                seed=self.seed,
+                image_size_px=(160, 90) if self.exact_masks else (320, 180),
+            )
         return WatchedDrone(app.make_drone(options), self.parsed)
+
+    @contextmanager
+    def served(self) -> Iterator[None]:
+        """Serve the loopback ANAFI, where that is what is flown."""
+        if self.address is None:
+            yield
+            return
+        with served(self.address, self.scene, self.seed, _RATE_HZ):
+            yield
 
 
 class WatchedDrone(FaultyDrone):
@@ -90,7 +117,8 @@ class WatchedDrone(FaultyDrone):
 
     def observe(self) -> Observation:
         """Look at the truth, too."""
-        self._look()
+        if self.referee is not None:
+            self._look()
         return super().observe()
 
     def on_tick(self, record: TickRecord) -> None:
@@ -98,22 +126,22 @@ class WatchedDrone(FaultyDrone):
         self.phases.add(record.phase)
         if record.override is not None:
             self.events[record.override.value] = None
-        if self.referee is None:
-            self.motors_on = record.observation.state.flying is not FlyingState.LANDED
-            self.height_m = record.observation.state.height_above_carpet_m
         super().on_tick(record)
 
     def disconnect(self) -> None:
-        """Look at what the drone does when it is left alone."""
-        if self.referee is not None:
-            self.ended_s = self.clock.now()
-            while self.clock.now() < self.ended_s + _AFTER_S:
-                self.clock.sleep_until(self.clock.now() + 0.1)
-                self._look()
+        """Look at what the drone does when nobody flies it any more."""
+        self.ended_s = self.clock.now()
+        while self.phases and self.clock.now() < self.ended_s + _AFTER_S:
+            self.clock.sleep_until(self.clock.now() + 0.1)
+            self._look()
         super().disconnect()
 
     def _look(self) -> None:
+        """Note what is true; without a referee that is what the drone reports before the fault."""
         if self.referee is None:
+            state = self._drone.observe().state
+            self.motors_on = state.flying not in _MOTORS_OFF
+            self.height_m = state.height_above_carpet_m
             return
         truth = self.referee.truth()
         surfaces = JudgeConfig().landing_surfaces
@@ -146,7 +174,7 @@ def fly(case: Case, folder: Path) -> dict[str, Any]:
         judge=JudgeConfig(time_limit_s=case.time_limit_s, must_land_on_pad=case.on_pad),
     )
     report, error, began_s = None, None, time.perf_counter()
-    with _warnings(drone.events), _unlimited_files():
+    with case.served(), _warnings(drone.events), _unlimited_files():
         try:
             report = app.fly(case.tree, options, report=path, listeners=[lambda _: [drone]])
         except Exception as raised:

@@ -2,6 +2,7 @@ r"""Injects faults into flights and says whether the reactions are right.
 
     python -m benchmarks.faults --out runs/faults                       # all kinds, all phases
     python -m benchmarks.faults --kind video-lost~3 late=0.7 --phase explore land
+    python -m benchmarks.faults --drone anafi:127.0.0.2 --kind black deaf --phase explore
     python -m benchmarks.faults --list
 
 Each flight is a line of flights.jsonl in the output folder, written at once: the same command goes
@@ -26,6 +27,7 @@ from typing import Any, Self
 from benchmarks.fault_flight import KINDS, Case
 from benchmarks.fault_pilots import fly_each
 from benchmarks.fault_reactions import EXPECTED, Facts, problems, survived
+from benchmarks.loopback_drone import loopback_address
 from uav_bt import app
 from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import reading, write_whole, writing
@@ -187,7 +189,12 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--explore-s", type=float, default=20.0, help="the tree's time-outs [20]")
     parser.add_argument("--scene", default="train-a", help="[train-a]")
     parser.add_argument("--seed", type=int, default=1, help="[1]")
-    parser.add_argument("--drone", default="twin", help="[twin]")
+    parser.add_argument(
+        "--drone",
+        default="twin",
+        help="anafi:127.x.x.x flies a loopback ANAFI over Olympe, served for each flight; no truth "
+        "is known then: what counts is what it reports [twin]",
+    )
     parser.add_argument("--networks", action="store_true", help="instead of exact masks")
     parser.add_argument("--time-limit-s", type=float, default=120.0, help="of a flight [120]")
     parser.add_argument("--land-anywhere", action="store_true", help="the tree ends on no pad")
@@ -204,6 +211,8 @@ def main() -> int:
             level = "" if kind.level is None else f" [{kind.level:g}]"
             print(f"{kind.name:18s}{kind.what}{level}")
         return 0
+    if args.workers > 1 and loopback_address(args.drone) is not None:
+        raise InputError(f"'{args.drone}' flies one flight at a time: leave --workers out")
     with writing(args.out):
         args.out.mkdir(parents=True, exist_ok=True)
     cases = make_cases(args, shortened(args.tree, args.explore_s, args.out))

@@ -15,14 +15,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from benchmarks.loopback_drone import served
 from benchmarks.olympe_stages import table, timed_drone
 from sim_bridge.olympe.config import AnafiConfig
 from sim_bridge.olympe.drone import OlympeDrone
@@ -34,24 +32,6 @@ def machine_s() -> tuple[float, float]:
     """Return the time of all cores, and how much of it the host gave to others, seconds (Linux)."""
     hundredths = [int(number) for number in Path("/proc/stat").read_text().split()[1:9]]
     return sum(hundredths) / 100.0, hundredths[7] / 100.0
-
-
-@contextmanager
-def _served(python: str, address: str, scene: str, seed: int, rate: float) -> Iterator[None]:
-    """Serve a drone while this lasts, and print what it has to say in the end."""
-    arguments = [
-        *(python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, "--scene", scene),
-        *("--seed", str(seed), "--rate", f"{rate:g}"),
-    ]
-    server = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)  # noqa: S603
-    try:
-        assert server.stdout is not None  # noqa: S101  (asked for above)
-        server.stdout.readline()  # printed once it listens
-        yield
-    finally:
-        server.terminate()
-        said, _ = server.communicate()
-        print(f"drone: {'; '.join(said.splitlines())}", flush=True)
 
 
 def main() -> None:
@@ -71,7 +51,7 @@ def main() -> None:
         config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=0.03)
         drone, queue = timed_drone(partial(OlympeDrone, config))
         options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
-        with _served(args.server_python, address, args.scene, number, args.rate):
+        with served(address, args.scene, number, args.rate, args.server_python) as said:
             wall_s, cpu_s = time.perf_counter(), time.process_time()
             cores_s, stolen_s = machine_s()
             report = app.fly(
@@ -83,6 +63,7 @@ def main() -> None:
             share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
             all_s, gone_s = machine_s()
             stolen = (gone_s - stolen_s) / (all_s - cores_s)
+        print(f"drone: {'; '.join(said)}", flush=True)
         flown.append((drone, queue))
         good += report.outcome == "success"
         p50, p95, p99 = drone.frame_to_command_ms()

@@ -88,3 +88,23 @@ def test_all_kinds_are_listed() -> None:
     assert done.returncode == 0
     assert "disk-full" in done.stdout
     assert "late              frames so many seconds old [1]" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("drone", "why"),
+    [
+        ("anafi", "to loopback ANAFIs only"),
+        ("anafi:192.168.42.1", "to loopback ANAFIs only"),
+        ("anafi:drone.example", "to loopback ANAFIs only"),
+        ("sphinx:10.202.0.1", "to loopback ANAFIs only"),
+        ("anafi:127.0.0.2", "one flight at a time"),
+    ],
+)
+def test_over_olympe_only_loopback_anafis_are_flown_one_at_a_time(
+    tmp_path: Path, drone: str, why: str
+) -> None:
+    wanted = short(tmp_path, "--kind", "black", "--phase", "explore")
+    done = run(*wanted, "--drone", drone, "--workers", "2")
+    assert done.returncode == 2
+    assert why in done.stderr
+    assert not (tmp_path / "out" / "flights.jsonl").exists()
