@@ -97,7 +97,7 @@ class Case:
         if self.address is None:
             yield
             return
-        with served(self.address, self.scene, self.seed, _RATE_HZ):
+        with served(self.address, scene=self.scene, seed=self.seed, rate_hz=_RATE_HZ):
             yield
 
 

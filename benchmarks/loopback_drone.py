@@ -39,16 +39,29 @@ def loopback_address(drone: str) -> str | None:
 
 @contextmanager
 def served(
-    address: str, scene: str, seed: int, rate_hz: float, python: str = sys.executable
+    address: str,
+    *options: str,
+    scene: str,
+    seed: int,
+    rate_hz: float,
+    python: str = sys.executable,
 ) -> Iterator[list[str]]:
     """Serve a drone while this lasts; give the lines that it printed in the end.
+
+    Args:
+        address: where.
+        options: of `uav-bt serve-anafi`, besides these.
+        scene: the lab.
+        seed: of everything random.
+        rate_hz: of the video.
+        python: that serves it.
 
     Raises:
         InputError: it could not be served.
     """
     arguments = [
         *(python, "-m", "uav_bt.cli", "serve-anafi", "--address", address, "--scene", scene),
-        *("--seed", str(seed), "--rate", f"{rate_hz:g}"),
+        *("--seed", str(seed), "--rate", f"{rate_hz:g}", *options),
     ]
     server = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)  # noqa: S603
     said: list[str] = []

@@ -5,10 +5,11 @@ same Python:
 
     python -m benchmarks.olympe_flights --flights 10 --scene train-a
 
-Latency is from a frame's arrival at this program to the moment its command was handed to the SDK:
-conversion, perception and tree included, rendering and encoding not. A frame that came while the
-one before was still being processed is never used and does not count. On a virtual machine the time
-that its host gave to others is printed, too: latencies grow with it.
+Latency is from a frame's arrival at this program to the moment its command was handed to the SDK's
+thread: conversion, perception and tree included, rendering and encoding not; a table says where it
+goes. A frame that came while the one before was still being processed is never used and does not
+count. Load, and on a virtual machine the time that its host gave to others, are printed, too:
+latencies grow with them.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from sim_bridge.olympe.config import AnafiConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from uav_bt import app
 from uav_bt.app.site import Site
+from uav_bt.errors import UavBtError
 
 
 def machine_s() -> tuple[float, float]:
@@ -41,6 +43,7 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=10)
     parser.add_argument("--scene", default="train-a")
     parser.add_argument("--rate", type=float, default=15.0, help="of the video, frames a second")
+    parser.add_argument("--profile", default="lab", help="'ideal': a camera without a delay")
     parser.add_argument("--server-python", default=sys.executable)
     parser.add_argument("--reports", type=Path, help="folder for the flights' reports")
     args = parser.parse_args()
@@ -51,7 +54,13 @@ def main() -> None:
         config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=0.03)
         drone, queue = timed_drone(partial(OlympeDrone, config))
         options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
-        with served(address, args.scene, number, args.rate, args.server_python) as said:
+        with served(
+            *(address, "--profile", args.profile),
+            scene=args.scene,
+            seed=number,
+            rate_hz=args.rate,
+            python=args.server_python,
+        ) as said:
             wall_s, cpu_s = time.perf_counter(), time.process_time()
             cores_s, stolen_s = machine_s()
             report = app.fly(
@@ -81,4 +90,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except UavBtError as error:
+        sys.exit(f"{error}")

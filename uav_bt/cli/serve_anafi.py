@@ -181,7 +181,8 @@ def _farewell(drone: LoopbackDrone) -> str:
         lines.append(
             f"video: {stats.frames_encoded} frames made, {stats.rate_hz:.1f} a second lately, "
             f"{stats.frames_late} slots missed; drawing and encoding took "
-            "{:.1f} ms a frame (95 %: {:.1f})".format(*stats.encode_ms)
+            "{:.1f} ms a frame (95 %: {:.1f}), and it was sent {:.1f} ms ({:.1f}) after its "
+            "capture".format(*stats.encode_ms, *stats.age_ms)
         )
     if (lost_s := drone.world.lost_s) > 0.0:
         lines.append(f"the machine was too slow: {lost_s:.1f} s of flight were left out")

@@ -41,6 +41,7 @@ class VideoStats:
     rate_hz: float = 0.0  # reached lately; 0 before the second frame
     # Fetching, encoding and cutting into packets: median and 95 % of the frames made lately.
     encode_ms: tuple[float, float] = (0.0, 0.0)
+    age_ms: tuple[float, float] = (0.0, 0.0)  # likewise, from capture until all was sent
 
 
 class Player:
@@ -124,6 +125,7 @@ class Streamer:
         self._stats = VideoStats()
         self._times_s: deque[float] = deque(maxlen=_RATE_FRAMES)
         self._encode_s: deque[float] = deque(maxlen=_ENCODED_FRAMES)
+        self._ages_s: deque[float] = deque(maxlen=_ENCODED_FRAMES)
 
     def add(self, player: Player) -> None:
         """Send to this client, too, from a key frame on, which is made for it."""
@@ -143,12 +145,12 @@ class Streamer:
         """Return what was done so far."""
         times_s = self._times_s
         rate_hz = (len(times_s) - 1) / (times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
-        p50_s, p95_s = np.percentile(self._encode_s or [0.0], [50, 95])
         return replace(
             self._stats,
             playing=len(self._players),
             rate_hz=rate_hz,
-            encode_ms=(1e3 * float(p50_s), 1e3 * float(p95_s)),
+            encode_ms=_percentiles_ms(self._encode_s),
+            age_ms=_percentiles_ms(self._ages_s),
         )
 
     async def close(self) -> None:
@@ -192,6 +194,7 @@ class Streamer:
             now_s = self._now()
             for player in tuple(self._players):
                 player.send(packets, now_s, self._stats)
+            self._ages_s.append(self._now() - self._captured_s)
             # On the grid where it can be, so that the rate is kept; never faster to make up.
             due_s = max(due_s + period_s, loop.time())
             await self._pause(due_s - loop.time())
@@ -210,3 +213,8 @@ class Streamer:
             self._encoder = Encoder(self._config)
         encoded = self._encoder.encode(frame.image, frame.captured_s, key=key)
         return FramePackets.of(encoded, timed_metadata(frame), frame.captured_s)
+
+
+def _percentiles_ms(times_s: deque[float]) -> tuple[float, float]:
+    p50_s, p95_s = np.percentile(times_s or [0.0], [50, 95])
+    return 1e3 * float(p50_s), 1e3 * float(p95_s)

@@ -117,6 +117,8 @@ def test_clients_share_one_encoder_and_have_numbers_of_their_own() -> None:
         assert stats.frames_encoded == source.asked
         assert stats.frames_sent == 3 * stats.frames_encoded
         assert stats.packets_sent >= stats.frames_sent
+        assert 0.0 < stats.encode_ms[0] <= stats.encode_ms[1]
+        assert stats.age_ms[0] <= stats.age_ms[1] < 0.0  # captured after what the clock says
 
     run(work())
 
