@@ -22,7 +22,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.loopback_drone import served
-from benchmarks.olympe_stages import table, timed_drone
+from benchmarks.olympe_stages import TimedDrone, TimedQueue, table, timed_drone
 from sim_bridge.olympe.config import AnafiConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from uav_bt import app
@@ -36,8 +36,50 @@ def machine_s() -> tuple[float, float]:
     return sum(hundredths) / 100.0, hundredths[7] / 100.0
 
 
-def main() -> None:
-    """Fly and print."""
+def fly(args: argparse.Namespace, number: int) -> tuple[TimedDrone, TimedQueue, bool]:
+    """Fly one mission, print a line about it, and return what was timed and whether it succeeded.
+
+    Raises:
+        UavBtError: it could not be flown, or ended with an error.
+    """
+    address = f"127.0.1.{number + 1}"
+    config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=0.03)
+    drone, queue = timed_drone(partial(OlympeDrone, config))
+    options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
+    with served(
+        *(address, "--profile", args.profile),
+        scene=args.scene,
+        seed=number,
+        rate_hz=args.rate,
+        python=args.server_python,
+    ) as said:
+        wall_s, cpu_s = time.perf_counter(), time.process_time()
+        cores_s, stolen_s = machine_s()
+        report = app.fly(
+            args.tree,
+            options,
+            report=args.reports / f"{number}.json" if args.reports else None,
+            listeners=[drone.watch],
+        )
+        share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
+        all_s, gone_s = machine_s()
+        stolen = (gone_s - stolen_s) / (all_s - cores_s)
+    print(f"drone: {'; '.join(said)}", flush=True)
+    p50, p95, p99 = drone.frame_to_command_ms()
+    came_hz, used_hz = drone.used_hz()
+    print(
+        f"{number}: {report.outcome}, {report.reason}; {report.duration_s or 0.0:.0f} s; "
+        f"frame to command p50 {p50:.1f} ms, p95 {p95:.1f} ms, p99 {p99:.1f} ms; "
+        f"{came_hz:.1f} frames/s came, {used_hz:.1f}/s were used; {100 * share:.0f} % of a "
+        f"core; load {os.getloadavg()[0]:.1f}, {100 * stolen:.0f} % of the machine's time was "
+        "stolen",
+        flush=True,
+    )
+    return drone, queue, report.outcome == "success"
+
+
+def main() -> int:
+    """Fly and print; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tree", default="explore_and_land_depth")
     parser.add_argument("--flights", type=int, default=10)
@@ -47,50 +89,19 @@ def main() -> None:
     parser.add_argument("--server-python", default=sys.executable)
     parser.add_argument("--reports", type=Path, help="folder for the flights' reports")
     args = parser.parse_args()
-    good = 0
     flown = []
     for number in range(args.flights):
-        address = f"127.0.1.{number + 1}"
-        config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=0.03)
-        drone, queue = timed_drone(partial(OlympeDrone, config))
-        options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
-        with served(
-            *(address, "--profile", args.profile),
-            scene=args.scene,
-            seed=number,
-            rate_hz=args.rate,
-            python=args.server_python,
-        ) as said:
-            wall_s, cpu_s = time.perf_counter(), time.process_time()
-            cores_s, stolen_s = machine_s()
-            report = app.fly(
-                args.tree,
-                options,
-                report=args.reports / f"{number}.json" if args.reports else None,
-                listeners=[drone.watch],
-            )
-            share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
-            all_s, gone_s = machine_s()
-            stolen = (gone_s - stolen_s) / (all_s - cores_s)
-        print(f"drone: {'; '.join(said)}", flush=True)
-        flown.append((drone, queue))
-        good += report.outcome == "success"
-        p50, p95, p99 = drone.frame_to_command_ms()
-        came_hz, used_hz = drone.used_hz()
-        print(
-            f"{number}: {report.outcome}, {report.reason}; {report.duration_s or 0.0:.0f} s; "
-            f"frame to command p50 {p50:.1f} ms, p95 {p95:.1f} ms, p99 {p99:.1f} ms; "
-            f"{came_hz:.1f} frames/s came, {used_hz:.1f}/s were used; {100 * share:.0f} % of a "
-            f"core; load {os.getloadavg()[0]:.1f}, {100 * stolen:.0f} % of the machine's time was "
-            "stolen",
-            flush=True,
-        )
-    print("\n".join(table(*zip(*flown, strict=True))))
+        try:
+            flown.append(fly(args, number))
+        except UavBtError as error:
+            print(f"{number}: {type(error).__name__}: {error}", flush=True)
+    if flown:
+        drones, queues, _ = zip(*flown, strict=True)
+        print("\n".join(table(drones, queues)))
+    good = sum(success for *_, success in flown)
     print(f"{good} of {args.flights} succeeded")
+    return 0 if good == args.flights else 1
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except UavBtError as error:
-        sys.exit(f"{error}")
+    sys.exit(main())

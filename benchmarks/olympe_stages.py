@@ -6,6 +6,7 @@ other work on the cores above all.
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +25,7 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.types import Command, Observation
 
+_FULL = 2  # the oldest generation's number
 Moment = tuple[float, float]  # s of the wall, and of this thread's own time
 
 
@@ -107,11 +109,26 @@ class TimedDrone(DroneWrapper):
         self.stages: dict[str, list[Moment]] = {}
         self._perception: dict[str, list[float]] = {}
         self._pending: tuple[Moment, Moment] | None = None
+        self._collecting_s = 0.0
 
     def watch(self, flight: app.Flight[Drone]) -> Sequence[TimedDrone]:
         """Follow a flight."""
         self._perception = flight.context.stage_times_s
+        gc.callbacks.append(self._collected)
         return (self,)
+
+    def disconnect(self) -> None:
+        """Disconnect; what is collected from now on stops no mission."""
+        if self._collected in gc.callbacks:
+            gc.callbacks.remove(self._collected)
+        super().disconnect()
+
+    def _collected(self, phase: str, info: dict[str, int]) -> None:
+        """Note how long the garbage collector stopped all threads."""
+        if phase == "start":
+            self._collecting_s = time.perf_counter()
+        elif info["generation"] == _FULL:
+            self._note("full garbage collections", time.perf_counter() - self._collecting_s)
 
     def observe(self) -> Observation:
         """Look, timed."""
