@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +30,18 @@ class SurveyConfig:
     Distances are from the body's centre, half of whose diagonal is 0.2 m.
     """
 
-    touch_m: float = 0.38  # no leg passes an obstacle nearer
-    wide_m: float = 0.8  # from here on the full speed
-    doubt_m: float = 0.34  # no leg passes nearer to where an obstacle is only assumed
+    touch_m: float = 0.42  # no leg passes an obstacle nearer: a decimetre is the map's drift
+    wide_m: float = 0.85  # from here on the full speed
+    doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
+    unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
     edge_m: float = 0.30  # no leg passes the edge of the ground nearer
     slow_mps: float = 0.25  # at the smallest distance
     fast_mps: float = 0.6
-    free_start_m: float = 0.3  # around the drone, which may be nearer to something already
+    # Around the drone, which may be nearer to something already, a leg goes on as near, not nearer.
+    start_m: float = 0.7
+    start_slack_m: float = 0.03
+    least_start_m: float = 0.22
+    enough_reached: float = 0.5  # of what can be flown: with less in reach, the drone is shut in
     reach_m: float = 0.5  # ground so near to the path counts as passed
     unseen_worth: float = 0.5  # of a cell that may be ground, beside one that is
     yaw_rate_radps: float = 0.8  # of the first turn
@@ -65,25 +71,51 @@ class Room:
 
     Args:
         site_map: as it is known now.
-        assumed_m: (N, 2) where obstacles are assumed, in the map's frame.
+        seen_m: (N, 2) where obstacles were seen lately besides, in the map's frame.
+        assumed_m: (M, 2) where they are assumed.
         config: how near legs may pass.
     """
 
-    def __init__(self, site_map: SiteMap, assumed_m: Floats, config: SurveyConfig) -> None:
+    def __init__(
+        self,
+        site_map: SiteMap,
+        seen_m: Floats,
+        assumed_m: Floats,
+        *,
+        config: SurveyConfig | None = None,
+    ) -> None:
+        config = config or SurveyConfig()
         self.map, self.config = site_map, config
-        standing = np.vstack([site_map.obstacles_m, site_map.movers_m])
+        standing = np.vstack([site_map.obstacles_m, site_map.movers_m, seen_m])
         self.obstacle_m = self._distance_m(standing)
         doubt_m = self._distance_m(assumed_m)
         edge_m = np.minimum(self._distance_m(site_map.edges_m), self._distance_of(site_map.outside))
         # In one measure: what may be passed nearer counts as so much further away.
         room = np.minimum(self.obstacle_m, doubt_m + config.touch_m - config.doubt_m)
+        room = np.minimum(room, self._unknown_m() + config.touch_m - config.unknown_m)
         self.clear_m = np.minimum(room, edge_m + config.touch_m - config.edge_m)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
         rows, columns = np.indices(self.clear_m.shape)
         from_start_m = site_map.cell_m * np.hypot(rows - self.start[0], columns - self.start[1])
-        self.open = site_map.free & ~site_map.outside & (self.clear_m >= config.touch_m)
-        self.open |= (from_start_m <= config.free_start_m) & (self.clear_m >= config.touch_m / 2)
+        flyable = site_map.free & ~site_map.outside
+        self.open = flyable & (self.clear_m >= config.touch_m)
+        as_near_m = max(
+            config.least_start_m, float(self.clear_m[self.start]) - config.start_slack_m
+        )
+        self.open |= flyable & (from_start_m <= config.start_m) & (self.clear_m >= as_near_m)
         self.open[self.start] = True
+
+    @cached_property
+    def fastest(self) -> tuple[Floats, NDArray[np.int64]]:
+        """The seconds to each cell, inf where no path leads, and the cell before it, flat."""
+        return _fastest(self)
+
+    @property
+    def shut_in(self) -> bool:
+        """Whether most of what can be flown is out of reach from here."""
+        reached = np.isfinite(self.fastest[0])
+        wide = self.open & (self.clear_m >= self.config.touch_m)
+        return bool((reached & wide).sum() < self.config.enough_reached * wide.sum())
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return how fast the drone flies with so much room around it."""
@@ -104,6 +136,14 @@ class Room:
         unseen = near & ~ground & ~found.outside & ~standing & ~found.free
         worth = np.where(ground & ~standing, 1.0, 0.0) + cfg.unseen_worth * unseen
         return np.asarray(np.where(found.passed, 0.0, worth))
+
+    def _unknown_m(self) -> Floats:
+        """Return how far the unknown is; single cells that no ray has met are none."""
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        unknown = (~(self.map.free | self.map.outside)).astype(np.uint8)
+        patches = cv2.morphologyEx(unknown, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        return self._distance_of(patches.astype(bool))
 
     def _within(self, cell: Cell) -> Cell:
         rows, columns = self.map.seen_s.shape
@@ -129,7 +169,7 @@ class Room:
 def best_leg(room: Room) -> Leg | None:
     """Return the leg that passes the most new ground in a second; None when none is worth it."""
     cfg, site_map = room.config, room.map
-    time_s, before = _fastest(room)
+    time_s, before = room.fastest
     worth = room.worth()
     ends = np.zeros(time_s.shape, dtype=bool)
     ends[:: cfg.grid_step, :: cfg.grid_step] = True
@@ -166,7 +206,7 @@ def best_leg(room: Room) -> Leg | None:
 
 
 def _fastest(room: Room) -> tuple[Floats, NDArray[np.int64]]:
-    """Return the seconds to each cell, inf where no path leads, and the cell before it, flat."""
+    """Return Dijkstra's distances in seconds, and predecessors, as grids."""
     from scipy.sparse import coo_array  # noqa: PLC0415  (`uav-bt check` must answer at once)
     from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (as above)
 

@@ -6,10 +6,13 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from behaviours.path.survey import Leg, Room, SurveyConfig, best_leg
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types.site_map import SiteMap
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,9 +22,12 @@ class CoverageConfig:
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     facing_rad: float = math.radians(35)  # the drone flies on below this error of its heading
-    # What the corridor leaves ahead: from a frame to its effect, and to brake.
+    # The corridor is wider than the way past a box whose place the map knows: what it shows ahead
+    # slows the drone down, and stops it only so near.
     stop_m: float = 0.45
-    reaction_s: float = 0.45
+    creep_mps: float = 0.2
+    near_m: float = 0.35
+    reaction_s: float = 0.45  # from a frame to its effect
     brake_mps2: float = 0.8
 
 
@@ -39,15 +45,17 @@ class Coverage:
         )
         if site_map is None:
             return turn
-        room = Room(site_map, self._assumed_m(view, site_map), cfg.survey)
+        room = Room(site_map, *_around(view, site_map), config=cfg.survey)
         leg = best_leg(room)
         if leg is None:
-            covered = view.full_turns > 0
+            covered = view.full_turns > 0 and not room.shut_in
             return Decision(done=True, reason="covered") if covered else turn
         bearing_rad, speed_mps = self._course(leg, site_map)
         facing = abs(bearing_rad) < cfg.facing_rad
         if facing:
             speed_mps = min(speed_mps * math.cos(bearing_rad), self._by_corridor(view))
+            if speed_mps == 0.0:
+                return turn
         return Decision(
             forward_m=float(np.hypot(*(leg.path_m[-1] - leg.path_m[0]))) or site_map.cell_m,
             yaw_rad=bearing_rad,
@@ -74,13 +82,22 @@ class Coverage:
         cfg = self.config
         if view.corridor is None:
             return math.inf
-        room_m = max(view.corridor.free_distance_m - cfg.stop_m, 0.0)
+        free_m = view.corridor.free_distance_m
+        if free_m < cfg.near_m:
+            return 0.0
         lag = cfg.brake_mps2 * cfg.reaction_s
-        return math.sqrt(lag**2 + 2.0 * cfg.brake_mps2 * room_m) - lag
+        room_m = max(free_m - cfg.stop_m, 0.0)
+        return max(cfg.creep_mps, math.sqrt(lag**2 + 2.0 * cfg.brake_mps2 * room_m) - lag)
 
-    @staticmethod
-    def _assumed_m(view: PolicyView, site_map: SiteMap) -> np.ndarray:
-        """Return where obstacles of unknown range are assumed, in the map's frame."""
-        if view.obstacles is None:
-            return np.empty((0, 2))
-        return site_map.pose.points_to_world(view.obstacles.assumed_m)
+
+def _around(view: PolicyView, site_map: SiteMap) -> tuple[Floats, Floats]:
+    """Return where obstacles were seen lately, and are assumed, around the drone, on the map.
+
+    Where the map is off by some centimetres, what was seen lately is right about the drone.
+    """
+    if view.obstacles is None:
+        return np.empty((0, 2)), np.empty((0, 2))
+    return (
+        site_map.pose.points_to_world(view.obstacles.points_m),
+        site_map.pose.points_to_world(view.obstacles.assumed_m),
+    )

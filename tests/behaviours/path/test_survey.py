@@ -50,7 +50,7 @@ def where(condition: str) -> NDArray[np.bool_]:
 
 
 def leg(site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING) -> Leg | None:
-    return best_leg(Room(site_map, assumed, CONFIG))
+    return best_leg(Room(site_map, NOTHING, assumed, config=CONFIG))
 
 
 def test_the_leg_leads_to_the_half_that_was_not_passed() -> None:
@@ -95,14 +95,28 @@ def test_no_leg_passes_an_obstacle_or_the_edge_too_near(places: list[tuple[float
     found = leg(drawn_map(obstacles=obstacles))
     if found is None:
         return
-    away = found.path_m[np.hypot(*found.path_m.T) > CONFIG.free_start_m]
+    away = found.path_m[np.hypot(*found.path_m.T) > CONFIG.start_m]
     assert np.abs(away).max(initial=0.0) <= 2.0 - CONFIG.edge_m + 0.1
     for place in obstacles:
         assert np.hypot(*(away - place).T).min(initial=9.0) >= CONFIG.touch_m - 0.1
 
 
+def test_a_drone_too_near_to_a_box_flies_on_as_near_and_away() -> None:
+    """Between two rows of boxes 0.35 m to both sides it is not shut in for ever."""
+    rows = [(x, y) for x in np.arange(-0.4, 0.45, 0.05) for y in (-0.35, 0.35)]
+    found = leg(drawn_map(obstacles=np.array(rows)))
+    assert found is not None
+    assert np.hypot(*found.path_m[-1]) > 0.8
+
+
+def test_walls_all_round_shut_in() -> None:
+    ring = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 120)]
+    assert Room(drawn_map(obstacles=np.array(ring)), NOTHING, NOTHING).shut_in
+    assert not Room(drawn_map(), NOTHING, NOTHING).shut_in
+
+
 def test_the_speed_rises_with_the_room() -> None:
-    room = Room(drawn_map(), NOTHING, CONFIG)
+    room = Room(drawn_map(), NOTHING, NOTHING, config=CONFIG)
     speeds = room.speed_mps(np.array([0.0, CONFIG.touch_m, 0.6, CONFIG.wide_m, 3.0]))
     assert np.all(np.diff(speeds) >= 0.0)
     assert speeds[0] == CONFIG.slow_mps
