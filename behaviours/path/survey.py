@@ -40,7 +40,7 @@ class SurveyConfig:
     # Around the drone, which may be nearer to something already, a leg goes on as near, not nearer.
     start_m: float = 0.7
     start_slack_m: float = 0.03
-    least_start_m: float = 0.22
+    least_start_m: float = 0.3  # nearer, it only leads away
     enough_reached: float = 0.5  # of what can be flown: with less in reach, the drone is shut in
     reach_m: float = 0.5  # ground so near to the path counts as passed
     unseen_worth: float = 0.5  # of a cell that may be ground, beside one that is
@@ -54,6 +54,11 @@ class SurveyConfig:
     def __post_init__(self) -> None:
         if not 0.0 < self.slow_mps <= self.fast_mps or not self.touch_m < self.wide_m:
             raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
+
+    def speed_mps(self, clear_m: Floats) -> Floats:
+        """Return how fast the drone flies with so much room around it."""
+        share = np.clip((clear_m - self.touch_m) / (self.wide_m - self.touch_m), 0.0, 1.0)
+        return np.asarray(self.slow_mps + share * (self.fast_mps - self.slow_mps))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,9 +104,8 @@ class Room:
         from_start_m = site_map.cell_m * np.hypot(rows - self.start[0], columns - self.start[1])
         flyable = site_map.free & ~site_map.outside
         self.open = flyable & (self.clear_m >= config.touch_m)
-        as_near_m = max(
-            config.least_start_m, float(self.clear_m[self.start]) - config.start_slack_m
-        )
+        here_m = float(self.clear_m[self.start])
+        as_near_m = min(here_m, max(config.least_start_m, here_m - config.start_slack_m))
         self.open |= flyable & (from_start_m <= config.start_m) & (self.clear_m >= as_near_m)
         self.open[self.start] = True
 
@@ -116,12 +120,6 @@ class Room:
         reached = np.isfinite(self.fastest[0])
         wide = self.open & (self.clear_m >= self.config.touch_m)
         return bool((reached & wide).sum() < self.config.enough_reached * wide.sum())
-
-    def speed_mps(self, clear_m: Floats) -> Floats:
-        """Return how fast the drone flies with so much room around it."""
-        cfg = self.config
-        share = np.clip((clear_m - cfg.touch_m) / (cfg.wide_m - cfg.touch_m), 0.0, 1.0)
-        return np.asarray(cfg.slow_mps + share * (cfg.fast_mps - cfg.slow_mps))
 
     def worth(self) -> Floats:
         """Return what it is worth to pass each cell: ground that was not passed, or may be."""
@@ -213,7 +211,7 @@ def _fastest(room: Room) -> tuple[Floats, NDArray[np.int64]]:
     shape = room.open.shape
     number = np.full(shape, -1)
     number[room.open] = np.arange(np.count_nonzero(room.open))
-    slowness = room.map.cell_m / room.speed_mps(room.clear_m)
+    slowness = room.map.cell_m / room.config.speed_mps(room.clear_m)
     begins, ends, prices = [], [], []
     height, width = shape
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ class CoverageConfig:
     """How legs are flown."""
 
     survey: SurveyConfig = field(default_factory=SurveyConfig)
+    # When legs with all that room bring less new ground than this, narrower ones are tried.
+    little_m2ps: float = 0.03
+    tight_m: float = 0.38  # from obstacles
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     facing_rad: float = math.radians(35)  # the drone flies on below this error of its heading
     # The corridor is wider than the way past a box whose place the map knows: what it shows ahead
@@ -47,6 +50,9 @@ class Coverage:
             return turn
         room = Room(site_map, *_around(view, site_map), config=cfg.survey)
         leg = best_leg(room)
+        if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
+            narrow = replace(cfg.survey, touch_m=cfg.tight_m)
+            leg = best_leg(Room(site_map, *_around(view, site_map), config=narrow)) or leg
         if leg is None:
             covered = view.full_turns > 0 and not room.shut_in
             return Decision(done=True, reason="covered") if covered else turn
@@ -70,9 +76,7 @@ class Coverage:
         ahead = int(np.argmax(apart >= survey.ahead_m)) or len(leg.path_m) - 1
         x_m, y_m = leg.path_m[ahead]
         forward_m, right_m = pose.to_body(float(x_m), float(y_m))
-        clear_m = float(leg.clear_m[: ahead + 1].min())
-        share = (clear_m - survey.touch_m) / (survey.wide_m - survey.touch_m)
-        speed = survey.slow_mps + min(max(share, 0.0), 1.0) * (survey.fast_mps - survey.slow_mps)
+        speed = float(survey.speed_mps(leg.clear_m[: ahead + 1]).min())
         left_m = float(apart.max())
         braking = math.sqrt(2.0 * self.config.brake_mps2 * max(left_m - 0.05, 0.0)) + 0.1
         return math.atan2(right_m, forward_m), min(speed, braking)
