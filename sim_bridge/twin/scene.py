@@ -262,10 +262,10 @@ class Scene:
         return Ground(
             size_m=self.ground.size_m,
             standing=tuple(
-                Standing(footprint=footprint, height_m=size_m[2])
-                for footprint, size_m in (
-                    *((box.footprint, box.size_m) for box in self.boxes),
-                    (self.helipad.footprint, self.helipad.size_m),
+                Standing(footprint=footprint, height_m=size_m[2], class_id=class_id)
+                for footprint, size_m, class_id in (
+                    *((box.footprint, box.size_m, BOXES[box.pattern - 1]) for box in self.boxes),
+                    (self.helipad.footprint, self.helipad.size_m, None),
                 )
             ),
         )

@@ -15,12 +15,15 @@ from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
 from uav_bt.app.pauses import short_collections
 from uav_bt.app.site import Site
+from uav_bt.board import SITE_MAP
 from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import check_output
 from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.mission.coverage import Coverage
-from uav_bt.mission.flight_report import FlightLog, FlightReport, write_report
+from uav_bt.mission.flight_log import FlightLog
+from uav_bt.mission.flight_report import FlightReport, write_report
 from uav_bt.mission.judge import Outcome, Verdict
+from uav_bt.mission.map_check import MapCheck
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickListener
@@ -166,7 +169,7 @@ def _run(
         keep: what writes the report somewhere, by its name.
         controls: what a person has at hand.
     """
-    log = FlightLog(_coverage(flight.drone))
+    log = FlightLog(_coverage(flight.drone), _map_check(flight))
     runner = flight.runner([log, *(one for make in listeners for one in _made(make, flight))])
 
     def finish(verdict: Verdict) -> FlightReport:
@@ -208,6 +211,13 @@ def _coverage(drone: Drone) -> Coverage | None:
     """Return what measures a flight's coverage; None where nobody knows the ground."""
     ground = None if drone.referee is None else drone.referee.ground()
     return None if ground is None else Coverage(ground, drone.camera)
+
+
+def _map_check(flight: Flight[Drone]) -> MapCheck | None:
+    """Return what compares the mission's map with the truth; None where nobody knows the ground."""
+    referee, board = flight.drone.referee, flight.context.board
+    ground = None if referee is None else referee.ground()
+    return None if ground is None else MapCheck(ground, lambda: board.read(SITE_MAP).value)
 
 
 def _profile(flight: Flight[Drone]) -> str | None:

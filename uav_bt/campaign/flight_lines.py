@@ -30,12 +30,18 @@ METRICS: Final = {
     "coverage_passed": "share of the free ground passed",
     "coverage_seen_90s": f"share of the free ground seen in {EXPLORE_S:.0f} s",
     "coverage_seen": "share of the free ground seen",
+    "objects_found": "objects found by the map",
+    "false_objects": "objects of the map that are not there",
+    "map_drift_90s_m": "drift of the map after 90 s, m",
+    "map_drift_180s_m": "drift of the map after 180 s, m",
+    "map_drift_m": "drift of the map at the end, m",
 }
 """Fields of a flight's report that are a number, or null when it was not reached, in words."""
 
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 # Computing times, which differ from run to run.
 _WALL_CLOCK_FIELDS: Final = frozenset({"tick_ms", "perception_ms", "slow_leaves", "wall_s"})
+_COUNTS: Final = ("objects_total", "map_restarts")
 _CURVES: Final = {"path": "t, x, y, z", "coverage_curve": "t, passed, seen"}
 _TEXT_FIELDS: Final = ("reason", "drone", "record", "details", "profile")
 
@@ -91,9 +97,12 @@ def _check(flight: dict[str, Any]) -> None:
 
 
 def _check_numbers(flight: dict[str, Any]) -> None:
-    for name in (*METRICS, "wall_s"):
+    for name in (*METRICS, *_COUNTS, "wall_s"):
         if not _is_number(flight.get(name, 0.0)):
             raise InputError(f"'{name}' must be a number or null, got {flight[name]!r}")
+    errors = flight.get("object_errors_m") or []
+    if not isinstance(errors, list) or None in errors or not all(map(_is_number, errors)):
+        raise InputError("'object_errors_m' must be a list of numbers")
     stages = flight.get("perception_ms") or {}
     if not isinstance(stages, dict) or not all(map(_are_times, stages.values())):
         raise InputError("'perception_ms' must hold p50, p99 and max by stage")

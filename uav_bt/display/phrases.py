@@ -51,6 +51,32 @@ def lands_on_helipad(report: FlightReport) -> bool:
     return on_pad or report.time_to_find_helipad_s is not None
 
 
+def describe_coverage(report: FlightReport) -> str:
+    """Return how much of the free ground a flight covered; empty where it was not measured."""
+    if report.coverage_passed is None or report.coverage_seen is None:
+        return ""
+    passed, seen = 100.0 * report.coverage_passed, 100.0 * report.coverage_seen
+    return f"{passed:.0f} % of the free ground passed, {seen:.0f} % seen"
+
+
+def describe_objects(report: FlightReport) -> str:
+    """Return how many of the place's objects stand on a flight's map; empty without a map."""
+    if report.objects_found is None:
+        return ""
+    false = f", {report.false_objects} false" if report.false_objects else ""
+    return f"{report.objects_found} of {report.objects_total} found{false}"
+
+
+def describe_drift(report: FlightReport) -> str:
+    """Return how far a flight's map drifted from the truth; empty without a map."""
+    if report.map_drift_m is None:
+        return ""
+    early_m = report.map_drift_90s_m
+    early = "" if early_m is None else f"{early_m:.2f} m after 90 s, "
+    anew = f", begun anew {report.map_restarts} times" if report.map_restarts else ""
+    return f"{early}{report.map_drift_m:.2f} m at the end{anew}"
+
+
 def describe_movement(movement: Movement) -> str:
     """Return a movement in words, its larger parts only."""
     match movement:

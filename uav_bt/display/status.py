@@ -16,7 +16,13 @@ from rich.text import Text
 from uav_bt.board import ELAPSED, HELIPAD
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.flown_path import FlownPath
-from uav_bt.display.phrases import describe_flight, lands_on_helipad
+from uav_bt.display.phrases import (
+    describe_coverage,
+    describe_drift,
+    describe_flight,
+    describe_objects,
+    lands_on_helipad,
+)
 from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
 from uav_bt.mission.judge import Outcome
 from uav_bt.mission.safety import Override
@@ -165,6 +171,13 @@ def descent_line(state: DroneState | None, reason: str) -> Text:
     return Text(f"landing ({known}): {reason}", style="bold red", no_wrap=True, overflow="ellipsis")
 
 
+_SENTENCES: Final = {
+    "ground": describe_coverage,
+    "objects": describe_objects,
+    "map drift": describe_drift,
+}
+
+
 def summary(report: FlightReport) -> Table:
     """Return a flight's report as a table for people."""
     good = report.outcome == Outcome.SUCCESS.value
@@ -181,6 +194,9 @@ def summary(report: FlightReport) -> Table:
     for name, value, unit, digits in _numbers(report):
         if value is not None:
             table.add_row(name, f"{value:.{digits}f} {unit}")
+    for name, describe in _SENTENCES.items():
+        if words := describe(report):
+            table.add_row(name, words)
     table.add_row("tick", _milliseconds(report.tick_ms))
     for stage, times in report.perception_ms.items():
         table.add_row(Text(f"  {stage}"), _milliseconds(times))
@@ -198,8 +214,6 @@ def _numbers(report: FlightReport) -> Iterator[tuple[str, float | None, str, int
     if lands_on_helipad(report):
         yield "landing error", report.landing_error_m, "m from the helipad's centre", 3
     yield "least clearance", report.min_clearance_m, "m to a box", 2
-    for name, share in (("passed", report.coverage_passed), ("seen", report.coverage_seen)):
-        yield f"ground {name}", None if share is None else 100.0 * share, "% of the free ground", 0
 
 
 def _milliseconds(times: Percentiles | None) -> str:

@@ -49,6 +49,7 @@ class Standing:
 
     footprint: Footprint
     height_m: float
+    class_id: int | None = None  # of an object that a map is to show; None: none is to
 
 
 @dataclass(frozen=True, kw_only=True)

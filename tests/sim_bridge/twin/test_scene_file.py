@@ -9,6 +9,7 @@ import pytest
 
 from sim_bridge.twin.scene import box_names
 from sim_bridge.twin.scene_file import load_scene, scene_names
+from uav_bt.classes import BOXES
 from uav_bt.errors import SceneError, UnknownNameError
 from uav_bt.types.ground import Footprint
 
@@ -207,3 +208,9 @@ def test_absent_empty_and_binary_files_are_refused(tmp_path: Path) -> None:
     path.write_bytes(bytes(range(128, 256)))
     with pytest.raises(SceneError, match="UTF-8"):
         load_scene(path)
+
+
+def test_the_ground_plan_names_the_classes_of_boxes_and_none_of_the_helipad() -> None:
+    scene = load_scene("train-a")
+    classes = [each.class_id for each in scene.ground_plan.standing]
+    assert classes == [*(BOXES[box.pattern - 1] for box in scene.boxes), None]

@@ -63,6 +63,8 @@ def test_what_depends_on_the_machine_is_not_compared() -> None:
         (json.dumps(line(path=[[0.0, 1.0, None, 2.0]])), "'path' must be a list of"),
         (json.dumps(line(path="home")), "'path' must be a list of"),
         (json.dumps(line(coverage_curve=[[10.0, 0.1]])), "'coverage_curve' must be a list of"),
+        (json.dumps(line(object_errors_m=[0.1, None])), "'object_errors_m' must be a list of"),
+        (json.dumps(line(map_restarts="one")), "'map_restarts' must be a number or null"),
         (json.dumps(line(coverage_seen="all")), "'coverage_seen' must be a number or null"),
     ],
 )

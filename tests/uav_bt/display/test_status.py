@@ -2,6 +2,7 @@
 
 import io
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -214,10 +215,23 @@ def test_the_summary_tells_how_it_went() -> None:
     assert rows["mission"] == "explore_and_land in train-a, seed 3"
     assert rows["landing error"] == "0.024 m from the helipad's centre"
     assert rows["first 90 s"] == "9.59 m"
-    assert rows["ground passed"] == "61 % of the free ground"
-    assert rows["ground seen"] == "84 % of the free ground"
+    assert rows["ground"] == "61 % of the free ground passed, 84 % seen"
+    assert "objects" not in rows, "without a map"
     assert "landing" not in rows, "what was not reached"
     assert rows["segmentation"].startswith("0.8 ms median")
+
+
+def mapped(**fields: Any) -> FlightReport:
+    known = {"objects_found": 5, "objects_total": 6, "false_objects": 0, "map_drift_m": 0.11}
+    return replace(flight_report(), map_restarts=0, **known | fields)
+
+
+def test_the_summary_tells_how_the_map_agrees_with_the_place() -> None:
+    rows = rows_of(mapped())
+    assert (rows["objects"], rows["map drift"]) == ("5 of 6 found", "0.11 m at the end")
+    rows = rows_of(mapped(false_objects=1, map_drift_90s_m=0.08, map_restarts=2))
+    assert rows["objects"] == "5 of 6 found, 1 false"
+    assert rows["map drift"] == "0.08 m after 90 s, 0.11 m at the end, begun anew 2 times"
 
 
 def test_of_a_short_flight_the_first_part_is_all_of_it() -> None:
@@ -235,7 +249,9 @@ def test_the_summary_speaks_of_the_helipad_where_the_mission_is_about_it() -> No
 def test_the_summary_fits_a_terminal_of_80_columns() -> None:
     times = Percentiles(p50=1234.5, p99=1234.5, max=12345.6)
     report = replace(
-        flight_report("left_area", "left the carpet at (-2.51, -1.99) m"),
+        mapped(map_drift_90s_m=0.08, map_restarts=12, false_objects=3),
+        outcome="left_area",
+        reason="left the carpet at (-2.51, -1.99) m",
         tree="explore_and_land_student_guarded.xml",
         tick_ms=times,
         perception_ms={"relative_depth": times},

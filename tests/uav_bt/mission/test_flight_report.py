@@ -13,7 +13,8 @@ import pytest
 from sim_bridge.anafi import anafi_camera
 from uav_bt.errors import FileError
 from uav_bt.mission.coverage import Coverage
-from uav_bt.mission.flight_report import FlightLog, FlightReport, Percentiles, write_report
+from uav_bt.mission.flight_log import FlightLog
+from uav_bt.mission.flight_report import FlightReport, Percentiles, write_report
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Status
@@ -370,6 +371,8 @@ FIELDS = {
     "explore_distance_m", "total_distance_m", "search_distance_m", "time_to_find_helipad_s",
     "time_to_land_s", "landing_error_m", "min_clearance_m", "coverage_passed_90s",
     "coverage_passed", "coverage_seen_90s", "coverage_seen", "coverage_curve",
+    "objects_found", "objects_total", "object_errors_m", "false_objects",
+    "map_drift_90s_m", "map_drift_180s_m", "map_drift_m", "map_restarts",
     "ticks", "tick_ms", "perception_ms", "slow_leaves", "warnings",
     "airborne_at_end",
     "lost_outputs",

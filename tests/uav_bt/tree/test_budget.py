@@ -13,7 +13,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext, Proposals
 from uav_bt.clock import ManualClock
 from uav_bt.errors import NodeFailedError
-from uav_bt.mission.flight_report import FlightLog
+from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.tick import TickRecord

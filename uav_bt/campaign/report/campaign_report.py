@@ -16,6 +16,7 @@ from uav_bt.campaign.report.coverage_figure import coverage_over_time
 from uav_bt.campaign.report.figures import densities, outcomes
 from uav_bt.campaign.report.html import Image, Section, page
 from uav_bt.campaign.report.lab_figures import scene_figure
+from uav_bt.campaign.report.map_table import map_table
 from uav_bt.campaign.report.paper import paper_success
 from uav_bt.campaign.report.sources import Provenance, Sources, read_sources
 from uav_bt.campaign.report.tables import Table, tables_of
@@ -112,7 +113,7 @@ def write_campaign_report(
     Raises:
         FileError: a file cannot be written.
     """
-    tables = tables_of(sources, out)
+    tables = {**tables_of(sources, out), "map": map_table(sources.sets)}
     overview, numbers = _outcomes_image(sources), _densities_images(sources)
     covered, scenes = _coverage_image(sources), _scene_images(sources, maps)
     text = page(
@@ -169,6 +170,8 @@ def _sections(
         sections.append(
             Section(title="Coverage over time", paragraphs=(_ABOUT_COVERAGE,), images=(covered,))
         )
+    if tables["map"].rows:
+        sections.append(Section(title="The mission's map", tables=(tables["map"],)))
     if scenes:
         sections.append(
             Section(

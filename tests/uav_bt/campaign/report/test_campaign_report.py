@@ -126,7 +126,7 @@ def test_a_report_is_a_page_with_pictures_and_tables_beside_it(tmp_path: Path) -
         assert picture.std() > 5.0, "a picture shows something"
     assert {path.name for path in written.tables} == {
         f"r-{name}.csv"
-        for name in ("outcomes", "scenes", "metrics", "failures", "timings", "flights")
+        for name in ("outcomes", "scenes", "metrics", "failures", "timings", "flights", "map")
     }
     assert sorted(path.name for path in tmp_path.iterdir() if path.suffix == ".part") == []
 
@@ -300,6 +300,34 @@ def test_coverage_stands_in_the_table_and_in_a_figure_of_its_own(tmp_path: Path)
     write(tmp_path / "r.html", jsonl(tmp_path / "more.jsonl", flight(0, **more)))
     assert first is not None
     assert not np.array_equal(first, cv2.imread(str(figure)))
+
+
+def test_maps_stand_in_a_table_of_their_own(tmp_path: Path) -> None:
+    made: dict[str, Any] = {
+        "objects_found": 2,
+        "objects_total": 4,
+        "object_errors_m": [0.1, 0.3],
+        "false_objects": 1,
+        "map_drift_m": 0.25,
+        "map_restarts": 1,
+    }
+    lost = made | {"objects_found": 0, "object_errors_m": [], "map_drift_m": 0.75}
+    source = jsonl(
+        tmp_path / "f.jsonl", flight(0, **made), flight(1, **lost), flight(2, tree="two.xml")
+    )
+    written = write(tmp_path / "r.html", source)
+    (row,) = rows(written, "map")
+    assert row["tree"] == "one"
+    assert (row["flights"], row["objects found"], row["of"], row["found, %"]) == (
+        *("2", "2", "8", "25.0"),
+    )
+    assert (row["false objects"], row["error, m: mean"], row["most"]) == ("2", "0.2", "0.3")
+    assert row["begun anew"] == "2"
+    (drift,) = (row for row in rows(written, "metrics") if row["metric"] == "map_drift_m")
+    assert (drift["mean"], drift["most"]) == ("0.5", "0.75")
+    assert "within 0.5 m of it on the map" in written.page.read_text()
+    no_map = write(tmp_path / "no.html", jsonl(tmp_path / "n.jsonl", flight(0)))
+    assert "The mission's map" not in no_map.page.read_text()
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 8])

@@ -1,0 +1,199 @@
+"""Follows a flight tick by tick, and writes its report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from uav_bt.mission.coverage import Coverage
+from uav_bt.mission.flight_report import EXPLORE_S, FlightReport, Percentiles
+from uav_bt.mission.judge import Verdict
+from uav_bt.mission.map_check import MapCheck
+from uav_bt.mission.tick import TickRecord
+from uav_bt.types import FlyingState, MissionPhase, TakeOff, Truth
+
+
+@dataclass
+class _Marks:
+    """When the flight reached what; mission seconds."""
+
+    take_off_s: float | None = None
+    explored_s: float | None = None
+    found_s: float | None = None
+    landed_s: float | None = None
+
+
+class FlightLog:
+    """Listens to the runner and keeps what the report needs.
+
+    Args:
+        coverage: measures how much of the ground is covered; None where the ground is not known.
+        map_check: compares the mission's map with the truth; None where the ground is not known.
+    """
+
+    def __init__(self, coverage: Coverage | None = None, map_check: MapCheck | None = None) -> None:
+        self._coverage = coverage
+        self._map_check = map_check
+        self._marks = _Marks()
+        self._path: list[tuple[float, float]] = []  # time, metres travelled since the take-off
+        self._last_xy: tuple[float, float] | None = None
+        self._last_s: float | None = None
+        self._travelled_m = 0.0
+        self._min_clearance_m = math.inf
+        self._tick_s: list[float] = []
+        self._last_truth: Truth | None = None
+        self._end_s: float | None = None
+        self._warnings: dict[str, None] = {}  # in the order of their first time
+
+    def on_tick(self, record: TickRecord) -> None:
+        """Take note of a tick."""
+        self._tick_s.append(record.compute_s)
+        self._end_s = record.time_s
+        if record.warning is not None:
+            self._warnings[record.warning] = None
+        marks = self._marks
+        if marks.take_off_s is None and isinstance(record.command.movement, TakeOff):
+            marks.take_off_s = record.time_s
+        if self._map_check is not None:
+            self._map_check.add(record, since_s=marks.take_off_s)
+        if marks.take_off_s is None:
+            return
+        self._travel(record)
+        if marks.explored_s is None and record.phase in {
+            MissionPhase.SEARCH,
+            MissionPhase.APPROACH,
+        }:
+            marks.explored_s = record.time_s
+        if marks.found_s is None and record.phase == MissionPhase.APPROACH:
+            marks.found_s = record.time_s
+        truth = record.truth
+        if truth is not None:
+            self._last_truth = truth
+            self._min_clearance_m = min(self._min_clearance_m, truth.clearance_m)
+            if self._coverage is not None:
+                self._coverage.add(record.time_s - marks.take_off_s, truth)
+        if marks.landed_s is None and marks.found_s is not None and _motors_off(record):
+            marks.landed_s = record.time_s
+
+    def _travel(self, record: TickRecord) -> None:
+        truth, state = record.truth, record.observation.state
+        if truth is not None:
+            here = (truth.pose.x_m, truth.pose.y_m)
+            if self._last_xy is not None:
+                self._travelled_m += math.dist(here, self._last_xy)
+            self._last_xy = here
+        elif self._last_s is not None:
+            speed = math.hypot(state.velocity.forward_mps, state.velocity.right_mps)
+            self._travelled_m += speed * (record.time_s - self._last_s)
+        self._last_s = record.time_s
+        self._path.append((record.time_s, self._travelled_m))
+
+    def _travelled_at(self, time_s: float | None) -> float | None:
+        if time_s is None or not self._path:
+            return None
+        before = [metres for at, metres in self._path if at <= time_s + 1e-9]
+        return before[-1] if before else 0.0
+
+    def _covered(self) -> dict[str, Any]:
+        """Return the report's fields of coverage that are known."""
+        coverage, start_s = self._coverage, self._marks.take_off_s
+        if coverage is None or start_s is None or self._end_s is None:
+            return {}
+        end, explored = coverage.now(self._end_s - start_s), coverage.at(EXPLORE_S)
+        return {
+            "coverage_passed_90s": None if explored is None else round(explored.passed, 4),
+            "coverage_passed": round(end.passed, 4),
+            "coverage_seen_90s": None if explored is None else round(explored.seen, 4),
+            "coverage_seen": round(end.seen, 4),
+            "coverage_curve": [
+                [point.time_s, round(point.passed, 4), round(point.seen, 4)]
+                for point in coverage.curve
+            ],
+        }
+
+    def report(
+        self,
+        verdict: Verdict,
+        *,
+        scene: str | None,
+        seed: int,
+        tree: str,
+        policies: Mapping[str, str],
+        drone: str,
+        profile: str | None,
+        stage_times_s: Mapping[str, Sequence[float]],
+        slow_leaves_s: Mapping[str, float] | None = None,
+        airborne_at_end: bool = False,
+        lost_outputs: Mapping[str, str] | None = None,
+    ) -> FlightReport:
+        """Return the report of the flight that was listened to.
+
+        Args:
+            verdict: how it ended.
+            scene: its scene's name.
+            seed: of everything random.
+            tree: the tree file's name.
+            policies: leaf policies, by node.
+            drone: what flew.
+            profile: how imperfect a simulated drone was.
+            stage_times_s: seconds that each perception stage took, every time.
+            slow_leaves_s: the longest time of leaves that blocked, seconds, by path.
+            airborne_at_end: whether the drone was left in the air.
+            lost_outputs: what followed the flight and failed, and why.
+        """
+        marks, truth = self._marks, self._last_truth
+        start = marks.take_off_s
+        explored, found = (self._travelled_at(t) for t in (marks.explored_s, marks.found_s))
+        return FlightReport(
+            scene=scene,
+            seed=seed,
+            tree=tree,
+            policies=dict(policies),
+            drone=drone,
+            profile=profile,
+            outcome=verdict.outcome.value,
+            reason=verdict.reason,
+            duration_s=_span(start, self._end_s),
+            explore_distance_m=_rounded(
+                self._travelled_at(None if start is None else start + EXPLORE_S)
+            ),
+            total_distance_m=_rounded(self._travelled_m if start is not None else None),
+            search_distance_m=_rounded(
+                None if explored is None or found is None else found - explored
+            ),
+            time_to_find_helipad_s=_span(marks.explored_s, marks.found_s),
+            time_to_land_s=_span(marks.found_s, marks.landed_s),
+            landing_error_m=_rounded(
+                truth.landing_error_m if truth is not None and not truth.motors_on else None
+            ),
+            min_clearance_m=_rounded(
+                self._min_clearance_m if math.isfinite(self._min_clearance_m) else None
+            ),
+            **self._covered(),
+            **({} if self._map_check is None else self._map_check.fields()),
+            ticks=len(self._tick_s),
+            tick_ms=Percentiles.of_seconds(self._tick_s),
+            perception_ms={
+                stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
+            },
+            slow_leaves={path: round(1000.0 * s, 1) for path, s in (slow_leaves_s or {}).items()},
+            warnings=tuple(self._warnings),
+            airborne_at_end=airborne_at_end,
+            lost_outputs=dict(lost_outputs or {}),
+        )
+
+
+def _motors_off(record: TickRecord) -> bool:
+    if record.truth is not None:
+        return not record.truth.motors_on
+    return record.observation.state.flying is FlyingState.LANDED
+
+
+def _span(start_s: float | None, end_s: float | None) -> float | None:
+    return None if start_s is None or end_s is None else round(end_s - start_s, 3)
+
+
+def _rounded(value_m: float | None) -> float | None:
+    return None if value_m is None else round(value_m, 4)

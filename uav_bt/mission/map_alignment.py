@@ -1,0 +1,80 @@
+"""Where a mission's map lies in the world: only somebody who knows the truth can say.
+
+The map's frame has x along the yaw that the drone reports as 0, y to its right and yaw clockwise;
+the world has z up and yaw counter-clockwise. So a point of the map is mirrored, turned and moved.
+"""
+
+from __future__ import annotations
+
+import cmath
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.mission.tick import TickRecord
+from uav_bt.types import Pose2D, wrap_angle
+from uav_bt.types.site_map import SiteMap
+
+Floats = NDArray[np.float64]
+
+_MIRROR: Final = np.array([1.0, -1.0])
+_MEAN_S: Final = 1.0  # of telemetry that the turn is the mean of: its noise is not to turn the map
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapPlacement:
+    """Where a map lies in the world."""
+
+    frame: Pose2D  # the map's origin, and its x axis counter-clockwise from the world's
+
+    def to_world(self, points_m: Floats) -> Floats:
+        """Return points of the map, (N, 2) metres, in the world."""
+        return self.frame.points_to_world(points_m * _MIRROR)
+
+    def pose_to_world(self, pose: Pose2D) -> Pose2D:
+        """Return a pose in the map as one in the world."""
+        x_m, y_m = self.frame.to_world(pose.x_m, -pose.y_m)
+        yaw_rad = wrap_angle(self.frame.yaw_rad - pose.yaw_rad)
+        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+
+
+class MapAlignment:
+    """Aligns a map with the world: by the drone's true pose where the map began."""
+
+    def __init__(self) -> None:
+        self._first_s: float | None = None
+        self._x_axis = complex(0.0)  # of the map in the world: the sum of its directions
+        self._began: tuple[Pose2D, Pose2D] | None = None  # the drone in the map and in the world
+
+    def add(self, record: TickRecord, site_map: SiteMap | None) -> None:
+        """Take note of a tick, from the flight's first on.
+
+        Args:
+            record: of the tick; without a truth it says nothing.
+            site_map: as the mission knows it in that tick, None before it has one.
+        """
+        truth = record.truth
+        if truth is None:
+            return
+        if self._first_s is None:
+            self._first_s = record.time_s
+        if record.time_s - self._first_s <= _MEAN_S:
+            # By what the drone reports it is turned clockwise from the map's x axis.
+            reported_rad = record.observation.state.attitude.yaw_rad
+            self._x_axis += cmath.rect(1.0, truth.pose.yaw_rad + reported_rad)
+        if self._began is None and site_map is not None:
+            self._began = (site_map.pose, truth.pose)
+
+    @property
+    def placement(self) -> MapPlacement | None:
+        """Where the map lies; None before there is one."""
+        if self._began is None:
+            return None
+        believed, true = self._began
+        x_axis = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=cmath.phase(self._x_axis))
+        x_m, y_m = x_axis.to_world(believed.x_m, -believed.y_m)
+        return MapPlacement(
+            frame=Pose2D(x_m=true.x_m - x_m, y_m=true.y_m - y_m, yaw_rad=x_axis.yaw_rad)
+        )
