@@ -222,8 +222,8 @@ def test_the_summary_tells_how_it_went() -> None:
 
 
 def mapped(**fields: Any) -> FlightReport:
-    known = {"objects_found": 5, "objects_total": 6, "false_objects": 0, "map_drift_m": 0.11}
-    return replace(flight_report(), map_restarts=0, **known | fields)
+    known = {"objects_found": 5, "objects_total": 6, "map_drift_m": 0.11, "map_restarts": 0}
+    return replace(flight_report(), **known | fields)
 
 
 def test_the_summary_tells_how_the_map_agrees_with_the_place() -> None:
