@@ -17,6 +17,7 @@ from behaviours.fly.heading import HeadingController
 from behaviours.fly.movement import MovingLeaf
 from behaviours.fly.mover import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
+from behaviours.stage_timer import StageTimer
 from uav_bt.board import FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, ODOMETRY, PHASE, STATE
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
@@ -71,6 +72,7 @@ class SteeringLeaf(MovingLeaf):
             UnknownNameError: no policy has that name.
         """
         self._policy: LeafPolicy = mission.policy(self.port_value("policy"))
+        self._timer = StageTimer(mission, "policy")
         self._rng: np.random.Generator = mission.rng(self.path)
         super().on_setup(mission)
         self._view_from_s = -math.inf  # frames captured earlier show another view
@@ -297,9 +299,8 @@ class SteeringLeaf(MovingLeaf):
         if view is None:
             self.feedback_message = "waiting for a view"
             return None
-        decision = ask(
-            self._policy,
-            policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random())),
-        )
+        shown = policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random()))
+        with self._timer:
+            decision = ask(self._policy, shown)
         self.feedback_message = decision.reason
         return decision

@@ -9,6 +9,7 @@ too, where it may be: it lies beside known ground.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -164,8 +165,20 @@ class Room:
         return self.map.cell_m * cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
 
 
-def best_leg(room: Room) -> Leg | None:
-    """Return the leg that passes the most new ground in a second; None when none is worth it."""
+def new_ground_per_second(new_m2: float, time_s: float) -> float:
+    """Return what a leg is worth: the ground that it passes for the first time, in a second."""
+    return new_m2 / time_s
+
+
+def best_leg(
+    room: Room, value: Callable[[float, float], float] = new_ground_per_second
+) -> Leg | None:
+    """Return the leg of the greatest value; None when none is worth it.
+
+    Args:
+        room: what can be flown.
+        value: of new ground, m2, for a time, s; it falls with time.
+    """
     cfg, site_map = room.config, room.map
     time_s, before = room.fastest
     worth = room.worth()
@@ -182,15 +195,16 @@ def best_leg(room: Room) -> Leg | None:
     for row, column in order:
         end = (int(row), int(column))
         spent_s = float(time_s[end]) + cfg.leg_s
-        if best is not None and most_m2 / spent_s <= best[0]:
+        if best is not None and value(most_m2, spent_s) <= best[0]:
             break
         path = _path_to(end, before, room.start)
         new_m2 = cell_m2 * _new_ground(path, worth, disc, cfg.stamp_step)
         if new_m2 < cfg.least_m2:
             continue
         spent_s += _first_turn_s(path, room)
-        if best is None or new_m2 / spent_s > best[0]:
-            best = (new_m2 / spent_s, path, spent_s, new_m2)
+        worth_of_leg = value(new_m2, spent_s)
+        if best is None or worth_of_leg > best[0]:
+            best = (worth_of_leg, path, spent_s, new_m2)
     if best is None:
         return None
     _, path, spent_s, new_m2 = best

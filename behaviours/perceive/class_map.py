@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
 
+from behaviours.stage_timer import StageTimer
 from perception.networks.named import segmentation_file
 from uav_bt.board import (
     CAMERA,
@@ -22,23 +23,13 @@ from uav_bt.protocols import Segmenter
 from uav_bt.tree import Leaf, Port, Status
 from uav_bt.types import PAD_HEIGHT_M, CameraModel, ClassMap, Frame
 
+if TYPE_CHECKING:
+    from perception.mapping.site_mapper import SiteMapperConfig
+
 
 def _mapping_file(classes: str) -> None:
     if classes and not Path(classes).is_file():
         raise FileError(classes, "there is no such class-mapping file")
-
-
-class StageTimer:
-    """Adds the wall time of one perception stage to the mission's figures."""
-
-    def __init__(self, mission: MissionContext, stage: str) -> None:
-        self._times = mission.stage_times_s.setdefault(stage, [])
-
-    def __enter__(self) -> None:
-        self._start_s = time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        self._times.append(time.perf_counter() - self._start_s)
 
 
 class Segment(Leaf):
@@ -149,6 +140,7 @@ class RememberObstacles(Leaf):
     ahead of it puts the landing mark on the map.
     """
 
+    mapping: ClassVar[SiteMapperConfig | None] = None  # how the map is kept; None: as it ships
     reads = (STATE, FRAME, CLASS_MAP, CAMERA, HELIPAD)
     writes = (OBSTACLES, ODOMETRY, SITE_MAP)
 
@@ -157,7 +149,7 @@ class RememberObstacles(Leaf):
         from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415 - late, as above
         from perception.obstacles.memory import ObstacleMemory  # noqa: PLC0415 - late, as above
 
-        self._memory, self._mapper = ObstacleMemory(), SiteMapper()
+        self._memory, self._mapper = ObstacleMemory(), SiteMapper(self.mapping)
         self._timer = StageTimer(mission, "obstacles")
         self._map_timer = StageTimer(mission, "map")
         self._last_s = -1.0

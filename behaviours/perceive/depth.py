@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from behaviours.perceive.class_map import StageTimer
+from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
 from perception.networks.named import CONTACT, depth_file
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig

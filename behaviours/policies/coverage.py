@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.survey import Leg, Room, SurveyConfig, best_leg
+from behaviours.path.survey import Leg, Room, SurveyConfig, best_leg, new_ground_per_second
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.types.site_map import SiteMap
 
@@ -35,10 +36,20 @@ class CoverageConfig:
 
 
 class Coverage:
-    """The planner as a leaf policy."""
+    """The planner as a leaf policy.
 
-    def __init__(self, config: CoverageConfig | None = None) -> None:
+    Args:
+        config: how legs are flown.
+        value: of a leg: of the new ground that it passes, m2, for its time, s.
+    """
+
+    def __init__(
+        self,
+        config: CoverageConfig | None = None,
+        value: Callable[[float, float], float] = new_ground_per_second,
+    ) -> None:
         self.config = config or CoverageConfig()
+        self._value = value
 
     def decide(self, view: PolicyView) -> Decision:
         """Return a heading and a speed; a turn when no way is known; done when all is covered."""
@@ -49,10 +60,11 @@ class Coverage:
         if site_map is None:
             return turn
         room = Room(site_map, *_around(view, site_map), config=cfg.survey)
-        leg = best_leg(room)
+        leg = best_leg(room, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
             narrow = replace(cfg.survey, touch_m=cfg.tight_m)
-            leg = best_leg(Room(site_map, *_around(view, site_map), config=narrow)) or leg
+            room = Room(site_map, *_around(view, site_map), config=narrow)
+            leg = best_leg(room, self._value) or leg
         if leg is None:
             covered = view.full_turns > 0 and not room.shut_in
             return Decision(done=True, reason="covered") if covered else turn

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, STATE
@@ -15,6 +15,7 @@ from uav_bt.errors import DroneError, ValueRangeError
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.obedience import ObedienceWatch
+from uav_bt.mission.ordered_motion import HoldConfig
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances, Lasting, Limits, Override
 from uav_bt.mission.screening import FrameJudge, Screening
@@ -33,6 +34,7 @@ class RunnerConfig:
         tick_s: length of a tick; a drone with a pace of its own has another.
         landing_grace_s: how long a landing after a fault or an abort may take; then the drone is
             left to its own rules.
+        hold: how the place is held.
 
     Raises:
         ValueRangeError: the tick is not positive, or longer than a second.
@@ -40,6 +42,7 @@ class RunnerConfig:
 
     tick_s: float = 0.1
     landing_grace_s: float = 20.0
+    hold: HoldConfig = field(default_factory=HoldConfig)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tick_s <= 1.0:
@@ -93,7 +96,7 @@ class MissionRunner:
         self._timer = timer
         self._screening = Screening(drone.camera, judge_frame)
         self._obedience = ObedienceWatch()
-        self._hold = PositionHold()
+        self._hold = PositionHold(self._config.hold)
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None

@@ -1,0 +1,218 @@
+"""What each part of the survey is worth: the same flights without it.
+
+    python benchmarks/survey_ablation.py --scenes val-a,val-b --flights 4 --out runs/survey
+
+Exact masks at 320x180 and no depth, so that only mapping, planning and holding differ. Flights are
+kept as lines in DIR/flights.jsonl, and those that are there are not flown again.
+
+`survey`     as it ships: the leg with the most new ground in a second
+`nearest`    the nearest leg with new ground at its end, as a frontier explorer would choose
+`unmatched`  dead reckoning only: nothing that is seen again corrects the map
+`unheld`     without position hold
+`random`     the next heading is drawn at random whenever the way ahead ends
+`rule`       no map's planning: the segmentation rule explores
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from behaviours.perceive.class_map import RememberObstacles
+from behaviours.policies.coverage import Coverage
+from perception.mapping.registration import RegistrationConfig
+from perception.mapping.site_mapper import SiteMapperConfig
+from uav_bt import app
+from uav_bt.errors import UavBtError
+from uav_bt.mission.ordered_motion import HoldConfig
+from uav_bt.protocols import Decision, LeafPolicy, PolicyView
+from uav_bt.tree import NodeRegistry
+
+SURVEY_S = 180
+FLIGHTS = "flights.jsonl"
+
+
+class RememberUnmatched(RememberObstacles):
+    """The map without scan matching: the odometry is believed to be without drift."""
+
+    mapping = SiteMapperConfig(
+        registration=RegistrationConfig(walk_m=0.0, blind_walk_m=0.0, walk_rad=0.0)
+    )
+
+
+class RandomRule:
+    """Ahead while there is room in the map of obstacles, else a turn drawn at random."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def decide(self, view: PolicyView) -> Decision:
+        """Return a step of 0.5 m, or a turn of up to half a circle."""
+        free = view.obstacles is not None and view.obstacles.allows(0.5, margin_m=0.55)
+        ends = view.obstacles is not None and view.obstacles.ends_within(0.4) > 1
+        edges = np.empty((0, 2)) if view.obstacles is None else view.obstacles.edges_m
+        ahead = (edges[:, 0] > 0.0) & (np.abs(edges[:, 1]) < 0.4) & (edges[:, 0] < 1.0)
+        if free and not ends and not ahead.any():
+            return Decision(forward_m=0.5, reason="clear")
+        return Decision(yaw_rad=float(self._rng.uniform(-np.pi, np.pi)), reason="random")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """How one kind of flight differs from the survey as it ships."""
+
+    explore: str = "coverage"
+    memory: str = "RememberObstacles"
+    hold: HoldConfig = field(default_factory=HoldConfig)
+
+    def policies(self, seed: int) -> dict[str, LeafPolicy]:
+        """Return the policies that are no plug-ins, by name."""
+        return {
+            "nearest": Coverage(value=lambda new_m2, time_s: -time_s if new_m2 > 0.0 else -1e9),
+            "random": RandomRule(seed),
+        }
+
+    def tree(self) -> str:
+        """Return the mission as the text of a tree file."""
+        return f"""
+<root BTCPP_format="4">
+  <BehaviorTree ID="Survey">
+    <ReactiveSequence>
+      <Segment/>
+      <FindHelipad/>
+      <{self.memory}/>
+      <Fallback>
+        <Sequence>
+          <TakeOff height_m="1.5" gimbal_deg="{-42 if self.explore != "segmentation" else -30}"/>
+          <ForceSuccess>
+            <Timeout msec="{SURVEY_S * 1000}">
+              <RetryUntilSuccessful num_attempts="-1">
+                <Fallback>
+                  <Explore policy="{self.explore}"/>
+                  <ForceFailure><Avoid policy="{self.explore}"/></ForceFailure>
+                </Fallback>
+              </RetryUntilSuccessful>
+            </Timeout>
+          </ForceSuccess>
+          <RetryUntilSuccessful num_attempts="5">
+            <Sequence>
+              <ReturnToBase/>
+              <HelipadCenter/>
+            </Sequence>
+          </RetryUntilSuccessful>
+          <Land/>
+        </Sequence>
+        <EmergencyLand/>
+      </Fallback>
+    </ReactiveSequence>
+  </BehaviorTree>
+</root>"""
+
+
+VARIANTS = {
+    "survey": Variant(),
+    "nearest": Variant(explore="nearest"),
+    "unmatched": Variant(memory="RememberUnmatched"),
+    "unheld": Variant(hold=HoldConfig(blind_s=0.0)),
+    "random": Variant(explore="random"),
+    "rule": Variant(explore="segmentation"),
+}
+
+
+def fly(name: str, scene: str, seed: int, profile: str) -> dict[str, object]:
+    """Fly one variant and return its line."""
+    variant, text = VARIANTS[name], VARIANTS[name].tree()
+    policy = variant.policies(seed).get(variant.explore)
+    if policy is not None:  # it has no name that a file could use
+        text = text.replace(f'policy="{variant.explore}"', 'policy="coverage"')
+    options = app.FlightOptions(
+        scene=scene,
+        seed=seed,
+        profile=profile,
+        exact_masks=True,
+        image_size_px=(320, 180),
+        policies={} if policy is None else {"Explore": policy, "Avoid": policy},
+        runner=app.RunnerConfig(hold=variant.hold),
+    )
+    registry = NodeRegistry.installed().with_nodes(RememberUnmatched)
+    report = app.fly(text, options, registry=registry)
+    return {
+        "variant": name,
+        "scene": scene,
+        "seed": seed,
+        "profile": profile,
+        "outcome": report.outcome,
+        "passed_90s": report.coverage_passed_90s,
+        "seen_90s": report.coverage_seen_90s,
+        "passed": next(
+            (p for t, p, _ in reversed(report.coverage_curve) if t <= SURVEY_S),
+            report.coverage_passed,
+        ),
+        "clearance_m": report.min_clearance_m,
+        "flown_m": report.total_distance_m,
+    }
+
+
+def lines(file: Path) -> Iterator[dict[str, object]]:
+    """Yield the flights that a file has."""
+    if file.is_file():
+        for line in file.read_text(encoding="utf-8").splitlines():
+            yield json.loads(line)
+
+
+def table(file: Path) -> None:
+    """Print a row for each variant."""
+    print("variant    flights success  passed 90 s (5 %)  180 s  seen 90 s  nearest m  flown m")
+    flights = list(lines(file))
+    for name in VARIANTS:
+        mine = [flight for flight in flights if flight["variant"] == name]
+        if not mine:
+            continue
+        good = sum(flight["outcome"] == "success" for flight in mine)
+
+        def column(key: str, mine: list[dict[str, object]] = mine) -> list[float]:
+            return [float(str(flight[key])) for flight in mine if flight[key] is not None]
+
+        early = column("passed_90s") or [float("nan")]
+        print(
+            f"{name:10s} {len(mine):7d} {good:7d} {np.mean(early):9.2f} "
+            f"({np.percentile(early, 5):.2f}) {np.mean(column('passed')):10.2f} "
+            f"{np.mean(column('seen_90s') or [float('nan')]):10.2f} "
+            f"{np.mean(column('clearance_m')):10.2f} {np.mean(column('flown_m')):8.1f}"
+        )
+
+
+def main() -> None:
+    """Fly what is missing, then print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", default="val-a,val-b")
+    parser.add_argument("--flights", type=int, default=4)
+    parser.add_argument("--seed-from", type=int, default=0)
+    parser.add_argument("--profile", default="lab")
+    parser.add_argument("--variants", default=",".join(VARIANTS))
+    parser.add_argument("--out", type=Path, required=True)
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    file = given.out / FLIGHTS
+    done = {(f["variant"], f["scene"], f["seed"], f["profile"]) for f in lines(file)}
+    for seed in range(given.seed_from, given.seed_from + given.flights):
+        for scene in given.scenes.split(","):
+            for name in given.variants.split(","):
+                if (name, scene, seed, given.profile) in done:
+                    continue
+                try:
+                    line = fly(name, scene, seed, given.profile)
+                except UavBtError as error:
+                    parser.exit(2, f"{error}\n")
+                with file.open("a", encoding="utf-8") as kept:
+                    kept.write(json.dumps(line) + "\n")
+    table(file)
+
+
+if __name__ == "__main__":
+    main()
