@@ -143,3 +143,46 @@ def test_the_tools_need_nothing_that_flies_or_draws_pictures(tmp_path: Path) -> 
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+# --- format ---------------------------------------------------------------------------------------
+
+CROOKED = '<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess></AlwaysSuccess>'
+CROOKED += "</BehaviorTree></root>"
+STRAIGHT = """\
+<root BTCPP_format="4">
+  <BehaviorTree ID="M">
+    <AlwaysSuccess/>
+  </BehaviorTree>
+</root>
+"""
+
+
+def test_format_prints_one_file_and_leaves_it_alone(tmp_path: Path) -> None:
+    path = tmp_path / "m.xml"
+    path.write_text(CROOKED, encoding="utf-8")
+    result = run("tree", "format", path)
+    assert (result.exit_code, result.stdout) == (0, STRAIGHT)
+    assert path.read_text(encoding="utf-8") == CROOKED
+
+
+def test_format_writes_a_folder_and_names_what_changed(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(CROOKED, encoding="utf-8")
+    (tmp_path / "b.xml").write_text(STRAIGHT, encoding="utf-8")
+    (tmp_path / "c.xml").write_text("<root>", encoding="utf-8")
+    result = run("tree", "format", "--check", tmp_path)
+    assert result.exit_code == 2
+    assert result.stdout == f"{tmp_path / 'a.xml'}: would be formatted\n"
+    assert "c.xml:1:7: not well-formed XML" in result.stderr
+    (tmp_path / "c.xml").unlink()
+    assert run("tree", "format", "--check", tmp_path).exit_code == 1
+    result = run("tree", "format", "--write", tmp_path)
+    assert (result.exit_code, result.stdout) == (0, f"{tmp_path / 'a.xml'}: formatted\n")
+    assert (tmp_path / "a.xml").read_text(encoding="utf-8") == STRAIGHT
+    assert run("tree", "format", "--check", tmp_path).exit_code == 0
+
+
+def test_format_refuses_what_it_cannot_mean(tmp_path: Path) -> None:
+    assert_refused(run("tree", "format", "trees"), "files; give --write or --check")
+    assert_refused(run("tree", "format", "--write", "land_only"), "no such file or folder to write")
+    assert_refused(run("tree", "format", "--write", "--check", tmp_path), "exclude each other")
