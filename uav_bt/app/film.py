@@ -22,7 +22,7 @@ from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight
 from uav_bt.app.flight import Listeners
-from uav_bt.board import METRIC_DEPTH
+from uav_bt.board import METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, CLASS_NAMES, HELIPAD_BOX
 from uav_bt.display.canvas import Colour
@@ -158,6 +158,11 @@ def panes_of(
 def makes_depth(tree: MissionTree) -> bool:
     """Return whether a leaf of a tree writes metric depth."""
     return any(METRIC_DEPTH in leaf.writes for leaf in tree.leaves())
+
+
+def makes_map(tree: MissionTree) -> bool:
+    """Return whether a leaf of a tree keeps the site map."""
+    return any(SITE_MAP in leaf.writes for leaf in tree.leaves())
 
 
 def _corridor_leaf(tree: MissionTree) -> BuildCorridor | None:

@@ -176,7 +176,7 @@ def draw_lab(lab_map: LabMap | None, frame: MapFrame) -> Image:
             line(image, frame.all_to_px(mover.path_m), _mixed(mover.item.colour, BACKDROP, 0.4))
         for box in lab_map.boxes:
             _draw_box(image, frame, box)
-    _draw_scale(image, frame)
+    draw_scale(image, frame)
     return image
 
 
@@ -218,7 +218,8 @@ def _label(image: Image, frame: MapFrame, item: MapItem, text: str) -> None:
     put(image, text, (left, round(y + 11 * scale)), scale=scale, colour=(255, 255, 255))
 
 
-def _draw_scale(image: Image, frame: MapFrame) -> None:
+def draw_scale(image: Image, frame: MapFrame) -> None:
+    """Draw how long a metre is, at the top right."""
     right, base = frame.size_px[0] - 12, 22  # beside the title, above what is shown
     left = right - frame.scale_px_per_m
     line(image, [(left, base - 4), (left, base), (right, base), (right, base - 4)], DIM)

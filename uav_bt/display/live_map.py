@@ -1,8 +1,12 @@
-"""The map that follows a flight: the path so far, the drone, and what its camera sees."""
+"""The map that follows a flight: the path so far, the drone, and what its camera sees.
+
+Where the mission keeps a map of its own, that is drawn, with the outlines of what is there on top.
+"""
 
 from __future__ import annotations
 
 import math
+from itertools import groupby
 from typing import Final
 
 from uav_bt.display.canvas import (
@@ -28,8 +32,11 @@ from uav_bt.display.lab_map import (
     draw_movers,
     phase_colours,
 )
+from uav_bt.display.site_map_pane import FOOTER_PX, draw_site_map
+from uav_bt.mission.map_alignment import MapAlignment
 from uav_bt.types import CameraModel, HelipadFix, Pose
 from uav_bt.types.projection import pixel_rays
+from uav_bt.types.site_map import SiteMap
 
 _VIEW_OPACITY: Final = 0.25
 _VIEW_REACH_M: Final = 1.8  # how far ahead the camera's view is drawn
@@ -84,12 +91,37 @@ class LiveMap:
     ) -> None:
         extent_m = lab_map.carpet_size_m if lab_map is not None else _NO_LAB_M
         self.size_px = size_px
-        self._frame = MapFrame.around(extent_m, size_px, header_px=HEADER_PX)
+        self._frame = MapFrame.around(extent_m, size_px, header_px=HEADER_PX, footer_px=FOOTER_PX)
         self._camera = camera
         self._lab_map = lab_map
         self._lab = draw_lab(lab_map, self._frame)
         put(self._lab, title, (12, 22), colour=INK, scale=0.48)
+        self._title = title
+        self._alignment = MapAlignment()
+        self._site_map: SiteMap | None = None
+        self._believed: Image | None = None  # the mission's map, without the path
         self._drawn = 1  # points of the path that are already on the image
+
+    def believe(
+        self, time_s: float, flown: FlownPath, reported_yaw_rad: float, site_map: SiteMap | None
+    ) -> None:
+        """Take the mission's own map, which is drawn in place of the lab from then on.
+
+        Args:
+            time_s: of the tick.
+            flown: the path so far.
+            reported_yaw_rad: of the drone, by its telemetry.
+            site_map: as the mission knows it; None: the last one stays.
+        """
+        if flown.pose is None:
+            return
+        self._alignment.add(time_s, flown.pose, reported_yaw_rad, site_map)
+        placement = self._alignment.placement
+        if placement is None or site_map is None or site_map is self._site_map:
+            return
+        self._site_map = site_map
+        self._believed = draw_site_map(site_map, placement, self._frame, self._lab_map)
+        put(self._believed, self._title, (12, 22), colour=INK, scale=0.48)
 
     def draw(
         self, flown: FlownPath, *, pitch_rad: float, height_m: float, fix: HelipadFix | None
@@ -103,7 +135,11 @@ class LiveMap:
             fix: where the drone believes the helipad to be.
         """
         self._draw_new_path(flown)
-        image = self._lab.copy()
+        if self._believed is None:
+            image = self._lab.copy()
+        else:
+            image = self._believed.copy()
+            self._draw_path(image, flown, 1)
         if self._lab_map is not None:
             places_m = [(mover.pose.x_m, mover.pose.y_m) for mover in flown.movers]
             draw_movers(image, self._frame, self._lab_map, places_m)
@@ -119,12 +155,16 @@ class LiveMap:
         return image
 
     def _draw_new_path(self, flown: FlownPath) -> None:
-        points = flown.points
-        colours = phase_colours(flown.phases)
-        for before, after in zip(points[self._drawn - 1 :], points[self._drawn :], strict=False):
-            ends = [(before.x_m, before.y_m), (after.x_m, after.y_m)]
-            line(self._lab, self._frame.all_to_px(ends), colours[after.phase], _PATH_PX)
-        self._drawn = max(len(points), 1)
+        self._draw_path(self._lab, flown, self._drawn)
+        self._drawn = max(len(flown.points), 1)
+
+    def _draw_path(self, image: Image, flown: FlownPath, first: int) -> None:
+        """Draw the path from a point's predecessor on, in one line for each phase."""
+        colours, points = phase_colours(flown.phases), flown.points
+        for phase, run in groupby(range(first, len(points)), lambda at: points[at].phase):
+            places = list(run)
+            ends = [(p.x_m, p.y_m) for p in points[places[0] - 1 : places[-1] + 1]]
+            line(image, self._frame.all_to_px(ends), colours[phase], _PATH_PX)
 
     def _around(self, pose: Pose, forward_m: float, right_m: float) -> Point:
         """Return where a point given from the body's centre lies in the image."""

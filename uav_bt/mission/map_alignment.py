@@ -1,4 +1,4 @@
-"""Where a mission's map lies in the world: only somebody who knows the truth can say.
+"""Where a mission's map lies in the world: for reports and displays, which know the truth.
 
 The map's frame has x along the yaw that the drone reports as 0, y to its right and yaw clockwise;
 the world has z up and yaw counter-clockwise. So a point of the map is mirrored, turned and moved.
@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.mission.tick import TickRecord
 from uav_bt.types import Pose2D, wrap_angle
 from uav_bt.types.site_map import SiteMap
 
@@ -41,31 +40,31 @@ class MapPlacement:
 
 
 class MapAlignment:
-    """Aligns a map with the world: by the drone's true pose where the map began."""
+    """Aligns a map with the world: by the drone's pose in both where the map began."""
 
     def __init__(self) -> None:
         self._first_s: float | None = None
         self._x_axis = complex(0.0)  # of the map in the world: the sum of its directions
         self._began: tuple[Pose2D, Pose2D] | None = None  # the drone in the map and in the world
 
-    def add(self, record: TickRecord, site_map: SiteMap | None) -> None:
+    def add(
+        self, time_s: float, pose: Pose2D, reported_yaw_rad: float, site_map: SiteMap | None
+    ) -> None:
         """Take note of a tick, from the flight's first on.
 
         Args:
-            record: of the tick; without a truth it says nothing.
+            time_s: of the mission clock.
+            pose: of the drone in the world then.
+            reported_yaw_rad: as its telemetry says, clockwise.
             site_map: as the mission knows it in that tick, None before it has one.
         """
-        truth = record.truth
-        if truth is None:
-            return
         if self._first_s is None:
-            self._first_s = record.time_s
-        if record.time_s - self._first_s <= _MEAN_S:
+            self._first_s = time_s
+        if time_s - self._first_s <= _MEAN_S:
             # By what the drone reports it is turned clockwise from the map's x axis.
-            reported_rad = record.observation.state.attitude.yaw_rad
-            self._x_axis += cmath.rect(1.0, truth.pose.yaw_rad + reported_rad)
+            self._x_axis += cmath.rect(1.0, pose.yaw_rad + reported_yaw_rad)
         if self._began is None and site_map is not None:
-            self._began = (site_map.pose, truth.pose)
+            self._began = (site_map.pose, pose)
 
     @property
     def placement(self) -> MapPlacement | None:

@@ -43,10 +43,13 @@ class MapCheck:
             record: of the tick.
             since_s: when the take-off command was sent; None before.
         """
-        site_map = self._read()
-        self._alignment.add(record, site_map)
-        placement, truth = self._alignment.placement, record.truth
-        if truth is None or placement is None or site_map is None or site_map is self._newest:
+        site_map, truth = self._read(), record.truth
+        if truth is None:
+            return
+        reported_rad = record.observation.state.attitude.yaw_rad
+        self._alignment.add(record.time_s, truth.pose, reported_rad, site_map)
+        placement = self._alignment.placement
+        if placement is None or site_map is None or site_map is self._newest:
             return
         self._newest = site_map
         believed = placement.pose_to_world(site_map.pose)

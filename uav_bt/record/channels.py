@@ -28,8 +28,10 @@ from uav_bt.types import (
     HelipadFix,
     Movement,
     ObstaclePoints,
+    Pose2D,
     Truth,
 )
+from uav_bt.types.site_map import MapMark, MapObject
 
 Quality = Literal["lossless", "high", "small"]
 
@@ -148,6 +150,26 @@ class FrameNote:
         return Frame(image=image, **{item.name: getattr(self, item.name) for item in fields(self)})
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SiteMapNote:
+    """A site map: as `uav_bt.types.site_map.SiteMap`, its grids as one image."""
+
+    pose: Pose2D
+    corner_m: tuple[float, ...]
+    cell_m: float
+    cells_png: str  # base64; a byte for each cell, a bit for each grid
+    obstacles_m: NDArray[np.float64]
+    edges_m: NDArray[np.float64]
+    captured_s: float
+    movers_m: NDArray[np.float64]
+    objects: tuple[MapObject, ...] = ()
+    mark: MapMark | None = None
+    correction: Pose2D
+    contradicted_s: float = 0.0
+    restarts: int = 0
+    full: bool = False
+
+
 @dataclass(frozen=True, kw_only=True)
 class NodeNote:
     """A node of the tree."""
@@ -221,6 +243,7 @@ METRIC_DEPTH: Final = Channel(topic="/perception/metric_depth", content="RawImag
 CORRIDOR: Final = Channel(topic="/perception/corridor", content=Corridor)
 HELIPAD: Final = Channel(topic="/perception/helipad", content=HelipadFix)
 OBSTACLES: Final = Channel(topic="/perception/obstacles", content=ObstaclePoints)
+SITE_MAP: Final = Channel(topic="/perception/site_map", content=SiteMapNote)
 STATE: Final = Channel(topic="/drone/state", content=DroneState)
 POSE: Final = Channel(topic="/drone/pose", content="PoseInFrame")
 TRANSFORM: Final = Channel(topic="/tf", content="FrameTransform")
@@ -237,7 +260,7 @@ CHANNELS: Final[dict[str, Channel]] = {
     channel.topic: channel
     for channel in (
         *(CAMERA_IMAGE, CAMERA_FRAME, CALIBRATION),
-        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, OBSTACLES),
+        *(CLASS_MAP, RELATIVE_DEPTH, METRIC_DEPTH, CORRIDOR, HELIPAD, OBSTACLES, SITE_MAP),
         *(STATE, POSE, TRANSFORM, TRUTH),
         *(TICK, COMMANDS, BOARD, ADVICE, TREE, TREE_STATUS, LOG),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
@@ -20,6 +21,7 @@ from uav_bt.record.channels import (
 )
 from uav_bt.record.images import millimetres
 from uav_bt.record.record_file import Timeline
+from uav_bt.record.site_maps import note_of
 from uav_bt.record.values import dump, encode, finite
 from uav_bt.record.worker import Encoded
 from uav_bt.tree.status import Status
@@ -32,6 +34,8 @@ _VALUES: Final = {
     keys.OBSTACLES.name: channels.OBSTACLES,
     keys.ADVICE.name: channels.ADVICE,
 }
+_MAP_S: Final = 0.5  # between site maps, which change with every view
+_SLACK_S: Final = 1e-6
 _MAPS: Final = {
     keys.CLASS_MAP.name: channels.CLASS_MAP,
     keys.RELATIVE_DEPTH.name: channels.RELATIVE_DEPTH,
@@ -84,6 +88,7 @@ class MomentEncoder:
         self._frame_index: int | None = None
         self._last: dict[str, Any] = {}  # the board's values that were written last
         self._statuses: tuple[Status, ...] | None = None
+        self._map_s = -math.inf  # when a site map was kept last
 
     def encode(self, moment: RawMoment, images: bool) -> Iterator[Encoded]:  # noqa: FBT001 - called by the worker
         """Yield a moment's messages.
@@ -115,9 +120,8 @@ class MomentEncoder:
             yield message(
                 channels.LOG, messages.log_line(line.level, line.message, line.name, now_ns)
             )
-        for name, channel in _VALUES.items():
-            if self._is_new(name, moment):
-                yield message(channel, dump(encode(moment.board[name][0])))
+        for channel, value in self._values(moment):
+            yield message(channel, dump(encode(value)))
         for channel, image in self._frame(moment.tick, images=images):
             yield message(channel, image)
         for name, channel in _MAPS.items():
@@ -131,6 +135,15 @@ class MomentEncoder:
             return False
         self._last[name] = value
         return True
+
+    def _values(self, moment: RawMoment) -> Iterator[tuple[Channel, object]]:
+        for name, channel in _VALUES.items():
+            if self._is_new(name, moment):
+                yield channel, moment.board[name][0]
+        time_s, site_map = moment.tick.time_s, keys.SITE_MAP.name
+        if time_s - self._map_s >= _MAP_S - _SLACK_S and self._is_new(site_map, moment):
+            self._map_s = time_s
+            yield channels.SITE_MAP, note_of(moment.board[site_map][0])
 
     def _is_kept(self, channel: Channel) -> bool:
         # Relative depth is of no use to a person and compresses badly; small files go without.

@@ -82,14 +82,35 @@ def decode_image(data: bytes | memoryview) -> NDArray[np.uint8]:
     Raises:
         InputError: they are no image, or one of too many pixels.
     """
+    return np.ascontiguousarray(_decoded(data, cv2.IMREAD_COLOR)[..., ::-1])
+
+
+def _decoded(data: bytes | memoryview, how: int) -> NDArray[np.uint8]:
     width_px, height_px = image_size(data)
     if width_px * height_px > _MAX_PIXELS:
         raise InputError(f"an image of {width_px}x{height_px} has more than {_MAX_PIXELS} pixels")
     buffer = np.frombuffer(data, dtype=np.uint8)
-    image = cv2.imdecode(buffer, cv2.IMREAD_COLOR)
+    image = cv2.imdecode(buffer, how)
     if image is None:
         raise InputError(f"a PNG or JPEG image of {len(buffer)} bytes is damaged")
-    return np.ascontiguousarray(image[..., ::-1]).astype(np.uint8, copy=False)
+    return image.astype(np.uint8, copy=False)
+
+
+def encode_bytes(values: NDArray[np.uint8]) -> bytes:
+    """Return a byte for each pixel, (H, W), as a PNG."""
+    good, data = cv2.imencode(".png", values)
+    if not good:
+        raise InputError(f"an image of {values.shape} cannot be encoded as .png")
+    return data.tobytes()
+
+
+def decode_bytes(data: bytes) -> NDArray[np.uint8]:
+    """Return the (H, W) bytes of a PNG of `encode_bytes`.
+
+    Raises:
+        InputError: they are no image, or one of too many pixels.
+    """
+    return _decoded(data, cv2.IMREAD_GRAYSCALE)
 
 
 def image_size(data: bytes | memoryview) -> tuple[int, int]:

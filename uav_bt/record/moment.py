@@ -11,8 +11,16 @@ import numpy as np
 from uav_bt.errors import InputError
 from uav_bt.json_text import parse_json
 from uav_bt.record import channels
-from uav_bt.record.channels import Channel, CommandNote, FrameNote, StatusNote, TickNote
+from uav_bt.record.channels import (
+    Channel,
+    CommandNote,
+    FrameNote,
+    SiteMapNote,
+    StatusNote,
+    TickNote,
+)
 from uav_bt.record.images import decode_image, image_bytes, raw_image
+from uav_bt.record.site_maps import site_map_of
 from uav_bt.record.values import decode, decode_float
 from uav_bt.types import (
     ClassMap,
@@ -24,6 +32,7 @@ from uav_bt.types import (
     ObstaclePoints,
     Truth,
 )
+from uav_bt.types.site_map import SiteMap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +71,7 @@ class Moment:
     corridor: Corridor | None = None
     helipad: HelipadFix | None = None
     obstacles: ObstaclePoints | None = None
+    site_map: SiteMap | None = None  # kept at most twice a second
     truth: Truth | None = None
 
 
@@ -87,6 +97,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
     if tick is None or commands is None or state is None:
         raise InputError("a tick of the record lacks its commands or its state")
     status: StatusNote | None = value(channels.TREE_STATUS)
+    site_map: SiteMapNote | None = value(channels.SITE_MAP)
     board = _board(found)
     return Moment(
         tick=tick,
@@ -101,6 +112,7 @@ def moment_of(found: Mapping[str, bytes], statuses: tuple[str, ...]) -> Moment:
         corridor=value(channels.CORRIDOR),
         helipad=value(channels.HELIPAD),
         obstacles=value(channels.OBSTACLES),
+        site_map=None if site_map is None else site_map_of(site_map),
         truth=value(channels.TRUTH),
     )
 

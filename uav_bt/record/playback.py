@@ -29,6 +29,7 @@ _VALUES: Final[tuple[Key[Any], ...]] = (
     keys.CORRIDOR,
     keys.HELIPAD,
     keys.OBSTACLES,
+    keys.SITE_MAP,
 )
 
 

@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 
 from tests.uav_bt.display.display_world import CAMERA, LAB, World
+from uav_bt.classes import CLASS_COLOURS
 from uav_bt.display.flown_path import FlownPath
 from uav_bt.display.lab_map import HEADER_PX, MapFrame, MapItem, MapMover, phase_colours
 from uav_bt.display.live_map import LiveMap, ground_view
-from uav_bt.types import HelipadFix, MoverState, Pose
+from uav_bt.display.site_map_pane import FOOTER_PX, OUTSIDE, PASSED, SEEN, cells_image
+from uav_bt.types import HelipadFix, MoverState, Pose, Pose2D
+from uav_bt.types.site_map import MapObject, SiteMap
 
 SIZE_PX = (638, 439)
-FRAME = MapFrame.around(LAB.carpet_size_m, SIZE_PX, header_px=HEADER_PX)
+FRAME = MapFrame.around(LAB.carpet_size_m, SIZE_PX, header_px=HEADER_PX, footer_px=FOOTER_PX)
 
 
 def test_a_camera_that_looks_straight_down_sees_a_rectangle_below_the_lens() -> None:
@@ -97,3 +100,55 @@ def test_a_flight_in_an_unknown_lab_is_drawn_too() -> None:
     world, flown, live = World(), FlownPath(), LiveMap(None, CAMERA, SIZE_PX)
     flown.add(world.tick())
     assert live.draw(flown, pitch_rad=0.0, height_m=0.0, fix=None).shape == (439, 638, 3)
+
+
+def believed(x_m: float = 0.0, *objects: MapObject) -> SiteMap:
+    """Return a map whose ground lies ahead of the start and to its right, and ends there."""
+    rows, columns = np.indices((21, 21))
+    ahead, right = rows - 10 > 0, columns - 10 > 0
+    return SiteMap(
+        pose=Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0),
+        corner_m=(-1.0, -1.0),
+        cell_m=0.1,
+        seen_s=np.where(ahead, 1.0, -np.inf).astype(np.float32),
+        free=ahead,
+        outside=~ahead & right,
+        passed=ahead & ~right,
+        obstacles_m=np.empty((0, 2)),
+        edges_m=np.empty((0, 2)),
+        captured_s=1.0,
+        objects=objects,
+    )
+
+
+def test_cells_are_shown_by_what_is_known_of_them() -> None:
+    image = cells_image(believed())
+    assert [tuple(image[cell]) for cell in ((15, 15), (15, 5), (5, 15))] == [SEEN, PASSED, OUTSIDE]
+
+
+def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
+    """The drone begins at (0.5, 0) and heads along y: right of it is x, and ahead is y."""
+    box_2 = MapObject(class_id=5, x_m=0.5, y_m=0.5, size_m=0.3, std_m=0.1, seen_s=1.0)
+    flown, world, live = FlownPath(), World(), LiveMap(LAB, CAMERA, SIZE_PX)
+    pose = Pose(x_m=0.5, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)
+
+    def shown(time_s: float, site_map: SiteMap | None) -> np.ndarray:
+        flown.add(world.tick(pose=pose))
+        live.believe(time_s, flown, 0.0, site_map)
+        return live.draw(flown, pitch_rad=-math.pi / 2, height_m=0.01, fix=None)
+
+    def at(image: np.ndarray, x_m: float, y_m: float) -> tuple[int, ...]:
+        column, row = (round(v) for v in FRAME.to_px(x_m, y_m))
+        return tuple(image[row, column])
+
+    assert at(shown(0.0, None), 1.2, 0.7) not in {SEEN, PASSED, OUTSIDE}
+    image = shown(0.1, believed(0.0, box_2))
+    assert at(image, 1.3, 0.8) == SEEN
+    assert at(image, -0.2, 0.8) == PASSED
+    assert at(image, 1.3, -0.8) == OUTSIDE
+    assert at(image, 1.0 - 0.15, 0.5) == tuple(CLASS_COLOURS[5]), "an object in its class's colour"
+    assert np.array_equal(shown(0.2, None), image), "the last map stays"
+    pose = Pose(x_m=0.5, y_m=0.4, z_m=1.5, yaw_rad=math.pi / 2)
+    shown(0.3, believed(0.4))
+    image = shown(0.4, believed(0.4))
+    assert at(image, 0.5, 0.2) == phase_colours(["explore"])["explore"], "the path lies on top"

@@ -104,9 +104,9 @@ def in_map(x_m: float, y_m: float) -> tuple[float, float]:
 
 def test_a_map_is_mirrored_turned_and_moved_into_the_world() -> None:
     alignment = MapAlignment()
-    alignment.add(tick(0.0), None)
+    alignment.add(0.0, START, REPORTED_RAD, None)
     assert alignment.placement is None
-    alignment.add(tick(0.1), site_map())
+    alignment.add(0.1, START, REPORTED_RAD, site_map())
     placement = alignment.placement
     assert placement is not None
     corner = np.array([in_map(2.0, -1.5), in_map(-1.0, 0.5)])
@@ -119,8 +119,8 @@ def test_noise_of_the_reported_yaw_does_not_turn_the_map() -> None:
     alignment = MapAlignment()
     for index in range(11):
         noise_rad = 0.05 if index % 2 else -0.05
-        alignment.add(tick(index / 10, reported_rad=REPORTED_RAD + noise_rad), site_map())
-    alignment.add(tick(5.0, reported_rad=REPORTED_RAD + 1.0), site_map())  # it drifts in flight
+        alignment.add(index / 10, START, REPORTED_RAD + noise_rad, site_map())
+    alignment.add(5.0, START, REPORTED_RAD + 1.0, site_map())  # it drifts in flight
     placement = alignment.placement
     assert placement is not None
     assert placement.frame.yaw_rad == pytest.approx(math.radians(50), abs=0.01)
@@ -128,9 +128,9 @@ def test_noise_of_the_reported_yaw_does_not_turn_the_map() -> None:
 
 def test_a_map_that_begins_in_flight_is_aligned_where_it_began() -> None:
     alignment = MapAlignment()
-    alignment.add(tick(0.0), None)
+    alignment.add(0.0, START, REPORTED_RAD, None)
     there = Pose(x_m=1.0, y_m=1.0, z_m=1.5, yaw_rad=START.yaw_rad)
-    alignment.add(tick(9.0, there), site_map(0.2, 0.0))
+    alignment.add(9.0, there, REPORTED_RAD, site_map(0.2, 0.0))
     placement = alignment.placement
     assert placement is not None
     pose = placement.pose_to_world(site_map(0.2, 0.0).pose)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.uav_bt.record.test_site_maps import site_map
 from uav_bt.mission.tick import TickRecord
 from uav_bt.record import messages
 from uav_bt.record.channels import RecordConfig
@@ -164,3 +165,13 @@ def test_a_camera_that_looks_down_sees_downwards() -> None:
     assert level.apply((0.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0, 0.0])
     assert level.apply((1.0, 0.0, 0.0)) == pytest.approx([0.0, -1.0, 0.0])
     assert level.apply((0.0, 1.0, 0.0)) == pytest.approx([0.0, 0.0, -1.0])
+
+
+def test_a_site_map_is_kept_at_most_twice_a_second() -> None:
+    made, kept = encoder(), []
+    for index in range(12):
+        moment = raw_moment({**BOARD, "site_map": site_map()})
+        at = replace(moment, tick=replace(moment.tick, time_s=1.0 + index / 10))
+        if read(made, at).site_map is not None:
+            kept.append(index)
+    assert kept == [0, 5, 10]

@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uav_bt.app.assembly import Flight
-from uav_bt.app.film import corridor_marker, corridor_of, lab_map_of, makes_depth, title_of
+from uav_bt.app.film import (
+    corridor_marker,
+    corridor_of,
+    lab_map_of,
+    makes_depth,
+    makes_map,
+    title_of,
+)
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import CLASS_COLOURS, CLASS_NAMES
 from uav_bt.display.lab_map import LabMap
@@ -114,6 +121,7 @@ def setting_of(
         lab_map=lab_map,
         tree=tuple(nodes),
         makes_depth=tree is not None and makes_depth(tree),
+        makes_map=tree is not None and makes_map(tree),
         corridor=None
         if corridor is None
         else CorridorSize(

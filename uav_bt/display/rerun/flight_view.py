@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import rerun as rr
 
-from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, OBSTACLES
+from uav_bt.board import CLASS_MAP, CORRIDOR, HELIPAD, METRIC_DEPTH, OBSTACLES, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
 from uav_bt.display.flown_path import FlownPath
@@ -19,6 +19,7 @@ from uav_bt.display.phrases import describe_movement
 from uav_bt.display.rerun.images import ImageView
 from uav_bt.display.rerun.plots import FlightPlots, TreeGraph
 from uav_bt.display.rerun.setting import TIMELINE, WORDS, ViewSetting
+from uav_bt.display.rerun.site_map import SiteMapView
 from uav_bt.display.rerun.world import WorldView
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.tree import Status
@@ -57,6 +58,7 @@ class FlightView:
             stream.send_recording_name(setting.title)
         self._images = ImageView(stream, setting)
         self._world = WorldView(stream, setting)
+        self._map = SiteMapView(stream, setting.lab_map)
         self._tree = TreeGraph(stream, setting.tree)
         self._plots = FlightPlots(stream)
 
@@ -78,6 +80,7 @@ class FlightView:
         self._images.show_depth(depth, corridor, frame, class_map)
         self._world.show_corridor(corridor)
         self._world.show_memory(obstacles, fix)
+        self._map.show(record, self._flown, board.read(SITE_MAP).value)
         self._tree.show(self._statuses())
         self._plots.show(record, corridor=corridor, obstacles=obstacles, fix=fix)
         self._log_words(record)

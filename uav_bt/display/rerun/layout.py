@@ -16,6 +16,7 @@ from uav_bt.display.rerun.setting import (
     LENS,
     MASK,
     PATH,
+    SITE_MAP,
     TICK_TIME,
     TIMELINE,
     TREE,
@@ -37,7 +38,10 @@ def layout(setting: ViewSetting) -> rrb.Blueprint:
         rrb.Horizontal(*eyes),
         row_shares=[3, 2],
     )
-    flown = rrb.Tabs(_world(setting.title), rrb.TextLogView(origin=WORDS, name="Words"))
+    tabs: list[rrb.View] = [_world(setting.title)]
+    if setting.makes_map:
+        tabs.append(rrb.Spatial2DView(origin=SITE_MAP, name="Site map"))
+    flown = rrb.Tabs(*tabs, rrb.TextLogView(origin=WORDS, name="Words"))
     above: list[rrb.Container | rrb.View] = [seen, flown]
     if setting.tree:
         above.append(rrb.GraphView(origin=TREE, name="Tree"))

@@ -57,6 +57,7 @@ class ViewSetting:
     lab_map: LabMap | None = None  # None where it is unknown
     tree: tuple[TreeNode, ...] = ()
     makes_depth: bool = False  # whether the mission makes metric depth: it gets a pane
+    makes_map: bool = False  # whether the mission keeps a site map: it gets a pane
     corridor: CorridorSize | None = None  # None: the mission builds none
     intruding: Intruding | None = None  # None marks no pixel
 
@@ -73,6 +74,7 @@ FIX: Final = f"{WORLD}/helipad_fix"
 LENS: Final = f"{WORLD}/camera"  # image and overlays, in the image's pixels
 DEPTH_LENS: Final = f"{WORLD}/depth"  # the same lens at the depth map's size
 MASK: Final = "mask"
+SITE_MAP: Final = "site_map"  # the mission's own map, an image
 TREE: Final = "tree"
 WORDS: Final = "words"
 HEADING: Final = "plots/heading"

@@ -15,7 +15,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH
+from uav_bt.board import CLASS_MAP, CORRIDOR, ELAPSED, HELIPAD, METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.canvas import (
     ACCENT,
@@ -166,7 +166,10 @@ class Panes:
         return image
 
     def _draw_map(self, readings: Readings, flown: FlownPath) -> Image:
-        state = readings.record.observation.state
+        record = readings.record
+        state = record.observation.state
+        yaw_rad, site_map = state.attitude.yaw_rad, self._board.read(SITE_MAP).value
+        self._map.believe(record.time_s, flown, yaw_rad, site_map)
         return self._map.draw(
             flown,
             pitch_rad=state.gimbal_pitch_rad,

@@ -61,6 +61,20 @@ def test_board_and_statuses_are_those_after_each_tick(
         assert dict(playback.statuses()) == statuses, tick.index
 
 
+def test_the_site_map_is_at_most_half_a_second_old(
+    flown: tuple[Path, Seen], playback: Playback
+) -> None:
+    seen, compared = flown[1], 0
+    for _, board in zip(playback.ticks(), seen.boards, strict=True):
+        again, live = (known.get("site_map") for known in (playback.board.snapshot(), board))
+        assert (again is None) == (live is None)
+        if again is not None and live is not None:
+            assert 0.0 <= live[0].captured_s - again[0].captured_s <= 0.6
+            assert again[0].restarts == live[0].restarts
+            compared += 1
+    assert compared > 20
+
+
 def test_a_part_begins_and_ends_where_it_is_told_to(playback: Playback) -> None:
     start_s = playback.start_s
     times = np.array([tick.time_s for tick in playback.ticks(from_s=2.0, to_s=3.0)])

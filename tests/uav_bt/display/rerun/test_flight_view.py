@@ -10,7 +10,8 @@ import pytest
 from rerun.blueprint import GraphView, Spatial2DView, Vertical, View
 
 from tests.uav_bt.display.rerun.rerun_world import NotedStream, World, setting, values
-from uav_bt.board import PHASE
+from tests.uav_bt.display.test_live_map import believed
+from uav_bt.board import PHASE, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.display.rerun.flight_view import BackgroundFollower, FlightView, Statuses
 from uav_bt.display.rerun.layout import layout
@@ -74,6 +75,15 @@ def test_the_layout_has_a_pane_for_everything() -> None:
         *("Camera", "Mask", "Metric depth", "tour", "Words", "Tree"),
         *("Heading error, deg", "Height, m", "Free distance, m", "Tick time, ms"),
     ]
+
+
+def test_a_mission_that_keeps_a_map_gets_a_pane_for_it() -> None:
+    names = [view.name for view in views(layout(setting(makes_map=True)).root_container)]
+    assert "Site map" in names
+    stream, world = NotedStream(), World()
+    world.board.write(SITE_MAP, believed())
+    flight_view(stream, world).on_tick(world.tick())
+    assert len(stream.of("site_map")) == 1
 
 
 def test_panes_that_would_stay_empty_are_left_out() -> None:

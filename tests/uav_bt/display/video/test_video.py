@@ -9,8 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.uav_bt.display.display_world import CAMERA, COLOURS, LAB, PALETTE, World
+from tests.uav_bt.display.test_live_map import believed
+from uav_bt.board import SITE_MAP
 from uav_bt.display.canvas import PANEL
 from uav_bt.display.flown_path import FlownPath
+from uav_bt.display.site_map_pane import SEEN
 from uav_bt.display.video.video import FlightVideo, FlightVideoConfig, Panes
 from uav_bt.errors import FileError, ValueRangeError
 from uav_bt.types import ClassMap, DepthMap, Frame, Pose
@@ -77,6 +80,20 @@ def test_the_four_panes_show_what_is_on_the_board() -> None:
     assert len(np.unique(with_map[:438, 642:].reshape(-1, 3), axis=0)) > 10, "the map"
     world.clock.advance(5.0)
     assert tuple(panes.draw(world.tick(), FlownPath())[700, 300]) != tuple(COLOURS[1]), "stale"
+
+
+def test_the_missions_own_map_takes_the_place_of_the_lab() -> None:
+    world = World()
+    panes, flown = panes_of(world), FlownPath()
+
+    def shown() -> NDArray[np.uint8]:
+        record = world.tick()
+        flown.add(record)
+        return panes.draw(record, flown)[:400, 642:].copy()
+
+    assert not (shown() == SEEN).all(axis=-1).any()
+    world.board.write(SITE_MAP, believed())
+    assert (shown() == SEEN).all(axis=-1).sum() > 500
 
 
 def test_a_mission_without_depth_is_filmed_without_its_panes() -> None:

@@ -1,0 +1,98 @@
+"""Site maps as a record keeps them."""
+
+from __future__ import annotations
+
+import base64
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uav_bt.errors import InputError
+from uav_bt.json_text import parse_json
+from uav_bt.record.channels import SiteMapNote
+from uav_bt.record.images import encode_bytes
+from uav_bt.record.site_maps import note_of, site_map_of
+from uav_bt.record.values import decode, dump, encode
+from uav_bt.types import Pose2D
+from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+
+RANDOM = np.random.default_rng(0)
+SHAPE = (31, 42)
+
+
+def site_map() -> SiteMap:
+    def some() -> np.ndarray:
+        return RANDOM.random(SHAPE) < 0.3
+
+    return SiteMap(
+        pose=Pose2D(x_m=0.1, y_m=1 / 3, yaw_rad=-2.0),
+        corner_m=(-1.5, 0.7),
+        cell_m=0.1,
+        seen_s=np.where(some(), 7.0, -np.inf).astype(np.float32),
+        free=some(),
+        outside=some(),
+        passed=some(),
+        obstacles_m=RANDOM.normal(size=(9, 2)),
+        edges_m=RANDOM.normal(size=(5, 2)),
+        captured_s=12.5,
+        objects=(MapObject(class_id=4, x_m=1.0, y_m=2.0, size_m=0.4, std_m=0.1, seen_s=12.0),),
+        mark=MapMark(x_m=0.0, y_m=0.1, std_m=0.02, seen_s=3.0),
+        contradicted_s=0.5,
+        restarts=2,
+        full=True,
+    )
+
+
+def through_json(note: SiteMapNote) -> SiteMapNote:
+    return decode(SiteMapNote, parse_json(dump(encode(note))))
+
+
+def test_a_map_comes_back() -> None:
+    kept = site_map()
+    back = site_map_of(through_json(note_of(kept)))
+    for grid in ("ground", "free", "outside", "passed"):
+        assert np.array_equal(getattr(back, grid), getattr(kept, grid)), grid
+    for points in ("obstacles_m", "edges_m", "movers_m"):
+        assert getattr(back, points) == pytest.approx(getattr(kept, points), abs=6e-4), points
+    for name in ("pose", "corner_m", "cell_m", "captured_s", "objects", "mark", "correction"):
+        assert getattr(back, name) == getattr(kept, name), name
+    assert (back.contradicted_s, back.restarts, back.full) == (0.5, 2, True)
+
+
+def test_a_map_is_small() -> None:
+    blank = np.zeros((120, 120), dtype=np.bool_)
+    blank[20:90, 20:90] = True
+    large = replace(
+        site_map(),
+        seen_s=np.where(blank, 1.0, -np.inf).astype(np.float32),
+        free=blank,
+        outside=~blank,
+        passed=blank,
+    )
+    assert len(dump(encode(note_of(large)))) < 4_000
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"cells_png": "no image"},
+        {"cells_png": base64.b64encode(b"no PNG").decode()},
+        {"cells_png": base64.b64encode(encode_bytes(np.zeros((2, 2), np.uint8))[:40]).decode()},
+        {"cell_m": 0.0},
+        {"cell_m": math.nan},
+        {"corner_m": (1.0,)},
+        {"corner_m": (1.0, math.inf)},
+        {"obstacles_m": np.zeros((4, 3))},
+        {"edges_m": np.array([[0.0, math.nan]])},
+        {"pose": Pose2D(x_m=math.nan, y_m=0.0, yaw_rad=0.0)},
+        {"objects": (MapObject(class_id=17, x_m=0, y_m=0, size_m=1, std_m=0, seen_s=0),)},
+        {"objects": (MapObject(class_id=4, x_m=0, y_m=0, size_m=math.nan, std_m=0, seen_s=0),)},
+    ],
+    ids=str,
+)
+def test_what_cannot_be_drawn_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError):
+        site_map_of(replace(note_of(site_map()), **wrong))

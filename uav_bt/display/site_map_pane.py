@@ -1,0 +1,129 @@
+"""The map that the mission believes in, as an image and as lines on a map of the lab."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import cv2
+import numpy as np
+
+from uav_bt.classes import BOXES, CLASS_COLOURS, CLASS_NAMES
+from uav_bt.display.canvas import (
+    BACKDROP,
+    INK,
+    Colour,
+    Image,
+    line,
+    polygon,
+    put,
+    text_width_px,
+)
+from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, draw_scale
+from uav_bt.mission.map_alignment import MapPlacement
+from uav_bt.types.site_map import MapObject, SiteMap
+
+UNKNOWN: Final[Colour] = BACKDROP
+SEEN: Final[Colour] = (47, 62, 56)
+PASSED: Final[Colour] = (62, 104, 78)
+OUTSIDE: Final[Colour] = (58, 38, 42)
+FREE: Final[Colour] = (36, 42, 50)  # to fly, though its ground was not seen
+
+BASES: Final[Colour] = (255, 110, 90)
+EDGES: Final[Colour] = (214, 204, 150)
+_TRUE: Final[Colour] = (120, 190, 255)
+_POINT_PX: Final = 1
+_OBJECT_PX: Final = 2  # of an object's outline
+FOOTER_PX: Final = 24  # of an image: the legend
+_LEGEND: Final = (("passed", PASSED), ("seen", SEEN), ("outside", OUTSIDE), ("true", _TRUE))
+
+
+def cells_image(site_map: SiteMap) -> Image:
+    """Return what a map knows of each of its cells, (rows, columns, 3) uint8 RGB."""
+    image: Image = np.full((*site_map.free.shape, 3), UNKNOWN, dtype=np.uint8)
+    for cells, colour in (
+        (site_map.free, FREE),
+        (site_map.ground, SEEN),
+        (site_map.outside, OUTSIDE),
+        (site_map.passed & site_map.ground, PASSED),
+    ):
+        image[cells] = colour
+    return image
+
+
+def draw_site_map(
+    site_map: SiteMap, placement: MapPlacement, frame: MapFrame, lab_map: LabMap | None
+) -> Image:
+    """Return what the mission believes of the place, and on top the outlines of what is there.
+
+    Args:
+        site_map: the mission's.
+        placement: of it in the world.
+        frame: where the world lies in the image.
+        lab_map: what stands in the lab; None draws no outlines.
+
+    Returns:
+        (H, W, 3) uint8 RGB.
+    """
+    image = _cells_in_world(site_map, placement, frame)
+    if lab_map is not None:
+        carpet = MapItem(x_m=0.0, y_m=0.0, size_m=(*lab_map.carpet_size_m, 0.0))
+        pad = [] if lab_map.helipad is None else [lab_map.helipad]
+        for item in (carpet, *lab_map.boxes, *pad):
+            polygon(image, frame.all_to_px(item.corners()), None, _TRUE)
+    for points_m, colour in ((site_map.edges_m, EDGES), (site_map.obstacles_m, BASES)):
+        for x_m, y_m in placement.to_world(points_m).tolist():
+            x, y = (round(each) for each in frame.to_px(x_m, y_m))
+            cv2.circle(image, (x, y), _POINT_PX, colour, cv2.FILLED)
+    for each in site_map.objects:
+        _draw_object(image, each, placement, frame)
+    _draw_legend(image)
+    draw_scale(image, frame)
+    return image
+
+
+def _cells_in_world(site_map: SiteMap, placement: MapPlacement, frame: MapFrame) -> Image:
+    """Return the cells as they lie in the world, at the frame's size."""
+    # Three cells' centres say how columns and rows lie in the image: OpenCV's x is the column.
+    corner, cell_m = np.array(site_map.corner_m), site_map.cell_m
+    centres = corner + cell_m * np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
+    there = frame.all_to_px([(x, y) for x, y in placement.to_world(centres).tolist()])
+    turn = cv2.getAffineTransform(
+        np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], dtype=np.float32),
+        np.array(there, dtype=np.float32),
+    )
+    cells = cv2.warpAffine(
+        cells_image(site_map),
+        turn,
+        frame.size_px,
+        flags=cv2.INTER_NEAREST,
+        borderValue=UNKNOWN,
+    )
+    return np.asarray(cells, dtype=np.uint8)
+
+
+def _draw_object(image: Image, item: MapObject, placement: MapPlacement, frame: MapFrame) -> None:
+    ((x_m, y_m),) = placement.to_world(np.array([[item.x_m, item.y_m]])).tolist()
+    x, y = frame.to_px(x_m, y_m)
+    reach = max(item.size_m * frame.scale_px_per_m / 2.0, 4.0)
+    red, green, blue = (int(value) for value in CLASS_COLOURS[item.class_id])
+    square = [(x - reach, y - reach), (x + reach, y - reach), (x + reach, y + reach)]
+    square += [(x - reach, y + reach), (x - reach, y - reach)]
+    line(image, square, (red, green, blue), _OBJECT_PX)
+    words = object_label(item)
+    left = round(x - text_width_px(words, 0.36) / 2)
+    put(image, words, (left, round(y + 4)), scale=0.36, colour=INK)
+
+
+def object_label(item: MapObject) -> str:
+    """Return a short name of an object's class: a box's number alone."""
+    if item.class_id in BOXES:
+        return str(BOXES.index(item.class_id) + 1)
+    return CLASS_NAMES[item.class_id]
+
+
+def _draw_legend(image: Image) -> None:
+    left, base = 12, image.shape[0] - 10
+    for words, colour in _LEGEND:
+        line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
+        put(image, words, (left + 16, base), scale=0.36)
+        left += 16 + text_width_px(words, 0.36) + 14

@@ -1,0 +1,110 @@
+"""A site map as a record's message and back: its grids as one image, the rest as numbers.
+
+The image has a byte for each cell, a bit for each grid. Of a cell it keeps that it showed ground,
+not when.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uav_bt.classes import CLASS_COUNT
+from uav_bt.errors import InputError
+from uav_bt.record.channels import SiteMapNote
+from uav_bt.record.images import decode_bytes, encode_bytes
+from uav_bt.types import Pose2D
+from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+
+Floats = NDArray[np.float64]
+
+_GROUND, _FREE, _OUTSIDE, _PASSED = 1, 2, 4, 8  # bits of a cell
+_DECIMALS: Final = 3  # of metres that points keep
+_FAR_M: Final = 1e4  # nothing of a map is further away
+
+
+def note_of(site_map: SiteMap) -> SiteMapNote:
+    """Return what a record keeps of a map."""
+    cells = np.zeros(site_map.free.shape, dtype=np.uint8)
+    for grid, bit in _grids(site_map):
+        cells[grid] |= bit
+    return SiteMapNote(
+        pose=site_map.pose,
+        corner_m=site_map.corner_m,
+        cell_m=site_map.cell_m,
+        cells_png=base64.b64encode(encode_bytes(cells)).decode("ascii"),
+        obstacles_m=site_map.obstacles_m.round(_DECIMALS),
+        edges_m=site_map.edges_m.round(_DECIMALS),
+        captured_s=site_map.captured_s,
+        movers_m=site_map.movers_m.round(_DECIMALS),
+        objects=site_map.objects,
+        mark=site_map.mark,
+        correction=site_map.correction,
+        contradicted_s=site_map.contradicted_s,
+        restarts=site_map.restarts,
+        full=site_map.full,
+    )
+
+
+def _grids(site_map: SiteMap) -> tuple[tuple[NDArray[np.bool_], int], ...]:
+    return (
+        (site_map.ground, _GROUND),
+        (site_map.free, _FREE),
+        (site_map.outside, _OUTSIDE),
+        (site_map.passed, _PASSED),
+    )
+
+
+def site_map_of(note: SiteMapNote) -> SiteMap:
+    """Return the map of a record's note; its ground was seen when the newest frame was.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        cells = decode_bytes(base64.b64decode(note.cells_png, validate=True))
+    except binascii.Error as error:
+        raise InputError(f"the cells of a site map are damaged: {error}") from error
+    _check(note)
+    ground = (cells & _GROUND) > 0
+    return SiteMap(
+        pose=note.pose,
+        corner_m=note.corner_m,
+        cell_m=note.cell_m,
+        seen_s=np.where(ground, note.captured_s, -np.inf).astype(np.float32),
+        free=(cells & _FREE) > 0,
+        outside=(cells & _OUTSIDE) > 0,
+        passed=(cells & _PASSED) > 0,
+        obstacles_m=note.obstacles_m,
+        edges_m=note.edges_m,
+        captured_s=note.captured_s,
+        movers_m=note.movers_m,
+        objects=note.objects,
+        mark=note.mark,
+        correction=note.correction,
+        contradicted_s=note.contradicted_s,
+        restarts=note.restarts,
+        full=note.full,
+    )
+
+
+def _check(note: SiteMapNote) -> None:
+    """Refuse what could not be drawn."""
+    if len(note.corner_m) != 2 or not 0.0 < note.cell_m < _FAR_M:
+        raise InputError(f"a site map of cells of {note.cell_m} m at {note.corner_m} is none")
+    for points_m in (note.obstacles_m, note.edges_m, note.movers_m):
+        if points_m.ndim != 2 or points_m.shape[1] != 2:
+            raise InputError(f"expected (N, 2) points of a site map, got {points_m.shape}")
+    things: list[Pose2D | MapObject | MapMark] = [note.pose, *note.objects]
+    things += [] if note.mark is None else [note.mark]
+    places_m = np.array([note.corner_m, *((thing.x_m, thing.y_m) for thing in things)])
+    for some_m in (places_m, note.obstacles_m, note.edges_m, note.movers_m):
+        if not (np.abs(some_m) < _FAR_M).all():
+            raise InputError("a place of a site map is not finite, or too far away")
+    for item in note.objects:
+        if not (0 <= item.class_id < CLASS_COUNT and 0.0 <= item.size_m < _FAR_M):
+            raise InputError(f"the object {item} of a site map is none")
