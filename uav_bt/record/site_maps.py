@@ -73,7 +73,7 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
     ground = (cells & _GROUND) > 0
     return SiteMap(
         pose=note.pose,
-        corner_m=note.corner_m,
+        corner_m=(note.corner_m[0], note.corner_m[1]),
         cell_m=note.cell_m,
         seen_s=np.where(ground, note.captured_s, -np.inf).astype(np.float32),
         free=(cells & _FREE) > 0,
