@@ -32,11 +32,11 @@ class SurveyConfig:
     """
 
     touch_m: float = 0.42  # no leg passes an obstacle nearer: a decimetre is the map's drift
-    wide_m: float = 0.85  # from here on the full speed
+    wide_m: float = 0.75  # from here on the full speed
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
     unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
     edge_m: float = 0.30  # no leg passes the edge of the ground nearer
-    slow_mps: float = 0.25  # at the smallest distance
+    slow_mps: float = 0.3  # at the smallest distance
     fast_mps: float = 0.6
     # Around the drone, which may be nearer to something already, a leg goes on as near, not nearer.
     start_m: float = 0.7
