@@ -4,7 +4,7 @@
 # Choose with variables: make fly SCENE=test-a SEED=7, make PYTHON=/path/to/python3 test
 
 VENV ?= .venv
-TREE ?= trees/explore_and_land_segmentation.xml
+TREE ?= trees/survey_and_land.xml
 SCENE ?= train-a
 SEED ?= 0
 OUT ?= out

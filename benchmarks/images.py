@@ -2,11 +2,12 @@
 
     python benchmarks/images.py flight --scene val-b --seed 1 --at 6
     python benchmarks/images.py view flight.rrd --at 24.5 --out view.png
+    python benchmarks/images.py film out/mission.mp4 --at 100 --out docs/images/film.png
 
 `flight` flies a mission and writes the lab, a frame, its class map and the flown path to
 docs/images. `view` takes a screenshot of a Rerun file without a display (`uav-bt view flight.mcap
 --save flight.rrd`); it needs Vulkan, in software too: Debian's `mesa-vulkan-drivers` and
-`libvulkan1`.
+`libvulkan1`. `film` takes an image out of a film.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +132,13 @@ def view(file: Path, at_s: float, size: str, out: Path) -> None:
     print(f"{out}: {out.stat().st_size} bytes")
 
 
+def film_image(file: Path, at_s: float, out: Path) -> None:
+    """Keep the image of a film that is shown at a time."""
+    with av.open(str(file)) as container:
+        image = next(one for one in container.decode(video=0) if (one.time or 0.0) >= at_s)
+        save(out, image.to_ndarray(format="rgb24"))
+
+
 def main() -> None:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -144,9 +153,15 @@ def main() -> None:
     shown.add_argument("--at", type=float, default=0.0, help="seconds of the flight")
     shown.add_argument("--size", default="1600x900")
     shown.add_argument("--out", type=Path, default=Path("view.png"))
+    cut = commands.add_parser("film")
+    cut.add_argument("file", type=Path)
+    cut.add_argument("--at", type=float, default=0.0, help="seconds of the film")
+    cut.add_argument("--out", type=Path, default=Path("film.png"))
     given = parser.parse_args()
     if given.what == "flight":
         flight(given.scene, given.seed, given.at, given.out)
+    elif given.what == "film":
+        film_image(given.file, given.at, given.out)
     else:
         view(given.file, given.at, given.size, given.out)
 

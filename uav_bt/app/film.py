@@ -1,7 +1,7 @@
 """Films and the status line of a flight, composed: what the displays need to know about the lab.
 
 with film.flight_video(Path("flight.mp4"), speed=2.0) as video:
-    report = app.fly("explore_and_land_segmentation", listeners=[video])
+    report = app.fly("survey_and_land", listeners=[video])
     video.conclude(report)
 """
 

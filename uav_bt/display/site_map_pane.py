@@ -122,6 +122,7 @@ def object_label(item: MapObject) -> str:
 
 
 def _draw_legend(image: Image) -> None:
+    image[-FOOTER_PX:] = BACKDROP  # cells have the legend's colours
     left, base = 12, image.shape[0] - 10
     for words, colour in _LEGEND:
         line(image, [(left, base - 4), (left + 10, base - 4)], colour, 5)
