@@ -91,6 +91,11 @@ class MovingLeaf(Leaf):
         return self._progress
 
     @property
+    def busy(self) -> bool:
+        """Whether a movement is under way."""
+        return self._mover.busy
+
+    @property
     def trouble(self) -> str:
         """Why the last movement that FAILED did, in a few words."""
         return self._mover.trouble

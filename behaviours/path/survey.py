@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.site_map import SiteMap
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Cell = tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,14 +111,25 @@ class Room:
         self.open[self.start] = True
 
     @cached_property
-    def fastest(self) -> tuple[Floats, NDArray[np.int64]]:
-        """The seconds to each cell, inf where no path leads, and the cell before it, flat."""
-        return _fastest(self)
+    def fastest(self) -> FastestPaths:
+        """The fastest paths from the drone to everywhere."""
+        cell_s = self.map.cell_m / self.config.speed_mps(self.clear_m)
+        return fastest_paths(self.open, cell_s, self.start)
+
+    def leg(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Leg:
+        """Return a path as it is flown."""
+        cells = np.array(path)
+        return Leg(
+            path_m=np.array(self.map.corner_m) + self.map.cell_m * cells,
+            clear_m=self.clear_m[tuple(cells.T)],
+            time_s=time_s,
+            new_m2=new_m2,
+        )
 
     @property
     def shut_in(self) -> bool:
         """Whether most of what can be flown is out of reach from here."""
-        reached = np.isfinite(self.fastest[0])
+        reached = np.isfinite(self.fastest.time_s)
         wide = self.open & (self.clear_m >= self.config.touch_m)
         return bool((reached & wide).sum() < self.config.enough_reached * wide.sum())
 
@@ -180,7 +191,7 @@ def best_leg(
         value: of new ground, m2, for a time, s; it falls with time.
     """
     cfg, site_map = room.config, room.map
-    time_s, before = room.fastest
+    time_s = room.fastest.time_s
     worth = room.worth()
     ends = np.zeros(time_s.shape, dtype=bool)
     ends[:: cfg.grid_step, :: cfg.grid_step] = True
@@ -197,7 +208,7 @@ def best_leg(
         spent_s = float(time_s[end]) + cfg.leg_s
         if best is not None and value(most_m2, spent_s) <= best[0]:
             break
-        path = _path_to(end, before, room.start)
+        path = room.fastest.to(end)
         new_m2 = cell_m2 * _new_ground(path, worth, disc, cfg.stamp_step)
         if new_m2 < cfg.least_m2:
             continue
@@ -208,56 +219,7 @@ def best_leg(
     if best is None:
         return None
     _, path, spent_s, new_m2 = best
-    cells = np.array(path)
-    return Leg(
-        path_m=np.array(site_map.corner_m) + site_map.cell_m * cells,
-        clear_m=room.clear_m[tuple(cells.T)],
-        time_s=spent_s,
-        new_m2=new_m2,
-    )
-
-
-def _fastest(room: Room) -> tuple[Floats, NDArray[np.int64]]:
-    """Return Dijkstra's distances in seconds, and predecessors, as grids."""
-    from scipy.sparse import coo_array  # noqa: PLC0415  (`uav-bt check` must answer at once)
-    from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (as above)
-
-    shape = room.open.shape
-    number = np.full(shape, -1)
-    number[room.open] = np.arange(np.count_nonzero(room.open))
-    slowness = room.map.cell_m / room.config.speed_mps(room.clear_m)
-    begins, ends, prices = [], [], []
-    height, width = shape
-    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
-        there = (slice(down, height), slice(max(0, right), width - max(0, -right)))
-        both = (number[here] >= 0) & (number[there] >= 0)
-        begins.append(number[here][both])
-        ends.append(number[there][both])
-        mean = (slowness[here][both] + slowness[there][both]) / 2
-        prices.append(math.hypot(down, right) * mean)
-    count = int(number.max()) + 1
-    graph = coo_array(
-        (np.concatenate(prices), (np.concatenate(begins), np.concatenate(ends))),
-        shape=(count, count),
-    ).tocsr()
-    times, before = dijkstra(
-        graph, directed=False, indices=int(number[room.start]), return_predecessors=True
-    )
-    flat = np.flatnonzero(room.open)
-    time_s = np.full(shape, math.inf)
-    time_s[room.open] = times
-    came_from = np.full(shape, -1, dtype=np.int64)
-    came_from[room.open] = np.where(before >= 0, flat[np.maximum(before, 0)], -1)
-    return time_s, came_from
-
-
-def _path_to(end: Cell, before: NDArray[np.int64], start: Cell) -> list[Cell]:
-    path, width = [end], before.shape[1]
-    while path[-1] != start:
-        row, column = divmod(int(before[path[-1]]), width)
-        path.append((row, column))
-    return path[::-1]
+    return room.leg(path, time_s=spent_s, new_m2=new_m2)
 
 
 def _new_ground(path: list[Cell], worth: Floats, disc: Flags, step: int) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +19,8 @@ from tests.behaviours.leaf_world import (
     show,
     steering_bench,
 )
-from uav_bt.board import HELIPAD, OBSTACLES, PHASE, STATE
+from tests.behaviours.path.test_survey import drawn_map, where
+from uav_bt.board import HELIPAD, OBSTACLES, PHASE, SITE_MAP, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -28,6 +30,7 @@ from uav_bt.types import (
     ObstaclePoints,
     Velocity,
 )
+from uav_bt.types.site_map import MapMark, SiteMap
 
 SEARCH_GIMBAL = GimbalTo(pitch_rad=math.radians(-30))
 
@@ -38,6 +41,8 @@ def fly(
     *,
     seconds: float = 0.1,
     unseen_s: float = 0.0,
+    std_m: float = 0.0,
+    site_map: SiteMap | None = None,
     obstacles: Sequence[tuple[float, float]] | None = (),
     unplaced_rad: Sequence[float] = (),
     yaw_rad: float = 0.0,
@@ -52,7 +57,11 @@ def fly(
             forward_m=pad[0],
             right_m=pad[1],
             detected=unseen_s == 0.0,
+            std_m=std_m,
         )
+    del bench.board[SITE_MAP]
+    if site_map is not None:
+        bench.board[SITE_MAP] = replace(site_map, captured_s=now_s)
     del bench.board[OBSTACLES]
     if obstacles is not None:
         bench.board[OBSTACLES] = ObstaclePoints(
@@ -113,10 +122,10 @@ def test_the_search_turns_away_by_itself() -> None:
     assert isinstance(bench.proposed, MoveBy)
 
 
-def test_a_remembered_pad_does_not_end_the_search() -> None:
+def test_a_pad_whose_place_is_uncertain_does_not_end_the_search() -> None:
     """Only a sight of it does: the track may have gone astray."""
     bench = searching(Says(ADVANCE))
-    fly(bench, (2.0, 0.0), seconds=0.3, unseen_s=3.0)
+    fly(bench, (2.0, 0.0), seconds=0.3, unseen_s=3.0, std_m=0.5)
 
     assert bench.board[PHASE] == "search"
     assert isinstance(bench.proposed, MoveBy)
@@ -130,6 +139,131 @@ def test_a_sight_of_the_pad_interrupts_a_step() -> None:
 
     assert bench.board[PHASE] == "approach"
     assert velocity(bench).forward_mps > 0.0
+
+
+def test_a_pad_that_is_carried_well_needs_no_search() -> None:
+    """Behind the drone, seen a moment ago: it turns round to it."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, (-1.5, 0.4), seconds=0.3, unseen_s=3.0, std_m=0.05)
+
+    assert bench.board[PHASE] == "approach"
+    assert abs(velocity(bench).yaw_rate_radps) > 0.3
+
+
+def test_a_track_that_led_nowhere_is_not_flown_to_again() -> None:
+    """Above the carried place, but no pad was centred on: begun again, it searches."""
+    bench = overflying()
+    seen_s = bench.clock.now() - 0.7
+    assert fly(bench, (0.1, 0.0), unseen_s=0.8) is Status.SUCCESS
+    fly(bench, (0.3, 0.0), unseen_s=bench.clock.now() + 0.11 - seen_s, std_m=0.05)
+
+    assert bench.board[PHASE] == "search"
+
+
+# --- search by the map ----------------------------------------------------------------------------
+
+
+def marked(x_m: float, y_m: float, *, seen_s: float = 1.0, yaw_rad: float = 0.0) -> SiteMap:
+    """Return ground of 4 x 4 m with the landing mark on it; the drone is in the middle."""
+    mark = MapMark(x_m=x_m, y_m=y_m, std_m=0.03, seen_s=seen_s)
+    return replace(drawn_map(pose=(0.0, 0.0, yaw_rad)), mark=mark)
+
+
+def test_it_flies_to_the_mark_of_the_map() -> None:
+    """At a speed, without asking the policy."""
+    policy = Says(TURN_LEFT)
+    bench = searching(policy)
+    fly(bench, site_map=marked(1.6, 0.2))
+
+    assert velocity(bench).forward_mps > 0.25
+    assert abs(velocity(bench).yaw_rate_radps) < 0.4
+    assert bench.board[PHASE] == "search"
+    fly(bench, site_map=marked(1.6, 0.2))
+    assert velocity(bench).forward_mps > 0.25
+    assert len(policy.views) <= 1
+
+
+def test_it_turns_to_a_mark_behind() -> None:
+    bench = searching(Says(ADVANCE))
+    fly(bench, site_map=marked(-1.6, 0.4))
+
+    assert velocity(bench).yaw_rate_radps > 0.5
+    assert velocity(bench).forward_mps == 0.0
+
+
+def test_between_two_maps_the_course_is_held() -> None:
+    bench = searching(Says(TURN_LEFT))
+    fly(bench, site_map=marked(1.6, 0.0))
+    bench.clock.advance(0.1)
+    bench.tick()
+
+    assert velocity(bench).forward_mps > 0.25
+
+
+def test_near_the_mark_the_camera_goes_down() -> None:
+    """Where the mark would be below the forward view."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, site_map=marked(0.8, 0.0))
+    fly(bench, site_map=marked(0.8, 0.0))
+
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-50))
+
+
+def turned_round(bench: LeafBench, site_map: SiteMap) -> int:
+    """Let it look down once round; return the ticks that took."""
+    ticks, yaw_rad = 0, 0.0
+    while bench.pointed == GimbalTo(pitch_rad=math.radians(-65)):
+        yaw_rad += 0.3
+        ticks += 1
+        fly(bench, site_map=site_map, seconds=0.3, yaw_rad=yaw_rad)
+    return ticks
+
+
+def test_a_mark_that_is_not_there_is_looked_for_below_and_then_elsewhere() -> None:
+    """It faces the place, looks down once round, and then goes to ground that was not seen."""
+    bench, there = searching(Says(TURN_LEFT)), marked(0.8, 0.0)
+    there = replace(there, seen_s=np.where(where("left"), -math.inf, there.seen_s))
+    for _ in range(12):
+        fly(bench, site_map=there)
+    assert bench.pointed == GimbalTo(pitch_rad=math.radians(-65))
+    assert turned_round(bench, there) == pytest.approx(2 * math.pi / 0.3, abs=2)
+    fly(bench, site_map=there)
+
+    assert bench.pointed == SEARCH_GIMBAL
+    assert velocity(bench).yaw_rate_radps < -0.3  # to the left, where nothing was seen
+    fly(bench, site_map=replace(there, mark=replace(there.mark, seen_s=bench.clock.now())))
+    assert bench.pointed != SEARCH_GIMBAL  # it was seen again
+
+
+def test_without_a_way_on_the_map_the_policy_searches() -> None:
+    """The drone is shut in by what it remembers."""
+    bench = searching(Says(ADVANCE))
+    ring = [(0.5 * math.cos(a), 0.5 * math.sin(a)) for a in np.linspace(0.0, 6.2, 60)]
+    shut_in = replace(marked(1.8, 0.0), obstacles_m=np.array(ring))
+    fly(bench, site_map=replace(shut_in, contradicted_s=9.0), seconds=0.3)
+
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_a_policy_that_judges_the_approach_searches_as_well() -> None:
+    """A student is not led by the map."""
+    bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0, approach="policy")
+    fly(bench, site_map=marked(1.6, 0.0))
+    fly(bench, site_map=marked(1.6, 0.0), seconds=0.3)
+
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_a_step_under_way_ends_before_the_map_leads() -> None:
+    bench = searching(Says(ADVANCE))
+    fly(bench, seconds=0.3)
+    fly(bench, site_map=marked(1.6, 0.0))
+    assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+    bench.finish_movement()
+    bench.tick()
+    fly(bench, site_map=marked(1.6, 0.0))
+
+    assert isinstance(bench.proposed, Velocity)
 
 
 # --- approach -------------------------------------------------------------------------------------
@@ -378,6 +512,6 @@ def test_halted_it_commands_nothing_and_searches_again() -> None:
     bench = overflying()
     assert halted_proposals(bench) == (None, None)
 
-    fly(bench, (0.8, 0.0), unseen_s=1.5)
+    fly(bench, (0.8, 0.0), unseen_s=1.5, std_m=0.5)
     assert bench.board[PHASE] == "search"
     assert bench.proposed is None

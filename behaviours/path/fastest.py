@@ -1,0 +1,69 @@
+"""The fastest paths over a grid from one cell to all others (Dijkstra's algorithm)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class FastestPaths:
+    """The paths from a cell to everywhere."""
+
+    start: Cell
+    time_s: Floats  # to each cell; inf where no path leads
+    before: NDArray[np.int64]  # the cell that comes before each, flat; -1: none
+
+    def to(self, end: Cell) -> list[Cell]:
+        """Return the cells from the start to a cell that a path leads to, both included."""
+        path, width = [end], self.before.shape[1]
+        while path[-1] != self.start:
+            row, column = divmod(int(self.before[path[-1]]), width)
+            path.append((row, column))
+        return path[::-1]
+
+
+def fastest_paths(open_: NDArray[np.bool_], cell_s: Floats, start: Cell) -> FastestPaths:
+    """Return the fastest paths from a cell.
+
+    Args:
+        open_: (rows, columns) cells that paths may lead over, the start among them.
+        cell_s: (rows, columns) how long flying the side of a cell takes there.
+        start: where the paths begin.
+    """
+    from scipy.sparse import coo_array  # noqa: PLC0415  (`uav-bt check` must answer at once)
+    from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415  (as above)
+
+    shape = open_.shape
+    number = np.full(shape, -1)
+    number[open_] = np.arange(np.count_nonzero(open_))
+    begins, ends, prices = [], [], []
+    height, width = shape
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
+        there = (slice(down, height), slice(max(0, right), width - max(0, -right)))
+        both = (number[here] >= 0) & (number[there] >= 0)
+        begins.append(number[here][both])
+        ends.append(number[there][both])
+        mean = (cell_s[here][both] + cell_s[there][both]) / 2
+        prices.append(math.hypot(down, right) * mean)
+    count = int(number.max()) + 1
+    graph = coo_array(
+        (np.concatenate(prices), (np.concatenate(begins), np.concatenate(ends))),
+        shape=(count, count),
+    ).tocsr()
+    times, before = dijkstra(
+        graph, directed=False, indices=int(number[start]), return_predecessors=True
+    )
+    flat = np.flatnonzero(open_)
+    time_s = np.full(shape, math.inf)
+    time_s[open_] = times
+    came_from = np.full(shape, -1, dtype=np.int64)
+    came_from[open_] = np.where(before >= 0, flat[np.maximum(before, 0)], -1)
+    return FastestPaths(start, time_s, came_from)

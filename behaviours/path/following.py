@@ -1,0 +1,102 @@
+"""Fly along a leg of the map: where to steer, and how fast."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from behaviours.path.survey import Floats, Leg, SurveyConfig
+from uav_bt.protocols import Decision
+from uav_bt.types import Corridor, ObstaclePoints, Pose2D
+from uav_bt.types.site_map import SiteMap
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowConfig:
+    """When the drone flies on, and from which speed it can stop."""
+
+    facing_rad: float = math.radians(35)  # it flies on below this error of its heading
+    # The corridor is wider than the way past a box whose place the map knows: what it shows ahead
+    # slows the drone down, and stops it only so near.
+    stop_m: float = 0.45
+    creep_mps: float = 0.2
+    near_m: float = 0.35
+    reaction_s: float = 0.45  # from a frame to its effect
+    brake_mps2: float = 0.8
+
+
+def around(obstacles: ObstaclePoints | None, site_map: SiteMap) -> tuple[Floats, Floats]:
+    """Return where obstacles were seen lately, and are assumed, around the drone, on the map.
+
+    Where the map is off by some centimetres, what was seen lately is right about the drone.
+    """
+    if obstacles is None:
+        return np.empty((0, 2)), np.empty((0, 2))
+    return (
+        site_map.pose.points_to_world(obstacles.points_m),
+        site_map.pose.points_to_world(obstacles.assumed_m),
+    )
+
+
+def follow(
+    leg: Leg,
+    pose: Pose2D,
+    corridor: Corridor | None,
+    *,
+    survey: SurveyConfig,
+    config: FollowConfig,
+    reason: str = "",
+) -> Decision | None:
+    """Return heading and speed along a leg; the drone only turns until it faces the way.
+
+    Args:
+        leg: from where the drone is.
+        pose: of the drone in the map.
+        corridor: what it shows ahead; None without depth.
+        survey: how fast legs are flown.
+        config: how they are followed.
+        reason: for the status line.
+
+    Returns:
+        None when the corridor is blocked right ahead.
+    """
+    bearing_rad, speed_mps = _course(leg, pose, survey, config)
+    facing = abs(bearing_rad) < config.facing_rad
+    if facing:
+        speed_mps = min(speed_mps * math.cos(bearing_rad), _by_corridor(corridor, config))
+        if speed_mps == 0.0:
+            return None
+    return Decision(
+        forward_m=max(float(np.hypot(*(leg.path_m[-1] - leg.path_m[0]))), 0.1),
+        yaw_rad=bearing_rad,
+        speed_mps=speed_mps if facing else 0.0,
+        reason=reason,
+    )
+
+
+def _course(
+    leg: Leg, pose: Pose2D, survey: SurveyConfig, config: FollowConfig
+) -> tuple[float, float]:
+    """Return bearing and speed to the furthest place of the path that is reached straight."""
+    apart = np.hypot(*(leg.path_m - leg.path_m[0]).T)
+    ahead = int(np.argmax(apart >= survey.ahead_m)) or len(leg.path_m) - 1
+    x_m, y_m = leg.path_m[ahead]
+    forward_m, right_m = pose.to_body(float(x_m), float(y_m))
+    speed = float(survey.speed_mps(leg.clear_m[: ahead + 1]).min())
+    left_m = float(apart.max())
+    braking = math.sqrt(2.0 * config.brake_mps2 * max(left_m - 0.05, 0.0)) + 0.1
+    return math.atan2(right_m, forward_m), min(speed, braking)
+
+
+def _by_corridor(corridor: Corridor | None, config: FollowConfig) -> float:
+    """Return the speed from which the drone stops before what the corridor shows."""
+    if corridor is None:
+        return math.inf
+    free_m = corridor.free_distance_m
+    if free_m < config.near_m:
+        return 0.0
+    lag = config.brake_mps2 * config.reaction_s
+    room_m = max(free_m - config.stop_m, 0.0)
+    return max(config.creep_mps, math.sqrt(lag**2 + 2.0 * config.brake_mps2 * room_m) - lag)

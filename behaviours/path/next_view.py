@@ -1,0 +1,203 @@
+"""Where to look next: the view that shows the most unseen ground for the time that it takes.
+
+A next-best-view planner over the site map. From each place that can be flown, rays go out over the
+map until an obstacle or the edge of the ground ends them; what they pass that was not seen to be
+ground may be where the landing mark is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.path.survey import Flags, Floats, Room
+from uav_bt.types import CameraModel
+
+_SOLID_CELLS = 1.5  # so near to a point of an obstacle nothing is seen through
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewConfig:
+    """How views are tried, and what they must show."""
+
+    far_m: float = 3.5  # the map takes in hardly more, and the mark is small there
+    bearings: int = 48  # round each place
+    grid_step: int = 4  # of the places that are tried, cells
+    least_m2: float = 0.15  # a view that shows less is not worth it; a pad has 0.25
+    look_s: float = 1.0  # for the view itself
+    yaw_rate_radps: float = 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sight:
+    """The ground that the camera shows in level flight: a sector of a ring."""
+
+    near_m: float
+    far_m: float
+    half_rad: float
+
+    @classmethod
+    def of(cls, camera: CameraModel, pitch_rad: float, height_m: float, far_m: float) -> Sight:
+        """Return what a camera shows.
+
+        Args:
+            camera: intrinsics at any size.
+            pitch_rad: of the gimbal, negative down.
+            height_m: above the ground.
+            far_m: at most.
+        """
+        low_rad = pitch_rad - math.atan((camera.height_px - camera.cy_px) / camera.fy_px)
+        high_rad = pitch_rad + math.atan(camera.cy_px / camera.fy_px)
+        near_m = height_m / math.tan(-low_rad) if -math.pi / 2 < low_rad < 0.0 else 0.0
+        beyond_m = height_m / math.tan(-high_rad) if high_rad < 0.0 else math.inf
+        return cls(
+            near_m=min(near_m, 0.7 * far_m),
+            far_m=min(beyond_m, far_m),
+            half_rad=math.atan(camera.cx_px / camera.fx_px),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Where to look from, and where to, in the map's frame."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    shows_m2: float  # of what was not seen
+
+
+def unseen(room: Room, since_s: float) -> Flags:
+    """Return the cells that may be ground, or a landing mark on it, and were not seen since.
+
+    Args:
+        room: of the map.
+        since_s: what was seen to be ground before counts as unseen again; -inf: never.
+    """
+    solid = room.obstacle_m < _SOLID_CELLS * room.map.cell_m
+    seen = room.map.ground & (room.map.seen_s >= since_s)
+    return np.asarray(~seen & ~room.map.outside & ~solid)
+
+
+def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> View | None:
+    """Return the view that shows the most of what is wanted in a second; None: none does.
+
+    Args:
+        room: of the map, and the paths to the places to look from.
+        wanted: cells to see, of the map's shape.
+        sight: of the camera.
+        config: how views are tried.
+    """
+    step = config.grid_step
+    tried = np.zeros(wanted.shape, dtype=bool)
+    tried[::step, ::step] = True
+    tried[room.start] = True
+    places = np.argwhere(tried & np.isfinite(room.fastest.time_s))
+    shown_m2 = _shown_m2(room, wanted, places, sight, config)
+    spent_s = config.look_s + _times_s(room, places, config)
+    worth = np.where(shown_m2 >= config.least_m2, shown_m2 / spent_s, 0.0)
+    place, bearing = np.unravel_index(int(worth.argmax()), worth.shape)
+    if worth[place, bearing] <= 0.0:
+        return None
+    x_m, y_m = np.array(room.map.corner_m) + room.map.cell_m * places[place]
+    return View(
+        x_m=float(x_m),
+        y_m=float(y_m),
+        yaw_rad=2.0 * math.pi * float(bearing) / config.bearings,
+        shows_m2=float(shown_m2[place, bearing]),
+    )
+
+
+def still_shows_m2(
+    view: View, room: Room, wanted: Flags, sight: Sight, config: ViewConfig
+) -> float:
+    """Return how much of what is wanted a view shows now."""
+    place = np.array([room.map.cell_of(view.x_m, view.y_m)])
+    return float(_shown_m2(room, wanted, place, sight, config)[0, _bearing(view, config)])
+
+
+def shown_by(view: View, room: Room, sight: Sight, config: ViewConfig) -> Floats:
+    """Return the places that a view shows, (N, 2) in the map's frame."""
+    rows, columns, ranges_m, clear = _rays(
+        room, np.array([room.map.cell_of(view.x_m, view.y_m)]), sight, config
+    )
+    fan = (_bearing(view, config) + _fan(sight, config)) % config.bearings
+    within = clear[0, fan] & (ranges_m >= sight.near_m)
+    cells = np.stack([rows[0, fan][within], columns[0, fan][within]], axis=-1)
+    return np.asarray(np.array(room.map.corner_m) + room.map.cell_m * cells)
+
+
+def _shown_m2(
+    room: Room, wanted: Flags, places: NDArray[np.intp], sight: Sight, config: ViewConfig
+) -> Floats:
+    """Return how much of what is wanted each place shows along each heading, (K, bearings)."""
+    rows, columns, ranges_m, clear = _rays(room, places, sight, config)
+    # What lies beyond the grid is unknown, and so wanted.
+    hit = clear & _looked_up(wanted, rows, columns, beyond=True)
+    area_m2 = ranges_m * (ranges_m >= sight.near_m)
+    area_m2 = area_m2 * room.map.cell_m * 2.0 * math.pi / config.bearings
+    by_bearing = hit @ area_m2
+    fan = _fan(sight, config)
+    return np.asarray(sum(np.roll(by_bearing, turn, axis=1) for turn in fan))
+
+
+def _rays(
+    room: Room, places: NDArray[np.intp], sight: Sight, config: ViewConfig
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Flags]:
+    """Return the cells on the rays round each place, (K, bearings, S) rows and columns.
+
+    And the ranges of the samples, (S,), and whether nothing before them ends the ray.
+    """
+    cell_m = room.map.cell_m
+    ranges_m = np.arange(cell_m, sight.far_m, cell_m)
+    azimuths = 2.0 * math.pi * np.arange(config.bearings) / config.bearings
+    rows = np.rint(np.cos(azimuths)[:, None] * ranges_m / cell_m).astype(np.intp)
+    columns = np.rint(np.sin(azimuths)[:, None] * ranges_m / cell_m).astype(np.intp)
+    rows, columns = rows + places[:, :1, None], columns + places[:, 1:, None]
+    solid = (room.obstacle_m < _SOLID_CELLS * cell_m) | room.map.outside
+    ends = _looked_up(solid, rows, columns, beyond=False)
+    return rows, columns, ranges_m, ~np.logical_or.accumulate(ends, axis=2)
+
+
+def _bearing(view: View, config: ViewConfig) -> int:
+    return round(view.yaw_rad / (2.0 * math.pi) * config.bearings) % config.bearings
+
+
+def _fan(sight: Sight, config: ViewConfig) -> NDArray[np.intp]:
+    """Return the bearings of a view, counted from its middle."""
+    width = math.floor(sight.half_rad / (2.0 * math.pi) * config.bearings)
+    return np.arange(-width, width + 1)
+
+
+def _looked_up(
+    grid: Flags, rows: NDArray[np.intp], columns: NDArray[np.intp], *, beyond: bool
+) -> Flags:
+    height, width = grid.shape
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    found = grid[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
+    return np.asarray(np.where(inside, found, beyond))
+
+
+def _times_s(room: Room, places: NDArray[np.intp], config: ViewConfig) -> Floats:
+    """Return how long flying to each place and turning to each bearing takes, (K, bearings)."""
+    start, before = np.array(room.start), room.fastest.before
+    yaw_rad = room.map.pose.yaw_rad
+    apart = places - start
+    first_rad = np.where(apart.any(axis=1), np.arctan2(apart[:, 1], apart[:, 0]), yaw_rad)
+    came_from = before[tuple(places.T)]
+    rows, columns = np.divmod(np.maximum(came_from, 0), before.shape[1])
+    last_rad = np.arctan2(places[:, 1] - columns, places[:, 0] - rows)
+    last_rad = np.where(came_from >= 0, last_rad, yaw_rad)
+    azimuths = 2.0 * math.pi * np.arange(config.bearings) / config.bearings
+    turn_rad = np.abs(_wrapped(first_rad - yaw_rad))[:, None]
+    turn_rad = turn_rad + np.abs(_wrapped(azimuths - last_rad[:, None]))
+    return np.asarray(
+        room.fastest.time_s[tuple(places.T)][:, None] + turn_rad / config.yaw_rate_radps
+    )
+
+
+def _wrapped(angle_rad: Floats) -> Floats:
+    return np.asarray((angle_rad + math.pi) % (2.0 * math.pi) - math.pi)

@@ -1,0 +1,125 @@
+"""A hall in numbers alone: what a camera shows of it goes into a site map, and a drone flies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.path.next_view import Sight
+from uav_bt.protocols import Decision
+from uav_bt.types import Pose2D
+from uav_bt.types.site_map import MapMark, SiteMap
+
+CELL_M = 0.1
+SIGHT = Sight(near_m=1.2, far_m=3.8, half_rad=math.radians(34))
+_YAW_RATE_RADPS = 0.9
+_TICK_S = 0.2
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass
+class DrawnHall:
+    """Ground of so many metres a side around the origin, with square boxes and a mark."""
+
+    side_m: float
+    boxes: tuple[tuple[float, float], ...] = ()
+    mark: tuple[float, float] | None = None
+    pose: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    box_m: float = 0.45
+    now_s: float = 0.0
+    flown_m: float = 0.0
+    found: bool = False
+
+    def __post_init__(self) -> None:
+        reach = self.side_m / 2 + 2.5
+        count = 2 * round(reach / CELL_M) + 1
+        self.corner_m = (-(count // 2) * CELL_M,) * 2
+        self._xy = np.moveaxis(np.indices((count, count)), 0, -1) * CELL_M + self.corner_m[0]
+        self.ground = np.abs(self._xy).max(axis=-1) <= self.side_m / 2
+        self.solid = np.zeros_like(self.ground)
+        for box in self.boxes:
+            self.solid |= np.abs(self._xy - box).max(axis=-1) <= self.box_m / 2
+        self.seen_s = np.full(self.ground.shape, -math.inf, dtype=np.float32)
+        self.free, self.outside, self.stands = (np.zeros_like(self.ground) for _ in range(3))
+        self.look()
+
+    def look(self) -> None:
+        """Take in what the camera shows from here."""
+        azimuths = self.pose.yaw_rad + np.linspace(-SIGHT.half_rad, SIGHT.half_rad, 81)
+        ranges = np.arange(0.05, SIGHT.far_m, 0.05)
+        rays = np.stack(
+            [np.cos(azimuths)[:, None] * ranges, np.sin(azimuths)[:, None] * ranges], axis=-1
+        )
+        here_m = np.array([self.pose.x_m, self.pose.y_m])
+        cells = np.rint((rays + here_m) / CELL_M - self._origin()).astype(int)
+        rows, columns = np.clip(np.moveaxis(cells, -1, 0), 0, self.ground.shape[0] - 1)
+        solid = self.solid[rows, columns]
+        before = np.logical_or.accumulate(solid, axis=1)
+        shown = ~before & (ranges >= SIGHT.near_m)
+        below = ~before & (ranges < SIGHT.near_m) & ~before[:, [24]]
+        first = solid & ~np.pad(before, ((0, 0), (1, 0)))[:, :-1] & (ranges <= 3.0)
+        on_pad = self._is_pad(rows, columns)
+        is_ground = self.ground[rows, columns]
+        seen = shown & is_ground & ~on_pad
+        self.seen_s[rows[seen], columns[seen]] = self.now_s
+        self.free[rows[seen], columns[seen]] = True
+        self.free[rows[below], columns[below]] = True
+        gone = shown & ~is_ground
+        self.outside[rows[gone], columns[gone]] = True
+        self.stands[rows[first], columns[first]] = True
+        body = np.hypot(*np.moveaxis(self._xy - here_m, -1, 0)) <= 0.35
+        self.free |= body
+        self.found |= bool((shown & on_pad).sum() > 20)
+
+    def fly(self, decision: Decision) -> None:
+        """Fly for one tick, and look."""
+        turn = max(-_YAW_RATE_RADPS, min(_YAW_RATE_RADPS, 1.6 * decision.yaw_rad)) * _TICK_S
+        step_m = (decision.speed_mps or 0.0) * _TICK_S
+        yaw_rad = self.pose.yaw_rad + turn
+        self.pose = Pose2D(
+            x_m=self.pose.x_m + step_m * math.cos(yaw_rad),
+            y_m=self.pose.y_m + step_m * math.sin(yaw_rad),
+            yaw_rad=yaw_rad,
+        )
+        self.now_s += _TICK_S
+        self.flown_m += step_m
+        self.look()
+
+    def map(self, mark: MapMark | None = None, *, contradicted_s: float = 0.0) -> SiteMap:
+        """Return the map of what was seen so far."""
+        return SiteMap(
+            pose=self.pose,
+            corner_m=self.corner_m,
+            cell_m=CELL_M,
+            seen_s=self.seen_s.copy(),
+            free=self.free.copy(),
+            outside=self.outside.copy(),
+            passed=np.zeros_like(self.ground),
+            obstacles_m=self._xy[self.stands],
+            edges_m=np.empty((0, 2)),
+            captured_s=self.now_s,
+            mark=mark,
+            contradicted_s=contradicted_s,
+        )
+
+    def clearance_m(self) -> float:
+        """Return how far the drone is from the nearest box."""
+        apart = self._xy[self.solid] - (self.pose.x_m, self.pose.y_m)
+        return float(np.hypot(*apart.T).min()) if len(apart) else math.inf
+
+    def seen_share(self) -> float:
+        """Return the share of the free ground that was seen."""
+        free = self.ground & ~self.solid
+        return float((np.isfinite(self.seen_s) & free).sum() / free.sum())
+
+    def _origin(self) -> float:
+        return self.corner_m[0] / CELL_M
+
+    def _is_pad(self, rows: NDArray[np.int_], columns: NDArray[np.int_]) -> Flags:
+        if self.mark is None:
+            return np.zeros(rows.shape, dtype=bool)
+        return np.asarray(np.abs(self._xy[rows, columns] - self.mark).max(axis=-1) <= 0.25)

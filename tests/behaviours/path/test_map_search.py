@@ -1,0 +1,136 @@
+"""The search over the map, flown in a hall that is drawn: to the mark, and over unseen ground."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from behaviours.path.map_search import Aim, MapSearch
+from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
+from uav_bt.protocols import Decision
+from uav_bt.types import Corridor, ObstaclePoints, Pose2D
+from uav_bt.types.site_map import MapMark
+
+BOXES = (
+    *((-3.4, 3.2), (-0.9, 3.7), (2.1, 3.4), (3.9, 1.2), (3.3, -1.9), (1.0, -3.6)),
+    *((-1.2, -2.4), (-3.7, 0.3), (-1.4, 1.1), (1.2, 0.8), (0.7, -1.2), (4.1, -4.0)),
+)
+TURN = Decision(yaw_rad=0.3, speed_mps=0.0)
+
+
+def hall(x_m: float, y_m: float, yaw_rad: float, **what: object) -> DrawnHall:
+    pose = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+    return DrawnHall(side_m=10.0, boxes=BOXES, pose=pose, **what)
+
+
+def known(place: DrawnHall) -> DrawnHall:
+    """Let all of a place have been seen."""
+    place.seen_s[place.ground & ~place.solid] = 0.0
+    place.free |= place.ground & ~place.solid
+    place.outside |= ~place.ground
+    place.stands |= place.solid
+    return place
+
+
+def test_a_hall_is_searched_systematically() -> None:
+    """Of 100 m2 nearly all is seen within 40 m, and nothing twice before."""
+    search, place = MapSearch(), hall(2.6, 2.2, 0.8)
+    nearest_m = math.inf
+    while place.seen_share() < 0.95 and place.now_s < 150.0:
+        row, column = place.map().cell_of(place.pose.x_m, place.pose.y_m)
+        assert place.free[row, column]
+        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+        nearest_m = min(nearest_m, place.clearance_m())
+    assert place.seen_share() >= 0.95
+    assert place.flown_m < 40.0
+    assert place.now_s < 110.0
+    assert nearest_m > 0.3
+
+
+def test_when_all_was_seen_it_begins_anew() -> None:
+    search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
+    place.now_s = 60.0
+    decision = search.decide(place.map(), None, None, SIGHT)
+    assert decision is not None
+    assert not decision.done
+    for _ in range(300):
+        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+    assert place.flown_m > 10.0
+
+
+def test_ground_that_stays_unseen_is_not_stared_at() -> None:
+    """What the map expects to show and never does is left after a look."""
+    search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
+    hidden = np.zeros_like(place.ground)
+    hidden[95:105, 70:80] = True
+    for _ in range(250):
+        place.seen_s[hidden] = -math.inf
+        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+    assert place.flown_m > 6.0
+
+
+def test_it_flies_to_the_mark_and_says_when_it_is_there() -> None:
+    """Round the boxes, without a stop on the way, and not much further than straight."""
+    mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=0.0)
+    search, place = MapSearch(), known(hall(2.6, 2.2, -2.4))
+    decision, nearest_m = TURN, math.inf
+    while not decision.done and place.now_s < 60.0:
+        decision = search.decide(place.map(mark), None, None, SIGHT) or TURN
+        assert search.aim is Aim.MARK
+        place.fly(decision)
+        nearest_m = min(nearest_m, place.clearance_m())
+    apart_m = math.hypot(place.pose.x_m - mark.x_m, place.pose.y_m - mark.y_m)
+    assert decision.done
+    assert apart_m < 1.1
+    assert place.flown_m < 10.0
+    assert place.now_s < 25.0
+    assert nearest_m > 0.3
+
+
+def test_a_mark_that_is_gone_is_not_flown_to_until_it_is_seen_again() -> None:
+    mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=5.0)
+    search, place = MapSearch(), known(hall(2.6, 2.2, -2.4))
+    search.mark_is_gone(place.map(mark))
+    search.decide(place.map(mark), None, None, SIGHT)
+    assert search.aim is Aim.GROUND
+    assert search.mark_of(place.map(mark)) is None
+    search.decide(place.map(replace(mark, seen_s=6.0)), None, None, SIGHT)
+    assert search.aim is Aim.MARK
+
+
+def test_a_mark_across_unknown_ground_is_not_flown_to_straight() -> None:
+    """First the ground before it is looked at."""
+    mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=0.0)
+    search, place = MapSearch(), hall(2.6, 2.2, -2.4)
+    search.decide(place.map(mark), None, None, SIGHT)
+    assert search.aim is Aim.GROUND
+
+
+def test_a_map_that_is_contradicted_is_not_flown_by() -> None:
+    search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
+    assert search.decide(place.map(contradicted_s=3.0), None, None, SIGHT) is None
+
+
+def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
+    mark = MapMark(x_m=3.0, y_m=-0.2, std_m=0.03, seen_s=0.0)
+    place = known(DrawnHall(side_m=10.0))
+    free = MapSearch().decide(place.map(mark), None, None, SIGHT)
+    near = Corridor(
+        captured_s=0.0,
+        free_distance_m=0.6,
+        nearest_m=0.6,
+        nearest_side="front",
+        time_to_impact_s=math.inf,
+    )
+    by_corridor = MapSearch().decide(place.map(mark), None, near, SIGHT)
+    beside = np.array([(0.6, 0.5), (0.6, -0.5)])
+    assumed = ObstaclePoints(points_m=np.empty((0, 2)), assumed_m=beside, captured_s=0.0)
+    by_doubt = MapSearch().decide(place.map(mark), assumed, None, SIGHT)
+    speeds = [each.speed_mps if each else None for each in (free, by_corridor, by_doubt)]
+    assert speeds[0] == 0.6
+    assert speeds[1] is not None
+    assert speeds[1] < 0.3
+    assert speeds[2] is not None
+    assert speeds[2] < 0.5
