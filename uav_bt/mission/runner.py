@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
-from uav_bt.errors import DroneError, ValueRangeError
+from uav_bt.errors import ValueRangeError
+from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.judge import Judge, Outcome, Verdict
-from uav_bt.mission.obedience import ObedienceWatch
 from uav_bt.mission.ordered_motion import HoldConfig
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances, Lasting, Limits, Override
@@ -23,7 +23,7 @@ from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
 from uav_bt.tree.budget import BudgetWatch
-from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff
+from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff, Truth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,6 @@ class RunnerConfig:
 
 
 _OVER = frozenset({Status.SUCCESS, Status.FAILURE})
-_OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with its remote control"
 
 
 class MissionRunner:
@@ -95,7 +94,7 @@ class MissionRunner:
         self._clock = clock
         self._timer = timer
         self._screening = Screening(drone.camera, judge_frame)
-        self._obedience = ObedienceWatch()
+        self._contingencies = Contingencies(self._limits)
         self._hold = PositionHold(self._config.hold)
         self._budgets = BudgetWatch(tree, timer=timer)
         self._index = 0
@@ -104,7 +103,7 @@ class MissionRunner:
         self._cut = False
         self._given_up = False
         self.descent = DescentEnd(airborne=False, faults=())  # known when the run is over
-        self._blind, self._refused, self._unheard, self._landing = (Lasting() for _ in range(4))
+        self._landing = Lasting()
 
     @property
     def slow_leaves_s(self) -> dict[str, float]:
@@ -182,8 +181,47 @@ class MissionRunner:
         if isinstance(command.movement, TakeOff):
             self._judge.took_off(start_s)
         truth = self._drone.referee.truth() if self._drone.referee else None
+        record = self._record(
+            observation, status, command, truth, start_s=start_s, compute_s=compute_s
+        )
+        self.listeners.on_tick(replace(record, decided=decided))
+        self._index += 1
+        verdict = self._judge.verdict(
+            start_s, observation.state, truth, status, abort_reason=self._abort_reason
+        )
+        landing_s = self._landing.update(start_s, holds=self._arbiter.override is Override.ABORT)
+        if landing_s > self._config.landing_grace_s:
+            self.give_up()
+        if verdict is None and self._given_up and self._abort_reason is not None:
+            verdict = Verdict(outcome=Outcome.ABORTED, reason=self._abort_reason)
+        if status in _OVER and observation.state.flying is not FlyingState.LANDED:
+            self.request_abort(f"the tree ended with {status.name} in the air")
+        if verdict is None:
+            trouble = self._contingencies.abort_reason(
+                start_s,
+                observation.state,
+                command,
+                self._arbiter.override,
+                screening=self._screening,
+                drift=self._hold.trouble,
+            )
+            if trouble is not None:
+                self.request_abort(trouble)
+            clock.sleep_until(start_s + self._config.tick_s)
+        return verdict
+
+    def _record(
+        self,
+        observation: Observation,
+        status: Status,
+        command: Command,
+        truth: Truth | None,
+        *,
+        start_s: float,
+        compute_s: float,
+    ) -> TickRecord:
         active = self._tree.active_nodes()
-        record = TickRecord(
+        return TickRecord(
             index=self._index,
             time_s=start_s,
             observation=observation,
@@ -198,33 +236,8 @@ class MissionRunner:
             feedback=active[-1].feedback_message if active else "",
             slow=self._budgets.take(),
             refused=self._screening.refused,
-            decided=decided,
             warning=self._hold.warning,
         )
-        self.listeners.on_tick(record)
-        self._index += 1
-        verdict = self._judge.verdict(
-            start_s, observation.state, truth, status, abort_reason=self._abort_reason
-        )
-        landing_s = self._landing.update(start_s, holds=self._arbiter.override is Override.ABORT)
-        if landing_s > self._config.landing_grace_s:
-            self.give_up()
-        if verdict is None and self._given_up and self._abort_reason is not None:
-            verdict = Verdict(outcome=Outcome.ABORTED, reason=self._abort_reason)
-        if status in _OVER and observation.state.flying is not FlyingState.LANDED:
-            self.request_abort(f"the tree ended with {status.name} in the air")
-        if self._arbiter.override is Override.BATTERY:
-            # An override holds for one tick; a landing must not be taken back on the way down.
-            self.request_abort(
-                f"critical battery: {100 * (observation.state.battery or 0.0):.0f} %"
-            )
-        fault = self._obedience.complaint(command, observation.state, start_s) or self._hold.trouble
-        if fault is not None and self._arbiter.override is not Override.MANUAL:
-            self.request_abort(f"the drone does not obey: {fault}")
-        if verdict is None:
-            self._escalate(observation.state, start_s)
-            clock.sleep_until(start_s + self._config.tick_s)
-        return verdict
 
     def _rests(self, state: DroneState) -> bool:
         """Return whether the mission waits because a person flies."""
@@ -248,28 +261,6 @@ class MissionRunner:
         command = self._arbiter.decide(self._context.proposals, now, correct)
         self._hold.sent(command.movement, motion, now_s, rests=self._arbiter.override is not None)
         return command
-
-    def _escalate(self, state: DroneState, now_s: float) -> None:
-        """Land when blind for long, end the mission when the drone is out of reach.
-
-        Raises:
-            DroneError: the connection is lost, or no telemetry has come for too long.
-        """
-        if state.lost:
-            raise DroneError(f"the connection to the drone is broken: {_OUT_OF_REACH}")
-        limits, override, screening = self._limits, self._arbiter.override, self._screening
-        blind_s = self._blind.update(now_s, holds=override is Override.STALE_FRAME)
-        if blind_s > limits.blind_s:
-            why = f": {screening.frame_fault}" if screening.frame_fault else ""
-            self.request_abort(f"no usable frame for {blind_s:.0f} s{why}")
-        refused_s = self._refused.update(now_s, holds=screening.state_fault is not None)
-        if refused_s > limits.link_lost_s:  # it is heard, and what it says cannot be
-            self.request_abort(
-                f"no usable telemetry for {refused_s:.0f} s: {screening.state_fault}"
-            )
-        unheard_s = self._unheard.update(now_s, holds=override is Override.LINK)
-        if unheard_s > limits.link_lost_s and screening.state_fault is None:
-            raise DroneError(f"nothing heard from the drone for {unheard_s:.0f} s: {_OUT_OF_REACH}")
 
     def _write_board(self, observation: Observation, now_s: float) -> None:
         board = self._context.board

@@ -1,0 +1,77 @@
+"""What ends a mission early: the battery, a drone that does not obey, no images or link for long.
+
+The safety table (`safety.py`) answers within the tick; what lasts is answered here, by a landing,
+or by the end of the mission where nothing is heard any more.
+"""
+
+from __future__ import annotations
+
+from uav_bt.errors import DroneError
+from uav_bt.mission.obedience import ObedienceWatch
+from uav_bt.mission.safety import Lasting, Limits, Override
+from uav_bt.mission.screening import Screening
+from uav_bt.types import Command, DroneState
+
+_OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with its remote control"
+
+
+class Contingencies:
+    """Watches one mission for what must end it.
+
+    Args:
+        limits: how long what may last.
+    """
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._obedience = ObedienceWatch()
+        self._blind, self._refused, self._unheard = (Lasting() for _ in range(3))
+
+    def abort_reason(
+        self,
+        now_s: float,
+        state: DroneState,
+        command: Command,
+        override: Override | None,
+        *,
+        screening: Screening,
+        drift: str | None,
+    ) -> str | None:
+        """Return why the mission must be aborted with a landing; None when it goes on.
+
+        Args:
+            now_s: the mission clock's time.
+            state: of the drone.
+            command: what was sent in this tick.
+            override: that came before the mission's own command.
+            screening: of what the drone reports.
+            drift: why the place cannot be held, if so.
+
+        Raises:
+            DroneError: the connection is lost, or no telemetry has come for too long.
+        """
+        if state.lost:
+            raise DroneError(f"the connection to the drone is broken: {_OUT_OF_REACH}")
+        fault = self._obedience.complaint(command, state, now_s) or drift
+        # An override holds for one tick; a landing must not be taken back on the way down.
+        if override is Override.BATTERY:
+            return f"critical battery: {100 * (state.battery or 0.0):.0f} %"
+        if fault is not None and override is not Override.MANUAL:
+            return f"the drone does not obey: {fault}"
+        return self._out_of_touch(now_s, override, screening)
+
+    def _out_of_touch(
+        self, now_s: float, override: Override | None, screening: Screening
+    ) -> str | None:
+        limits = self._limits
+        blind_s = self._blind.update(now_s, holds=override is Override.STALE_FRAME)
+        refused_s = self._refused.update(now_s, holds=screening.state_fault is not None)
+        unheard_s = self._unheard.update(now_s, holds=override is Override.LINK)
+        if unheard_s > limits.link_lost_s and screening.state_fault is None:
+            raise DroneError(f"nothing heard from the drone for {unheard_s:.0f} s: {_OUT_OF_REACH}")
+        if blind_s > limits.blind_s:
+            why = f": {screening.frame_fault}" if screening.frame_fault else ""
+            return f"no usable frame for {blind_s:.0f} s{why}"
+        if refused_s > limits.link_lost_s:  # it is heard, and what it says cannot be
+            return f"no usable telemetry for {refused_s:.0f} s: {screening.state_fault}"
+        return None
