@@ -40,9 +40,10 @@ _SHOWN: Final = 10  # faults of a kind that are printed
 
 def _tree(path: Path) -> None:
     from uav_bt.errors import TreeError  # noqa: PLC0415 - each process imports what it needs
+    from uav_bt.tree.loading.findings import errors_of  # noqa: PLC0415
     from uav_bt.tree.loading.loader import check_file  # noqa: PLC0415
 
-    if findings := check_file(path):
+    if findings := errors_of(check_file(path)):
         raise TreeError(path, findings[:3])
 
 

@@ -39,7 +39,7 @@ def load_mission(
 
     Args:
         tree: the mission.
-        options: policies by node, and the site.
+        options: which tree of a file, policies by node, and the site.
         registry: the nodes that may occur; default: all installed.
         replaced: further attribute values that replace the tree's, by a node's name or path.
 
@@ -57,6 +57,10 @@ def load_mission(
                 f"tree '{tree.name}' was flown or set up before, and a tree flies once: load or "
                 "compose it anew for each flight"
             )
+        if options.tree_id not in {None, tree.name}:
+            raise InputError(
+                f"tree_id={options.tree_id!r} is for tree files; this is '{tree.name}'"
+            )
         tree.replace(overrides, by_id=by_id)
         return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
@@ -65,10 +69,12 @@ def load_mission(
             f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
         )
     registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
+    tree_id = options.tree_id
     if is_text(tree):
-        return parse_tree(tree, registry, overrides=overrides, by_id=by_id)
+        return parse_tree(tree, registry, tree_id=tree_id, overrides=overrides, by_id=by_id)
     if isinstance(tree, str | Path):
-        return load_tree(resolve_tree(tree), registry, overrides=overrides, by_id=by_id)
+        path = resolve_tree(tree)
+        return load_tree(path, registry, tree_id=tree_id, overrides=overrides, by_id=by_id)
     remedy = ": make a tree of it with MissionTree(...)" if isinstance(tree, Node) else ""
     raise InputError(
         "expected a mission: a shipped one's name, a tree file, a MissionTree or a tree file's "

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
+from types import UnionType
 from typing import Final, NoReturn, get_args
 
 from uav_bt.app.site import Site, load_site
@@ -44,6 +45,8 @@ class FlightOptions:
         exact_masks: simulated drones fly on the referee's masks instead of a network's.
         record: MCAP file that the flight's record is written to; None: no record.
         record_quality: of the record's images: lossless, which replays exactly, high or small.
+        tree_id: which of a tree file's trees is flown; None: the one that the file names, or the
+            only one that no other uses.
         site: the place: heights, camera, classes and limits; a site file or a `Site`.
         rehearse: perceive and decide, but let the drone stand: it flies in numbers only.
         limits: what no command may exceed; those of the site, where there is one.
@@ -67,6 +70,7 @@ class FlightOptions:
     exact_masks: bool = False
     record: str | Path | None = None
     record_quality: Quality = "lossless"
+    tree_id: str | None = None
     site: str | Path | Site | None = None
     rehearse: bool = False
     limits: Limits = field(default_factory=Limits)
@@ -92,6 +96,7 @@ class FlightOptions:
             _expect(name, getattr(self, name), bool, "True or False")
         for name, kind in (("limits", Limits), ("runner", RunnerConfig), ("judge", JudgeConfig)):
             _expect(name, getattr(self, name), kind, f"a {kind.__name__}")
+        _expect("tree_id", self.tree_id, str | None, "the ID of a tree, or None")
         _expect("profile", self.profile, str, "the name of a profile: ideal, lab or harsh")
         if self.record_quality not in get_args(Quality):
             _refuse("record_quality", " or ".join(get_args(Quality)), self.record_quality)
@@ -249,7 +254,7 @@ def _size(value: object) -> tuple[int, int]:
     return width, height
 
 
-def _expect(name: str, value: object, kind: type, expected: str) -> None:
+def _expect(name: str, value: object, kind: type | UnionType, expected: str) -> None:
     if not isinstance(value, kind):
         _refuse(name, expected, value)
 

@@ -33,6 +33,7 @@ class FlightTask:
     exact_masks: bool
     policies: dict[str, str]  # by node
     movers: int = 0  # drawn from the seed
+    tree_id: str | None = None  # which tree of the file; None: the one that it names
     record: str | None = None  # where to write the flight's record
     record_quality: str = "lossless"  # of its images
 
@@ -64,6 +65,7 @@ class CampaignPlan:
     image_size_px: tuple[int, int] = (640, 360)  # width, height
     exact_masks: bool = False  # fly on the referee's masks instead of a network
     movers: int = 0  # drawn from each flight's seed, beside the scene's own
+    tree_id: str | None = None  # which tree of every file; None: the one that each names
     policies: dict[str, str] = field(default_factory=dict)  # by node
     record: bool = False  # keep a record of every flight
     record_quality: str = "lossless"  # of its images
@@ -112,6 +114,7 @@ class CampaignPlan:
                         image_size_px=self.image_size_px,
                         exact_masks=self.exact_masks,
                         movers=self.movers,
+                        tree_id=self.tree_id,
                         policies=self.policies,
                         record_quality=self.record_quality,
                     )
@@ -129,7 +132,7 @@ class CampaignPlan:
             found += _compared(what.removesuffix("s"), then, now)
         for what in ("weights", "versions", "policies"):
             found += _compared(what, getattr(before, what), getattr(self, what))
-        for what in ("seed_from", "profile", "image_size_px", "exact_masks", "movers"):
+        for what in ("seed_from", "profile", "image_size_px", "exact_masks", "movers", "tree_id"):
             now, then = getattr(self, what), getattr(before, what)
             if now != then:
                 found.append(f"{what}: was {then}, now {now}")

@@ -28,6 +28,7 @@ def make_plan(
     scenes: Sequence[str] = ("val-*",),
     flights: int = 10,
     policies: Mapping[str, str] | None = None,
+    tree_id: str | None = None,
     **how: Any,
 ) -> CampaignPlan:
     """Return the plan of a campaign; everything it names was read.
@@ -37,18 +38,20 @@ def make_plan(
         scenes: names of shipped scenes, scene files, or patterns (`test-*`) of either.
         flights: of each tree in each scene, one seed each.
         policies: leaf policies by node, for every tree that has the node.
+        tree_id: which tree of every file; default: the one that each names.
         how: further fields of `CampaignPlan`.
 
     Raises:
         InputError: a tree, a scene or a policy cannot be used, or a number is out of range.
     """
-    options = FlightOptions(policies=policies or {})
+    options = FlightOptions(policies=policies or {}, tree_id=tree_id)
     missions = [load_mission(tree, options) for tree in trees]
     return CampaignPlan(
         trees=tuple(map(_planned_tree, missions)),
         scenes=tuple(_planned_scene(name) for name in _scenes(scenes)),
         flights=flights,
         policies=dict(policies or {}),
+        tree_id=tree_id,
         weights=provenance.weights_of(*missions),
         versions=provenance.package_versions(),
         **how,
@@ -68,6 +71,7 @@ def plan_of(folder: Path) -> CampaignPlan:
         scenes=[glob.escape(scene.path) for scene in before.scenes],
         flights=before.flights,
         policies=before.policies,
+        tree_id=before.tree_id,
     )
     return replace(
         before,

@@ -21,6 +21,7 @@ from uav_bt.cli.options import (
     movers_option,
     policy_option,
     profile_option,
+    tree_option,
     workers_option,
 )
 from uav_bt.cli.progress import campaign_progress
@@ -48,6 +49,7 @@ from uav_bt.errors import MissionError
 @profile_option
 @click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
 @movers_option
+@tree_option
 @image_size_option
 @policy_option
 @click.option(
@@ -96,6 +98,7 @@ def campaign(
     profile: str,
     exact_masks: bool,
     movers: int,
+    tree_id: str | None,
     image_size: tuple[int, int],
     policies: dict[str, str],
     out: Path | None,
@@ -143,6 +146,7 @@ def campaign(
             image_size_px=image_size,
             exact_masks=exact_masks,
             movers=movers,
+            tree_id=tree_id,
             timeout_s=timeout_s,
             record=record,
         )

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 
 from uav_bt.cli.command import Command, note_input
-from uav_bt.cli.options import INPUT, format_option
+from uav_bt.cli.options import INPUT, format_option, tree_option
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
-from uav_bt.tree.loading.findings import Finding
+from uav_bt.tree.loading.findings import Finding, Findings, errors_of
 from uav_bt.tree.loading.loader import check_file, findings_of
+from uav_bt.tree.loading.lookup import Library, Lookup, files_in
 from uav_bt.tree.loading.palette import read_palette, with_palette
 from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
 
@@ -28,7 +33,11 @@ def _with_palette(ctx: click.Context, param: click.Parameter, value: Path | None
     if value is None:
         return installed
     note_input(ctx, value)
-    return with_palette(installed, read_palette(value))
+    odd = Findings()
+    palette = read_palette(value, odd)
+    for finding in odd:
+        click.echo(str(finding), err=True)
+    return with_palette(installed, palette)
 
 
 palette_option = click.option(
@@ -42,51 +51,133 @@ palette_option = click.option(
 )
 
 
+def _lookup(
+    folders: tuple[Path, ...], include_root: Path | None, packages: tuple[str, ...]
+) -> Lookup:
+    """Return where to look for what tree files do not hold.
+
+    Raises:
+        BadParameter: a package is no NAME=DIR.
+        FileError: a folder has too many files.
+    """
+    named: dict[str, Path] = {}
+    for package in packages:
+        name, _, folder = package.partition("=")
+        if not name or not Path(folder or "?").is_dir():
+            raise click.BadParameter(f"expected NAME=DIR, a folder that exists; got '{package}'")
+        named[name] = Path(folder)
+    library = Library(file for folder in folders for file in files_in(folder))
+    return Lookup(library, include_root, named)
+
+
+def lookup_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options for where trees and included files are, as the parameter `lookup`."""
+    folder = click.Path(exists=True, file_okay=False, path_type=Path)
+
+    @click.option(
+        "--trees",
+        "library",
+        metavar="DIR",
+        type=folder,
+        multiple=True,
+        help="Look for trees that a file does not hold in the files of this folder. Repeatable.",
+    )
+    @click.option(
+        "--include-root",
+        metavar="DIR",
+        type=folder,
+        help="Files may be included from this folder and below, not only from beside the file.",
+    )
+    @click.option(
+        "--ros-pkg",
+        "packages",
+        metavar="NAME=DIR",
+        multiple=True,
+        help='The folder of a ROS package, for <include ros_pkg="NAME"/>. Repeatable.',
+    )
+    @functools.wraps(command)
+    def with_lookup(
+        *args: Any,
+        library: tuple[Path, ...],
+        include_root: Path | None,
+        packages: tuple[str, ...],
+        **kwargs: Any,
+    ) -> Any:
+        lookup = _lookup(library, include_root, packages)
+        return command(*args, lookup=lookup, **kwargs)
+
+    return with_lookup
+
+
 @click.command(cls=Command)
 @click.argument("trees", metavar="TREE...", nargs=-1, required=True)
+@tree_option
 @palette_option
+@lookup_options
 @format_option("text", "json", help_="json: one object a line and file, with its findings.")
 @click.pass_context
 def check(
-    ctx: click.Context, *, trees: tuple[str, ...], registry: NodeRegistry, format_: str
+    ctx: click.Context,
+    *,
+    trees: tuple[str, ...],
+    tree_id: str | None,
+    registry: NodeRegistry,
+    lookup: Lookup,
+    format_: str,
 ) -> None:
     """Check tree files and report all that is wrong.
 
-    TREE is a file, a folder with tree files, or the name of a mission that ships with uav-bt. Exits
-    with 2 when there is something to report.
+    TREE is a file, a folder with tree files, or the name of a mission that ships with uav-bt. A
+    folder is one workspace: its files use each other's trees. Exits with 2 when something is
+    refused; a warning is about what flies all the same.
 
     \b
     As JSON, each line is an object with
       file      the file's path
       ok        true or false
-      findings  objects with path, line, column, node and message; path is
-                another one than the file's in what it includes, line and
-                column count from 1 and are null for the file as a whole
+      findings  objects with path, line, column, node, message and severity
+                (error or warning); path is another one than the file's in
+                what it includes, line and column count from 1 and are null
+                for the file as a whole
     """  # noqa: D301  (click needs the backspace)
     refused = 0
     for tree in trees:
-        try:
-            reports = [(path, check_file(path, registry)) for path in tree_files(tree)]
-        except FileError as error:
-            reports = [(Path(tree), findings_of(error, Path(tree)))]
-        for path, findings in reports:
-            refused += bool(findings)
+        for path, findings in _reports(tree, registry, tree_id, lookup):
+            refused += bool(errors_of(findings))
             if format_ == "json":
                 click.echo(_as_json(path, findings))
                 continue
             for finding in findings:
                 click.echo(str(finding), err=True)
-            if not findings:
+            if not errors_of(findings):
                 click.echo(f"{path}: good")
     if refused:
         ctx.exit(InputError.exit_code)
+
+
+def _reports(
+    tree: str, registry: NodeRegistry, tree_id: str | None, lookup: Lookup
+) -> Iterator[tuple[Path, tuple[Finding, ...]]]:
+    """Yield what is found in each file that a TREE stands for."""
+    try:
+        files = tree_files(tree)
+        if Path(tree).is_dir():
+            lookup = replace(lookup, library=lookup.library.joined_by(files))
+    except FileError as error:
+        yield Path(tree), findings_of(error, Path(tree))
+        return
+    # What another file of the folder has wrong is in its own report.
+    others = {str(path.resolve()): path for path in files}
+    for path in files:
+        found = check_file(path, registry, tree_id=tree_id, lookup=lookup)
+        yield path, tuple(each for each in found if others.get(each.path, path) == path)
 
 
 def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
     return json.dumps(
         {
             "file": str(path),
-            "ok": not findings,
+            "ok": not errors_of(findings),
             "findings": [
                 {
                     "path": finding.path,
@@ -95,6 +186,7 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
                     "column": finding.position.column or None,
                     "node": finding.node,
                     "message": finding.message,
+                    "severity": finding.severity,
                 }
                 for finding in findings
             ],

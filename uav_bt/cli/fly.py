@@ -27,6 +27,7 @@ from uav_bt.cli.options import (
     profile_option,
     seed_option,
     threads_option,
+    tree_option,
 )
 from uav_bt.display.orders import OrderLines
 from uav_bt.display.status import summary
@@ -60,6 +61,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
 
 @click.command(cls=Command)
 @click.argument("tree")
+@tree_option
 @click.option("--scene", metavar="SCENE", help="The twin's lab: a shipped scene or a YAML file.")
 @seed_option()
 @click.option(
@@ -131,6 +133,7 @@ def fly(
     ctx: click.Context,
     *,
     tree: str,
+    tree_id: str | None,
     scene: str | None,
     seed: int,
     drone: str,
@@ -168,6 +171,7 @@ def fly(
       uav-bt fly hover_and_look --drone anafi --site site.yaml --rehearse
     """  # noqa: D301  (click needs the backspace)
     options = app.FlightOptions(
+        tree_id=tree_id,
         scene=scene,
         seed=seed,
         drone=drone,

@@ -64,6 +64,12 @@ image_size_option = click.option(
     show_default=True,
     help="Size of the camera's frames, 16:9.",
 )
+tree_option = click.option(
+    "--tree",
+    "tree_id",
+    metavar="ID",
+    help="Which of the file's trees; default: the one that it names, or that no other uses.",
+)
 policy_option = click.option(
     "--policy",
     "policies",

@@ -9,13 +9,14 @@ from typing import Any
 
 import click
 
-from uav_bt.cli.check import palette_option
+from uav_bt.cli.check import lookup_options, palette_option
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import INPUT, format_option
+from uav_bt.cli.options import INPUT, format_option, tree_option
 from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.shipped import resolve_tree
 
 
@@ -43,7 +44,9 @@ from uav_bt.tree.shipped import resolve_tree
     help="Seconds between two ticks, for timers.",
 )
 @format_option("table", "json", help_="json: one object with all ticks.")
+@tree_option
 @palette_option
+@lookup_options
 @click.pass_context
 def simulate(
     ctx: click.Context,
@@ -53,7 +56,9 @@ def simulate(
     ticks: int,
     tick_s: float,
     format_: str,
+    tree_id: str | None,
     registry: NodeRegistry,
+    lookup: Lookup,
 ) -> None:
     """Tick a tree file with leaves that answer what a script says.
 
@@ -78,7 +83,14 @@ def simulate(
       uav-bt simulate land_only --script answers.yaml
       uav-bt simulate mission.xml --script answers.yaml --format json
     """  # noqa: D301  (click needs the backspace)
-    simulation = Simulation(resolve_tree(tree), read_script(script), registry, tick_s=tick_s)
+    simulation = Simulation(
+        resolve_tree(tree),
+        read_script(script),
+        registry,
+        tick_s=tick_s,
+        tree_id=tree_id,
+        lookup=lookup,
+    )
     steps = simulation.run(ticks)
     if format_ == "json":
         done = list(steps)

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import click
 
-from uav_bt.cli.check import palette_option
+from uav_bt.cli.check import lookup_options, palette_option
 from uav_bt.cli.command import Command
-from uav_bt.cli.options import format_option, output_option
+from uav_bt.cli.options import format_option, output_option, tree_option
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
 from uav_bt.tree.describe import NodeInfo, PortInfo, describe, describe_all, palette_xml
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
@@ -80,14 +81,25 @@ def _attribute(port: PortInfo) -> str:
 @click.argument("tree")
 @format_option("ascii", "svg", help_="The form of the drawing.")
 @output_option("--out", "Write the drawing there; it is printed if not given.")
+@tree_option
 @palette_option
-def render(*, tree: str, format_: str, out: Path | None, registry: NodeRegistry) -> None:
+@lookup_options
+def render(
+    *,
+    tree: str,
+    format_: str,
+    out: Path | None,
+    tree_id: str | None,
+    registry: NodeRegistry,
+    lookup: Lookup,
+) -> None:
     """Draw a tree file, with its subtrees in place.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Each node shows its name and
     what the file gives it; svg also shows the board keys that it reads and writes.
     """
-    _print_or_write(draw(load_tree(resolve_tree(tree), registry), format_), out)
+    loaded = load_tree(resolve_tree(tree), registry, tree_id=tree_id, lookup=lookup)
+    _print_or_write(draw(loaded, format_), out)
 
 
 @click.command(cls=Command)

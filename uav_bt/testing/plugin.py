@@ -132,14 +132,15 @@ class TreeCheck(pytest.Item):
         """Check the file.
 
         Raises:
-            _RefusedError: there are findings.
+            _RefusedError: there are errors.
         """
+        from uav_bt.tree.loading.findings import errors_of  # noqa: PLC0415  # see above
         from uav_bt.tree.loading.loader import check_file  # noqa: PLC0415  # see above
 
         here = Path.cwd()
         path = self.path
         findings = check_file(path.relative_to(here) if path.is_relative_to(here) else path)
-        if findings:
+        if errors_of(findings):
             raise _RefusedError("\n".join(map(str, findings)))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:

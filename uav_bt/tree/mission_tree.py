@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, did_you_mean
@@ -44,6 +45,16 @@ def child_paths(parent: str, names: Sequence[str]) -> list[str]:
         number = f"#{seen[name]}" if seen[name] > 1 else ""
         paths.append(f"{parent}/{name}{number}")
     return paths
+
+
+_FRAMES_PER_LEVEL: Final = 8  # of Python's, in a tick that is watched, asks conditions and halts
+_FRAMES_OF_OTHERS: Final = 500  # what calls the tree, and what its leaves call
+
+
+def _allow_depth(levels: int) -> None:
+    """Let Python recurse as deep as a tick of such a tree does; its own limit is 1000 calls."""
+    needed = levels * _FRAMES_PER_LEVEL + _FRAMES_OF_OTHERS
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), needed))
 
 
 class MissionTree:
@@ -85,6 +96,7 @@ class MissionTree:
                 "object for each of its places"
             )
         self._place(root, f"{name}/{root.name}", self.variables)
+        _allow_depth(max(node.path.count("/") for node in self.nodes()))
         for hook in self.made_hooks:
             hook(self)
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from uav_bt.errors import FileError, UnknownNameError, did_you_mean
 from uav_bt.files import writing
+from uav_bt.tree.loading.lookup import files_in
 
 
 def shipped_trees() -> Path:
@@ -43,7 +44,7 @@ def tree_files(tree: str | Path) -> tuple[Path, ...]:
     """Return the tree files that a path or a name stands for.
 
     Args:
-        tree: a file, a shipped mission's name, or a folder: all XML files in it and below, hidden
+        tree: a file, a shipped mission's name, or a folder: all tree files in it and below, hidden
             folders left out.
 
     Raises:
@@ -52,15 +53,10 @@ def tree_files(tree: str | Path) -> tuple[Path, ...]:
     folder = Path(tree)
     if not folder.is_dir():
         return (resolve_tree(tree),)
-    found = sorted(
-        path
-        for path in folder.rglob("*.xml")
-        if path.is_file()
-        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
-    )
+    found = files_in(folder)
     if not found:
         raise FileError(folder, "no tree file (*.xml) in this folder or below")
-    return tuple(found)
+    return found
 
 
 STARTERS: Final = {

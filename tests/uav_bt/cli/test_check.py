@@ -116,7 +116,13 @@ def test_json_has_one_object_a_line_and_file(tmp_path: Path) -> None:
     assert (second["file"], second["ok"]) == (str(bad), False)
     (finding,) = second["findings"]
     assert finding.pop("message").startswith("unknown attribute 'hight'")
-    assert finding == {"path": str(bad), "line": 5, "column": 3, "node": "Land"}
+    assert finding == {
+        "path": str(bad),
+        "line": 5,
+        "column": 3,
+        "node": "Land",
+        "severity": "error",
+    }
     (finding,) = third["findings"]
     assert finding.pop("message").startswith("no such tree file")
     assert finding == {
@@ -124,6 +130,7 @@ def test_json_has_one_object_a_line_and_file(tmp_path: Path) -> None:
         "line": None,
         "column": None,
         "node": "",
+        "severity": "error",
     }
 
 
@@ -189,3 +196,65 @@ def test_networks_that_are_there_are_good(leaf: str, tmp_path: Path) -> None:
     tree = tree_file(tmp_path, f'<Sequence><Script code="which:=1"/><{leaf}/></Sequence>')
     result = run("check", tree)
     assert result.exit_code == 0, result.output
+
+
+TWO = (
+    '<root BTCPP_format="4"><BehaviorTree ID="Up"><TakeOff height_m="1.0"/></BehaviorTree>'
+    '<BehaviorTree ID="Down"><Land/></BehaviorTree></root>'
+)
+
+
+def test_a_tree_of_several_can_be_chosen_everywhere(tmp_path: Path) -> None:
+    """Groot2 does not save which tree is flown."""
+    path = tmp_path / "two.xml"
+    path.write_text(TWO)
+    script = tmp_path / "answers.yaml"
+    script.write_text("default: S")
+    assert run("check", path).exit_code == 0
+    for command in (
+        ("tree", "render", path),
+        ("simulate", path, "--script", script),
+        ("fly", path),
+        ("campaign", path, "--flights", "1", "--out", tmp_path / "runs"),
+    ):
+        assert_refused(run(*command), "which of these trees is meant: Up, Down?", "--tree ID")
+        assert_refused(run(*command, "--tree", "Dwn"), "no tree 'Dwn'; did you mean 'Down'?")
+    assert "Land" in run("tree", "render", path, "--tree", "Down").stdout
+    assert run("simulate", path, "--script", script, "--tree", "Up").exit_code == 0
+
+
+def test_a_warning_is_no_reason_to_refuse(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, '<Land _skpIf="true"/>')
+    result = run("check", path)
+    assert (result.exit_code, result.stdout) == (0, f"{path}: good\n")
+    assert result.stderr == (
+        f"{path}:3:7: warning: Land: attribute '_skpIf' means nothing here; did you mean "
+        "'_skipIf'?\n"
+    )
+    report = json.loads(run("check", path, "--format", "json").stdout)
+    assert report["ok"] is True
+    assert report["findings"][0]["severity"] == "warning"
+
+
+def test_a_folder_is_one_workspace(tmp_path: Path) -> None:
+    """Trees of other files are found, and what is wrong with one is in its own report only."""
+    used = tree_file(tmp_path, '<Land hight="1"/>', "used.xml")
+    used.write_text(used.read_text().replace("Main", "Used"))
+    user = tree_file(tmp_path, '<SubTree ID="Used"/>', "user.xml")
+    result = run("check", tmp_path)
+    assert (result.exit_code, result.stdout) == (2, f"{user}: good\n")
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith(f"{used}:3:7: ")
+    assert "there is no tree 'Used'" in run("check", user).stderr
+    used.write_text(used.read_text().replace(' hight="1"', ""))
+    elsewhere = tree_file(tmp_path / "..", "<AlwaysSuccess/>", f"{tmp_path.name}.xml")
+    elsewhere.write_text(user.read_text())
+    assert run("check", elsewhere, "--trees", tmp_path).exit_code == 2  # "Main" is there as well
+    user.unlink()
+    assert run("check", elsewhere, "--trees", tmp_path).exit_code == 0
+    assert "SubTree" in run("tree", "render", elsewhere, "--trees", tmp_path).stdout
+
+
+def test_a_package_needs_a_folder(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, "<Land/>")
+    assert_refused(run("check", path, "--ros-pkg", "robot"), "expected NAME=DIR")

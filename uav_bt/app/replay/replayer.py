@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal
@@ -189,6 +189,7 @@ def _recorded_mission(
                 f"the record lacks its tree file{f' ({tree})' if tree else ''}; give the tree with "
                 "--tree, or with ReplayOptions(tree=...)",
             )
+        options = replace(options, tree_id=reader.metadata.get("tree_name"))
         return load_mission(path, options, registry, replaced=replaced)
 
 

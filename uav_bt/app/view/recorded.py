@@ -66,7 +66,9 @@ class RecordedFlight:
         self._span = span or Span()
         with TemporaryDirectory(prefix="uav-bt-record-") as folder:
             tree, scene = attached_files(self.reader, Path(folder))
-            self.tree = None if tree is None else known_tree(tree)
+            self.tree = (
+                None if tree is None else known_tree(tree, self.reader.metadata.get("tree_name"))
+            )
             self.lab_map = None if scene is None else map_of_scene(load_scene(scene))
 
     @property
@@ -231,12 +233,16 @@ class RecordedFlight:
                 video.conclude(outcome.replace("_", " "), [end.get("reason", "")], good=good)
 
 
-def known_tree(file: Path) -> MissionTree | None:
-    """Return the tree of a file; None where it has nodes that are not installed here.
+def known_tree(file: Path, tree_id: str | None) -> MissionTree | None:
+    """Return a tree of a file; None where it has nodes that are not installed here.
 
     What the record says of such a tree is enough for its graph, not for the corridor.
+
+    Args:
+        file: the tree file.
+        tree_id: which of its trees; None in a record that does not say.
     """
     try:
-        return load_tree(file)
+        return load_tree(file, tree_id=tree_id)
     except TreeError:
         return None

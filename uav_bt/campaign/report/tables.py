@@ -247,6 +247,8 @@ def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
     if plan is not None:
         width, height = plan.image_size_px
         words += ["--image-size", f"{width}x{height}"]
+        if plan.tree_id is not None:
+            words += ["--tree", plan.tree_id]
         for node, policy in plan.policies.items():
             words += ["--policy", f"{node}={policy}"]
     return shlex.join(words)

@@ -27,6 +27,7 @@ from pydantic import AfterValidator, Field
 from uav_bt.errors import FileError, TreeError, ValueRangeError, did_you_mean
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, load_tree
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.nodes import BUILTIN_NODES
 from uav_bt.tree.scripted import AnswerScript, ScriptedLeaf, mock_class
 from uav_bt.yaml_file import read_yaml
@@ -103,7 +104,12 @@ class _ScriptFile:
 
 
 def scripted_tree(
-    path: Path, script: SimulationScript, registry: NodeRegistry | None = None
+    path: Path,
+    script: SimulationScript,
+    registry: NodeRegistry | None = None,
+    *,
+    tree_id: str | None = None,
+    lookup: Lookup | None = None,
 ) -> MissionTree:
     """Load a tree file with scripted leaves; the format's own run as ever without a script.
 
@@ -111,6 +117,8 @@ def scripted_tree(
         path: the tree file.
         script: what its leaves answer.
         registry: the nodes that may occur; default: all installed.
+        tree_id: which of the file's trees; see `load_tree`.
+        lookup: where to look for trees and included files; see `load_tree`.
 
     Raises:
         TreeError: the tree was refused, or a leaf has no script.
@@ -118,8 +126,9 @@ def scripted_tree(
     """
     # Scripted leaves ask for no policy.
     registry = (NodeRegistry.installed() if registry is None else registry).with_any_policy()
-    mocks = _mocks(load_tree(path, registry), path, script)
-    tree = load_tree(path, registry, mocks=mocks)
+    first = load_tree(path, registry, tree_id=tree_id, lookup=lookup)
+    mocks = _mocks(first, path, script)
+    tree = load_tree(path, registry, tree_id=tree_id, lookup=lookup, mocks=mocks)
     _connect_outputs(tree, script)
     return tree
 

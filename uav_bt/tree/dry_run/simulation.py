@@ -20,6 +20,7 @@ from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, FileError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status
 from uav_bt.tree.dry_run.script_file import SimulationScript, scripted_tree
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.observer import NodeEvent, observe
 from uav_bt.tree.status import RUNNING
@@ -61,6 +62,8 @@ class Simulation:
         script: what its leaves answer.
         registry: the nodes that may occur; default: all installed.
         tick_s: time between two ticks.
+        tree_id: which of the file's trees; see `load_tree`.
+        lookup: where to look for trees and included files; see `load_tree`.
 
     Raises:
         TreeError: the tree was refused, or a leaf has no script.
@@ -75,10 +78,12 @@ class Simulation:
         registry: NodeRegistry | None = None,
         *,
         tick_s: float = 0.1,
+        tree_id: str | None = None,
+        lookup: Lookup | None = None,
     ) -> None:
         if not tick_s > 0.0:
             raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
-        self.tree: Final = scripted_tree(tree, script, registry)
+        self.tree: Final = scripted_tree(tree, script, registry, tree_id=tree_id, lookup=lookup)
         self._script = script
         self._tick_s = tick_s
         self._clock = ManualClock()

@@ -11,7 +11,7 @@ from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
-from uav_bt.tree.loading.findings import Finding, Findings, Position
+from uav_bt.tree.loading.findings import Finding, Findings, Position, errors_of
 from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of
 from uav_bt.tree.mission_tree import Place, child_paths
@@ -147,13 +147,17 @@ class Builder:
         element, lead = plan.element, f"override of '{target}': "
         for name in _FIXED.intersection(attributes):
             self._findings.note(element, f"{lead}'{name}' cannot be replaced")
+        for name in attributes:
+            if name.startswith("_") and name not in CONDITION_ATTRIBUTES | _FIXED:
+                hint = did_you_mean(name, CONDITION_ATTRIBUTES)
+                self._findings.note(element, f"{lead}unknown attribute '{name}'{hint}")
         # The file itself is good by now, so whatever is found comes from the override.
         found = Findings()
         replaced = {**element.attributes, **attributes}
         Checker(self._document, self._registry, found).check_element(
             replace(element, attributes=replaced)
         )
-        for finding in found:
+        for finding in errors_of(found):
             self._findings.add(
                 finding.path, finding.position, f"{lead}{finding.message}", finding.node
             )

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.source import (
-    KIND_TAGS,
-    Element,
-    check_no_text,
-    node_attributes,
-    node_id_of,
-    walk,
-)
+from uav_bt.tree.loading.source import Element, node_attributes, node_id_of, walk
+from uav_bt.tree.loading.structure import check_structure
 from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -44,72 +38,45 @@ class Checker:
         self._findings = findings
         self._board_keys = registry.board_keys
 
-    def check(self) -> None:
-        """Check all trees, those that nothing refers to included."""
-        for tree in self._document.trees.values():
-            for child in tree.children:
-                self._check_node(child)
+    def check(self, roots: Iterable[str]) -> None:
+        """Check all trees.
+
+        Of a tree that nothing uses only the structure must be right, as the engine has it: the rest
+        is noted as a warning.
+
+        Args:
+            roots: the trees that may be flown.
+        """
+        document = self._document
+        roots = list(roots)
+        for tree in document.trees.values():
+            check_structure(tree, document, self._registry, self._findings)
+        flown = document.within(roots)
+        self._check_trees(tree for tree_id, tree in document.trees.items() if tree_id in flown)
+        check_variables(document, self._registry, self._findings, roots)
         self._check_recursion()
-        check_variables(self._document, self._registry, self._findings)
+        idle = Findings()
+        Checker(document, self._registry, idle)._check_trees(  # noqa: SLF001  # of the same class
+            tree for tree_id, tree in document.trees.items() if tree_id not in flown
+        )
+        unused = [tree_id for tree_id in document.unused if tree_id not in flown]
+        check_variables(document, self._registry, idle, unused)
+        self._findings.take_as_warnings(idle)
+
+    def _check_trees(self, trees: Iterable[Element]) -> None:
+        for tree in trees:
+            for element in walk(tree):
+                self.check_element(element)
 
     def _note(self, element: Element, message: str, attribute: str = "") -> None:
         self._findings.note(element, message, attribute)
 
-    def _check_node(self, element: Element) -> None:
-        for child in element.children:
-            self._check_node(child)
-        self.check_element(element)
-
     def check_element(self, element: Element) -> None:
-        """Check one node, without those below it."""
-        check_no_text(element, self._findings)
-        if element.attributes.get("name") == "":
-            self._note(element, "attribute 'name' is empty", "name")
+        """Check the attributes of one node, which is known and has its place."""
         if element.tag == NodeKind.SUBTREE.value:
             self._check_subtree(element)
-            return
-        node = self._find_node(element)
-        if node is None:
-            return
-        self._check_children(element, node.min_children, node.max_children)
-        self._check_ports(element, node)
-
-    def _find_node(self, element: Element) -> type[Node] | None:
-        node_id = node_id_of(element)
-        if not node_id:
-            self._note(element, f"<{element.tag}> needs an attribute 'ID'")
-            return None
-        if node_id not in self._registry:
-            attribute = "ID" if element.tag in KIND_TAGS else ""
-            if node_id in self._document.trees:
-                hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
-            else:
-                hint = did_you_mean(node_id, self._registry)
-                hint += "".join(f"; not loaded: {fault}" for fault in self._registry.faults)
-            self._note(element, f"unknown node '{node_id}'{hint}", attribute)
-            return None
-        node = self._registry[node_id]
-        if element.tag in KIND_TAGS and element.tag != node.kind.value:
-            self._note(
-                element, f"'{node_id}' is of kind {node.kind.value}, not {element.tag}", "ID"
-            )
-        elif element.tag not in KIND_TAGS and "ID" in element.attributes:
-            self._note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
-        return node
-
-    def _check_children(self, element: Element, min_count: int, max_count: int | None) -> None:
-        count = len(element.children)
-        if count >= min_count and (max_count is None or count <= max_count):
-            return
-        if max_count is None:
-            needed = f"at least {min_count}"
-        elif max_count != min_count:
-            needed = f"{min_count} to {max_count} children"
-        else:
-            needed = {0: "no children", 1: "exactly one child"}.get(
-                min_count, f"exactly {min_count} children"
-            )
-        self._note(element, f"needs {needed}, has {count}")
+        elif node_id_of(element) in self._registry:
+            self._check_ports(element, self._registry[node_id_of(element)])
 
     # --- ports ------------------------------------------------------------------------------------
 
@@ -168,12 +135,9 @@ class Checker:
     # --- subtrees ---------------------------------------------------------------------------------
 
     def _check_subtree(self, element: Element) -> None:
-        self._check_children(element, 0, 0)
         trees = self._document.trees
         tree_id = element.attributes.get("ID", "")
-        if not tree_id:
-            self._note(element, "attribute 'ID' is missing")
-        elif tree_id not in trees:
+        if tree_id and tree_id not in trees and tree_id not in self._registry:
             self._note(element, f"there is no tree '{tree_id}'{did_you_mean(tree_id, trees)}", "ID")
         if "_autoremap" in element.attributes:
             try:
@@ -200,15 +164,13 @@ class Checker:
         if name in CONDITION_ATTRIBUTES:
             self._check_condition(element, name, text)
             return
-        if name.startswith("_"):
-            hint = did_you_mean(name, CONDITION_ATTRIBUTES)
-            self._note(element, f"unknown attribute '{name}'{hint}", name)
-            return
         if not _VARIABLE.fullmatch(name):
             self._note(element, f"'{name}' cannot be a variable's name", name)
         elif described is not None and name not in described:
             hint = did_you_mean(name, described)
-            self._note(element, f"the tree has no port '{name}'{hint}", name)
+            self._findings.warn(
+                element, f"the tree is described without a port '{name}'{hint}", name
+            )
         try:
             reference = parse_reference(text, name)
         except ValueError as error:

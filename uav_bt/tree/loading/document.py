@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.findings import WARNING, Findings
+from uav_bt.tree.loading.lookup import Includes, Lookup
 from uav_bt.tree.loading.models import read_models
 from uav_bt.tree.loading.source import (
     Element,
     check_attributes,
     check_no_text,
     node_attributes,
-    parse_source,
-    read_source,
+    walk,
 )
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
@@ -24,6 +25,9 @@ from uav_bt.tree.registry import NodeRegistry
 _ROOT_ATTRIBUTES: Final = frozenset({"BTCPP_format", "main_tree_to_execute", "project_name"})
 _TREE_ATTRIBUTES: Final = frozenset({"ID"})
 _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
+# What the engine's own names for files and paths cannot have.
+_NOT_IN_AN_ID: Final = frozenset(" \t\n\r<>&\"'/\\|?*:.")
+_METADATA: Final = "MetadataFields"  # editors keep what they like in it
 
 
 @dataclass
@@ -31,12 +35,36 @@ class Document:
     """The outline of a tree file."""
 
     path: Path
-    main: str = ""
+    main: str = ""  # "": the file leaves it open
     trees: dict[str, Element] = field(default_factory=dict)
-    included: dict[Path, bytes] = field(default_factory=dict)  # texts of the included files
+    own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
+    included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
     # None where a SubTree has to give an entry.
     subtree_ports: dict[str, dict[str, str | None]] = field(default_factory=dict)
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """The file's own trees that no SubTree of another of them uses."""
+        used = {
+            node.attributes.get("ID")
+            for tree_id in self.own
+            for node in subtrees(self.trees[tree_id])
+            if node.attributes.get("ID") != tree_id
+        }
+        return tuple(tree_id for tree_id in self.own if tree_id not in used)
+
+    def within(self, tree_ids: Iterable[str]) -> frozenset[str]:
+        """Return trees with all that they use, however deep."""
+        found: set[str] = set()
+        waiting = list(tree_ids)
+        while waiting:
+            tree_id = waiting.pop()
+            if tree_id in self.trees and tree_id not in found:
+                found.add(tree_id)
+                inner = subtrees(self.trees[tree_id])
+                waiting += [node.attributes.get("ID", "") for node in inner]
+        return frozenset(found)
 
     def entries(self, subtree: Element) -> dict[str, str]:
         """Return a SubTree's entries and conditions, the described defaults included.
@@ -59,19 +87,28 @@ def autoremaps(subtree: Element) -> bool:
         return True
 
 
-def outline(root: Element, registry: NodeRegistry, findings: Findings) -> Document:
+def subtrees(tree: Element) -> list[Element]:
+    """Return the SubTree elements of a tree."""
+    return [node for node in walk(tree) if node.tag == NodeKind.SUBTREE.value]
+
+
+def outline(
+    root: Element, registry: NodeRegistry, findings: Findings, lookup: Lookup | None = None
+) -> Document:
     """Read the outline of a file and of those it includes, and note what is wrong with them.
 
     Args:
         root: the file's root element.
         registry: the nodes that may occur.
         findings: where they are added.
+        lookup: where to look for included files and trees; default: the file's folder.
 
     Raises:
         TreeError: an included file cannot be read or is no XML.
     """
+    lookup = lookup or Lookup()
     document = Document(root.path)
-    included = Includes(root.path)
+    included = Includes(root.path, lookup)
     waiting = [root]
     while waiting:
         element = waiting.pop(0)
@@ -79,11 +116,10 @@ def outline(root: Element, registry: NodeRegistry, findings: Findings) -> Docume
             for child in element.children:
                 if child.tag == "include":
                     waiting += included.read(child, findings)
-                else:
-                    _read_part(child, document, registry, findings)
+            _read_parts(element, document, registry, findings)
+    document.own = tuple(document.trees)
     document.included = included.sources
-    if root.tag == "root":
-        document.main = _find_main(root, document, findings)
+    _fetch(document, lookup, registry, findings)
     return document
 
 
@@ -95,31 +131,47 @@ def _check_root(root: Element, findings: Findings) -> bool:
     check_attributes(root, _ROOT_ATTRIBUTES, findings)
     check_no_text(root, findings)
     version = root.attributes.get("BTCPP_format")
-    if version != "4":
-        got = "nothing" if version is None else f"'{version}'"
-        findings.add(path, root.at("BTCPP_format"), f'expected BTCPP_format="4", got {got}', "root")
+    expected = 'expected BTCPP_format="4", got'
+    if version is None:
+        findings.warn(root, f"{expected} nothing")
+    elif version != "4":
+        findings.add(path, root.at("BTCPP_format"), f"{expected} '{version}'", "root")
     return True
 
 
-def _read_part(
-    element: Element, document: Document, registry: NodeRegistry, findings: Findings
+def _read_parts(
+    root: Element, document: Document, registry: NodeRegistry, findings: Findings
 ) -> None:
-    if element.tag == "BehaviorTree":
-        _read_tree(element, document, findings)
-    elif element.tag == "TreeNodesModel":
-        _read_models(element, document, registry, findings)
-    else:
-        hint = did_you_mean(element.tag, _ROOT_CHILDREN)
-        findings.add(
-            element.path, element.position, f"<{element.tag}> cannot stand in <root>{hint}"
-        )
+    parts: dict[str, list[Element]] = {tag: [] for tag in (*_ROOT_CHILDREN, _METADATA)}
+    for child in root.children:
+        if child.tag in parts:
+            parts[child.tag].append(child)
+        else:
+            hint = did_you_mean(child.tag, _ROOT_CHILDREN)
+            findings.warn(child, f"<{child.tag}> means nothing in <root>{hint}")
+    trees = parts["BehaviorTree"]
+    for tree in trees:
+        _read_tree(tree, document, registry, findings, alone=len(trees) == 1)
+    for number, models in enumerate(parts["TreeNodesModel"]):
+        if number:
+            findings.note(models, "a file has one <TreeNodesModel>: move its content to the first")
+        _read_models(models, document, registry, findings)
 
 
-def _read_tree(element: Element, document: Document, findings: Findings) -> None:
+def _read_tree(
+    element: Element,
+    document: Document,
+    registry: NodeRegistry,
+    findings: Findings,
+    *,
+    alone: bool,
+) -> None:
     path = element.path
     check_attributes(element, _TREE_ATTRIBUTES, findings)
     check_no_text(element, findings)
     tree_id = element.attributes.get("ID", "")
+    if not tree_id and alone:
+        tree_id = f"BehaviorTree_{len(document.trees)}"  # as the engine calls it
     if not tree_id:
         findings.add(path, element.position, "attribute 'ID' is missing", "BehaviorTree")
         return
@@ -132,31 +184,76 @@ def _read_tree(element: Element, document: Document, findings: Findings) -> None
             element, f"this ID is taken by the tree at {first.path}:{first.position}", "ID"
         )
         return
+    _check_id(element, tree_id, registry, findings)
     document.trees[tree_id] = element
 
 
-def _find_main(root: Element, document: Document, findings: Findings) -> str:
-    main = root.attributes.get("main_tree_to_execute")
-    if main is None:
-        if len(document.trees) == 1:
-            return next(iter(document.trees))
-        reason = "the file has no BehaviorTree"
-        if document.trees:
-            reason = (
-                "the file has several trees, so <root> must say main_tree_to_execute="
-                f"{'|'.join(document.trees)}"
-            )
-        findings.add(document.path, root.position, reason, "root")
-        return ""
-    if main not in document.trees:
-        findings.add(
-            document.path,
-            root.at("main_tree_to_execute"),
-            f"main_tree_to_execute: there is no tree '{main}'{did_you_mean(main, document.trees)}",
-            "root",
+def _check_id(element: Element, tree_id: str, registry: NodeRegistry, findings: Findings) -> None:
+    forbidden = next((letter for letter in tree_id if letter in _NOT_IN_AN_ID), None)
+    if forbidden is not None:
+        findings.note(
+            element,
+            f"a tree's ID cannot have '{forbidden}' (the engine refuses it since 4.8.4); write "
+            f"'{''.join('_' if letter in _NOT_IN_AN_ID else letter for letter in tree_id)}'",
+            "ID",
         )
-        return ""
-    return main
+    elif tree_id == "root" or tree_id in registry:
+        what = "is reserved" if tree_id == "root" else "is the name of a node"
+        findings.note(element, f"'{tree_id}' {what}: choose another ID", "ID")
+
+
+def _fetch(document: Document, lookup: Lookup, registry: NodeRegistry, findings: Findings) -> None:
+    """Take over the trees of other files that the document's own use."""
+    waiting = [node for tree in document.trees.values() for node in subtrees(tree)]
+    while waiting:
+        node = waiting.pop()
+        tree_id = node.attributes.get("ID", "")
+        found = [] if tree_id in document.trees else lookup.library.find(tree_id)
+        if not found:
+            continue
+        if len(found) > 1:
+            places = " and ".join(f"{each.path}:{each.position}" for each, _ in found)
+            findings.note(node, f"tree '{tree_id}' stands in several files: {places}", "ID")
+        tree, file = found[0]
+        _read_tree(tree, document, registry, findings, alone=False)
+        document.included[tree.path] = file.source
+        for models in file.root.children:
+            if models.tag == "TreeNodesModel":
+                _read_models(models, document, registry, findings)
+        waiting += subtrees(tree)
+
+
+def find_main(document: Document, root: Element, findings: Findings, tree_id: str | None) -> None:
+    """Find the tree that is to be flown, and note when it is not clear which.
+
+    Args:
+        document: the file's outline; its `main` is filled.
+        root: the file's root element.
+        findings: where they are added.
+        tree_id: the tree that was asked for; None: the one that the file names, or the only one
+            that no other uses.
+    """
+    named = root.attributes.get("main_tree_to_execute")
+    wanted = tree_id if tree_id is not None else named
+    if root.tag != "root" or (wanted is not None and wanted in document.trees):
+        document.main = wanted or ""
+        return
+    reason = "the file has no BehaviorTree"
+    where = root.position
+    if wanted is not None:
+        lead = "main_tree_to_execute: " if tree_id is None else ""
+        reason = f"{lead}there is no tree '{wanted}'{did_you_mean(wanted, document.trees)}"
+        where = root.at("main_tree_to_execute") if tree_id is None else where
+    elif document.own:
+        unused = document.unused
+        if len(unused) == 1:
+            document.main = unused[0]
+            return
+        reason = (
+            f"which of these trees is meant: {', '.join(unused or document.own)}? Choose one with "
+            "--tree ID (in Python: tree_id=...), or write it to main_tree_to_execute in <root>"
+        )
+    findings.add(document.path, where, reason, "root")
 
 
 def _read_models(
@@ -176,70 +273,15 @@ def _compare_model(
 ) -> None:
     path = model.path
     if node.kind.value != model.tag:
-        findings.note(model, f"described as {model.tag}, but the node is of kind {node.kind.value}")
+        findings.warn(model, f"described as {model.tag}, but the node is of kind {node.kind.value}")
     known = [port.name for port in node.ports]
     for name, element in ports.items():
         if name not in known:
             hint = did_you_mean(name, known)
             findings.add(
-                path, element.at("name"), f"the node has no port '{name}'{hint}", model.label
+                path,
+                element.at("name"),
+                f"the node has no port '{name}'{hint}",
+                model.label,
+                severity=WARNING,
             )
-
-
-MAX_INCLUDES: Final = 50
-
-
-class Includes:
-    """Reads included files, each once.
-
-    Args:
-        main: the file that was asked for; its folder bounds what may be included.
-    """
-
-    def __init__(self, main: Path) -> None:
-        self._folder = main.resolve().parent if main.is_file() else None
-        self._main = main.resolve()
-        self.sources: dict[Path, bytes] = {}  # of the included files, by path
-
-    def read(self, include: Element, findings: Findings) -> list[Element]:
-        """Return the root of the included file; nothing when it was read before or is refused.
-
-        Args:
-            include: the element that names the file.
-            findings: where they are added.
-
-        Raises:
-            TreeError: the file cannot be read or is no XML.
-        """
-        attributes = include.attributes
-        message = ""
-        if set(attributes) != {"path"} or not attributes["path"]:
-            message = "needs exactly the attribute 'path'"
-        elif self._folder is None:
-            message = "only a tree that is loaded from a file can include another"
-        elif len(self.sources) >= MAX_INCLUDES:
-            message = f"more than {MAX_INCLUDES} files are included"
-        else:
-            return self._read(include, findings, self._folder)
-        findings.add(include.path, include.at("path"), message, "include")
-        return []
-
-    def _read(self, include: Element, findings: Findings, folder: Path) -> list[Element]:
-        name = include.attributes["path"]
-        try:
-            target = (include.path.parent / name).resolve()
-            there = target.is_file()
-        except OSError as error:  # a name may be too long for the system
-            message = f"'{name:.40}...': {error.strerror}"
-        else:
-            if target == self._main or target in self.sources:
-                return []
-            if not target.is_relative_to(folder):
-                message = f"'{name}' lies outside the folder {folder}"
-            elif not there:
-                message = f"'{name}': no such file beside {include.path}"
-            else:
-                self.sources[target] = read_source(target)
-                return [parse_source(self.sources[target], target)]
-        findings.add(include.path, include.at("path"), message, "include")
-        return []

@@ -1,9 +1,9 @@
-"""What is wrong with a tree file: each finding with its place, all in one report."""
+"""What is wrong or odd in a tree file: each finding with its place, all in one report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from uav_bt.tree.loading.source import Element
 
 MAX_FINDINGS: Final = 500  # more are not read, and each costs the search for a suggestion
+ERROR: Final = "error"
+WARNING: Final = "warning"
 
 
 @dataclass(frozen=True, order=True)
@@ -33,26 +35,42 @@ WHOLE_FILE: Final = Position(0, 0)
 
 @dataclass(frozen=True, order=True)
 class Finding:
-    """One thing wrong."""
+    """One thing that is wrong, or odd."""
 
     path: str
     position: Position
     message: str
     node: str = ""  # the node concerned, as `Tag 'name'`
+    severity: str = ERROR  # or WARNING: the file is taken all the same
 
     def __str__(self) -> str:
         """Return the finding as compilers write theirs."""
         where = self.path if self.position == WHOLE_FILE else f"{self.path}:{self.position}"
-        return f"{where}: {self.node}: {self.message}" if self.node else f"{where}: {self.message}"
+        parts = [where, "warning" if self.severity == WARNING else "", self.node, self.message]
+        return ": ".join(part for part in parts if part)
+
+
+def errors_of(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings for which a file is refused."""
+    return tuple(finding for finding in findings if finding.severity == ERROR)
 
 
 class Findings:
     """Collects findings; the same one twice counts once."""
 
     def __init__(self) -> None:
-        self._found: dict[Finding, None] = {}
+        self._errors: dict[Finding, None] = {}
+        self._warnings: dict[Finding, None] = {}  # the first of them; more say no more
 
-    def add(self, path: Path | str, position: Position, message: str, node: str = "") -> None:
+    def add(
+        self,
+        path: Path | str,
+        position: Position,
+        message: str,
+        node: str = "",
+        *,
+        severity: str = ERROR,
+    ) -> None:
         """Note a finding.
 
         Args:
@@ -60,14 +78,23 @@ class Findings:
             position: in the file.
             message: what is wrong.
             node: the node concerned, as `Tag 'name'`.
+            severity: ERROR, or WARNING for what the file is taken with.
 
         Raises:
             TreeError: there are too many.
         """
-        self._found[Finding(str(path), position, message, node)] = None
-        if len(self._found) >= MAX_FINDINGS:
+        self._add(Finding(str(path), position, message, node, severity))
+
+    def _add(self, finding: Finding) -> None:
+        if finding.severity == WARNING:
+            if len(self._warnings) < MAX_FINDINGS:
+                self._warnings[finding] = None
+            return
+        self._errors[finding] = None
+        if len(self._errors) >= MAX_FINDINGS:
             more = f"{MAX_FINDINGS} errors are enough: the rest of the file was not checked"
-            raise TreeError(path, [*self, Finding(str(path), WHOLE_FILE, more)])
+            last = Finding(finding.path, WHOLE_FILE, more)
+            raise TreeError(finding.path, [*sorted(self._errors), last])
 
     def note(self, element: Element, message: str, attribute: str = "") -> None:
         """Note what is wrong with an element.
@@ -82,19 +109,35 @@ class Findings:
         """
         self.add(element.path, element.at(attribute), message, element.label)
 
+    def warn(self, element: Element, message: str, attribute: str = "") -> None:
+        """Note what is odd about an element, but no reason to refuse the file.
+
+        Args:
+            element: of a tree file.
+            message: what is odd.
+            attribute: the attribute concerned; default: the whole element.
+        """
+        where = element.at(attribute)
+        self.add(element.path, where, message, element.label, severity=WARNING)
+
+    def take_as_warnings(self, other: Findings) -> None:
+        """Note what was found elsewhere, all of it as warnings."""
+        for finding in other:
+            self._add(replace(finding, severity=WARNING))
+
     def __iter__(self) -> Iterator[Finding]:
         """Iterate in the order of the file."""
-        return iter(sorted(self._found))
+        return iter(sorted((*self._errors, *self._warnings)))
 
     def __len__(self) -> int:
         """Return how many there are."""
-        return len(self._found)
+        return len(self._errors) + len(self._warnings)
 
     def raise_any(self, path: Path | str) -> None:
-        """Raise what was found, all at once.
+        """Raise the errors that were found, all at once.
 
         Raises:
-            TreeError: something was.
+            TreeError: there were some.
         """
-        if self._found:
-            raise TreeError(path, list(self))
+        if self._errors:
+            raise TreeError(path, sorted(self._errors))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -9,40 +10,55 @@ from uav_bt import plugins
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
-from uav_bt.tree.loading.document import outline
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
+from uav_bt.tree.loading.document import find_main, outline
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position, errors_of
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.registry import NodeRegistry
+
+_log = logging.getLogger(__name__)
 
 
 def load_tree(
     path: Path | str,
     registry: NodeRegistry | None = None,
     *,
+    tree_id: str | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     by_id: Mapping[str, Mapping[str, str]] | None = None,
     mocks: Mapping[str, str] | None = None,
+    lookup: Lookup | None = None,
 ) -> MissionTree:
-    """Load a tree file.
+    """Load a tree file. What is odd in it, but no reason to refuse it, is logged.
 
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
+        tree_id: which of the file's trees; default: the one that it names, or the only one that no
+            other uses.
         overrides: attribute values that replace the file's, by a node's name or path.
         by_id: attribute values that replace the file's in all nodes of an id, beneath the
             overrides. An id that does not occur, or a port that a node does not have, is no error.
         mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
             path, name or node id; of several that fit a leaf, in this order the first counts. Name,
             path, kind, ports and conditions stay as the file has them.
+        lookup: where to look for trees and included files; default: the file's folder.
 
     Raises:
         TreeError: the file was refused; all that is wrong with it, each with its place.
     """
     path = Path(path)
     return parse_tree(
-        read_source(path), registry, path=path, overrides=overrides, by_id=by_id, mocks=mocks
+        read_source(path),
+        registry,
+        path=path,
+        tree_id=tree_id,
+        overrides=overrides,
+        by_id=by_id,
+        mocks=mocks,
+        lookup=lookup,
     )
 
 
@@ -51,9 +67,11 @@ def parse_tree(
     registry: NodeRegistry | None = None,
     *,
     path: Path | str = "<text>",
+    tree_id: str | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
     by_id: Mapping[str, Mapping[str, str]] | None = None,
     mocks: Mapping[str, str] | None = None,
+    lookup: Lookup | None = None,
 ) -> MissionTree:
     """Load a tree from a tree file's text.
 
@@ -61,44 +79,140 @@ def parse_tree(
         source: the text.
         registry: the nodes that may occur; default: all installed.
         path: what messages call the file.
+        tree_id: which of the file's trees; see `load_tree`.
         overrides: attribute values that replace the file's, by a node's name or path.
         by_id: attribute values for all nodes of an id; see `load_tree`.
         mocks: scripts of leaves; see `load_tree`.
+        lookup: where to look for trees and included files; see `load_tree`.
 
     Raises:
         TreeError: the text was refused; all that is wrong with it, each with its place.
     """
     data = source.encode() if isinstance(source, str) else source
-    path = Path(path)
     registry = NodeRegistry.installed() if registry is None else registry
     findings = Findings()
-    document = outline(parse_source(data, path), registry, findings)
-    Checker(document, registry, findings).check()
+    read = _Read(data, Path(path), registry, findings, lookup)
+    find_main(read.document, read.root, findings, tree_id)
+    Checker(read.document, registry, findings).check(read.roots)
     findings.raise_any(path)
-    builder = Builder(document, registry, findings)
-    root = builder.build(overrides or {}, by_id=by_id or {}, mocks=mocks or {})
-    sources = {path.resolve(): data, **document.included}
-    return MissionTree(
-        root,
-        name=document.main,
-        sources=sources,
-        places=builder.places,
-        replaced=builder.replaced,
-    )
+    for finding in findings:
+        _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
+    return read.build(overrides or {}, by_id=by_id or {}, mocks=mocks or {})
 
 
-def check_file(path: Path, registry: NodeRegistry | None = None) -> tuple[Finding, ...]:
-    """Return all that is wrong with a tree file; nothing for a good one.
+class _Read:
+    """A tree file that was read."""
+
+    def __init__(
+        self,
+        data: bytes,
+        path: Path,
+        registry: NodeRegistry,
+        findings: Findings,
+        lookup: Lookup | None,
+    ) -> None:
+        self.root = parse_source(data, path)
+        self.document = outline(self.root, registry, findings, lookup)
+        self._data = data
+        self._registry = registry
+        self._findings = findings
+
+    @property
+    def roots(self) -> tuple[str, ...]:
+        """The trees that may be flown."""
+        return (self.document.main,) if self.document.main else self.document.unused
+
+    def build(
+        self,
+        overrides: Mapping[str, Mapping[str, str]],
+        *,
+        by_id: Mapping[str, Mapping[str, str]],
+        mocks: Mapping[str, str],
+    ) -> MissionTree:
+        """Return the main tree.
+
+        Raises:
+            TreeError: it grows too large, or what is to be replaced does not fit.
+        """
+        document = self.document
+        builder = Builder(document, self._registry, self._findings)
+        root = builder.build(overrides, by_id=by_id, mocks=mocks)
+        return MissionTree(
+            root,
+            name=document.main,
+            sources={document.path.resolve(): self._data, **document.included},
+            places=builder.places,
+            replaced=builder.replaced,
+        )
+
+
+def check_file(
+    path: Path,
+    registry: NodeRegistry | None = None,
+    *,
+    tree_id: str | None = None,
+    lookup: Lookup | None = None,
+) -> tuple[Finding, ...]:
+    """Return all that is wrong or odd in a tree file; nothing for a good one. See `check_text`.
 
     Args:
         path: the file.
         registry: the nodes that may occur; default: all installed.
+        tree_id: the tree that is to be flown; default: the one that the file names.
+        lookup: where to look for trees and included files; default: the file's folder.
     """
     try:
-        tree = load_tree(path, registry)
+        source = read_source(path)
     except InputError as error:
         return findings_of(error, path)
-    return tuple(_absent(tree))
+    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
+
+
+def check_text(
+    source: str | bytes,
+    registry: NodeRegistry | None = None,
+    *,
+    path: Path,
+    tree_id: str | None = None,
+    lookup: Lookup | None = None,
+) -> tuple[Finding, ...]:
+    """Return all that is wrong or odd in a tree file's text; nothing for a good one.
+
+    Where the file leaves open which tree is flown, all are checked that no other uses.
+
+    Args:
+        source: the text, which need not be what the file holds.
+        registry: the nodes that may occur; default: all installed.
+        path: the file.
+        tree_id: the tree that is to be flown; default: the one that the file names.
+        lookup: where to look for trees and included files; default: the file's folder.
+    """
+    data = source.encode() if isinstance(source, str) else source
+    try:
+        return _check(data, path, registry or NodeRegistry.installed(), tree_id, lookup)
+    except InputError as error:
+        return findings_of(error, path)
+
+
+def _check(
+    data: bytes, path: Path, registry: NodeRegistry, tree_id: str | None, lookup: Lookup | None
+) -> tuple[Finding, ...]:
+    findings = Findings()
+    read = _Read(data, path, registry, findings, lookup)
+    document, root = read.document, read.root
+    is_palette = any(part.tag == "TreeNodesModel" for part in root.children)
+    if tree_id is not None or "main_tree_to_execute" in root.attributes:
+        find_main(document, root, findings, tree_id)
+    elif not document.trees and not is_palette:
+        find_main(document, root, findings, None)
+    roots = read.roots
+    Checker(document, registry, findings).check(roots)
+    if errors_of(findings):
+        return tuple(findings)
+    absent: list[Finding] = []
+    for document.main in roots:
+        absent += _absent(read.build({}, by_id={}, mocks={}))
+    return (*findings, *absent)
 
 
 def _absent(tree: MissionTree) -> Iterator[Finding]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.findings import ERROR, WARNING, Findings
 from uav_bt.tree.loading.source import Element, check_attributes
 from uav_bt.tree.node import NodeKind
 
@@ -31,56 +31,60 @@ class NodeModel:
 
 
 def read_models(models: Element, findings: Findings) -> list[NodeModel]:
-    """Read a TreeNodesModel; what is wrong with it is noted, and the rest returned.
+    """Read a TreeNodesModel. What is odd in it is a warning, as the engine does not read it.
+
+    It does read the subtrees' entries: a SubTree without ID, and a port of one without a name, are
+    errors.
 
     Args:
         models: the TreeNodesModel.
         findings: where they are added.
     """
     check_attributes(models, frozenset(), findings)
-    seen: set[str] = set()
-    found: list[NodeModel] = []
+    found: dict[str, NodeModel] = {}
     for model in models.children:
         kind = _KINDS.get(model.tag)
         if kind is None:
-            findings.add(
-                model.path,
-                model.position,
-                f"<{model.tag}> cannot stand in <TreeNodesModel>{did_you_mean(model.tag, _KINDS)}",
-            )
+            if model.tag not in _REMARKS:
+                hint = did_you_mean(model.tag, _KINDS)
+                findings.warn(model, f"<{model.tag}> means nothing in <TreeNodesModel>{hint}")
             continue
         check_attributes(model, _MODEL_ATTRIBUTES, findings)
         node_id = model.attributes.get("ID", "")
         if not node_id:
-            findings.add(model.path, model.position, "attribute 'ID' is missing", model.tag)
-            continue
-        if node_id in seen:
-            findings.note(model, "described twice", "ID")
-        seen.add(node_id)
-        found.append(NodeModel(model, kind, node_id, _read_ports(model, findings)))
-    return found
+            _note(model, model, "attribute 'ID' is missing", findings)
+        elif node_id in found:
+            findings.warn(model, "described twice; the first counts", "ID")
+        else:
+            found[node_id] = NodeModel(model, kind, node_id, _read_ports(model, findings))
+    return list(found.values())
 
 
 def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
-    path = model.path
     ports: dict[str, Element] = {}
     for port in model.children:
         if port.tag in _REMARKS:
             continue
         if port.tag not in PORT_DIRECTIONS:
-            findings.add(
-                path,
-                port.position,
-                f"<{port.tag}> cannot stand here{did_you_mean(port.tag, PORT_DIRECTIONS)}",
-                model.label,
-            )
+            hint = did_you_mean(port.tag, PORT_DIRECTIONS)
+            message = f"<{port.tag}> is no port: what it describes is not known{hint}"
+            _warn(model, port, message, findings)
             continue
         check_attributes(port, _PORT_ATTRIBUTES, findings)
         name = port.attributes.get("name", "")
         if not name:
-            findings.add(path, port.position, "attribute 'name' is missing", model.label)
+            _note(model, port, "attribute 'name' is missing", findings)
         elif name in ports:
-            findings.add(path, port.at("name"), f"port '{name}' is described twice", model.label)
+            _warn(model, port, f"port '{name}' is described twice; the first counts", findings)
         else:
             ports[name] = port
     return ports
+
+
+def _warn(model: Element, part: Element, message: str, findings: Findings) -> None:
+    findings.add(model.path, part.at("name"), message, model.label, severity=WARNING)
+
+
+def _note(model: Element, part: Element, message: str, findings: Findings) -> None:
+    severity = ERROR if model.tag == NodeKind.SUBTREE.value else WARNING
+    findings.add(model.path, part.position, message, model.label, severity=severity)

@@ -9,13 +9,13 @@ and such a node cannot be ticked.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.errors import MissionError
 from uav_bt.tree.leaf import Leaf
-from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.findings import WARNING, Findings
 from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_models
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
@@ -82,20 +82,22 @@ _BASES: Final[dict[NodeKind, type[Node]]] = {
 }
 
 
-def read_palette(path: Path) -> tuple[type[Node], ...]:
+def read_palette(path: Path, odd: Findings | None = None) -> tuple[type[Node], ...]:
     """Return node classes for what a file's TreeNodesModel describes.
 
     Trees and includes in the file are passed over, subtrees in the model, too: they are no nodes
-    of their own.
+    of their own. A port's type or default that cannot be read is passed over likewise; the node
+    and the port stay.
 
     Args:
         path: the file; its root is a TreeNodesModel, or holds one or several.
+        odd: where warnings are added of what was passed over; default: nowhere.
 
     Raises:
-        TreeError: the file cannot be read, has no model, or a model that makes no sense.
+        TreeError: the file cannot be read, or has no model.
     """
     root = parse_source(read_source(path), path)
-    findings = Findings()
+    findings = Findings() if odd is None else odd
     candidates = [root] if root.tag == "TreeNodesModel" else root.children
     models = [element for element in candidates if element.tag == "TreeNodesModel"]
     if not models:
@@ -105,7 +107,7 @@ def read_palette(path: Path) -> tuple[type[Node], ...]:
     for element in models:
         for model in read_models(element, findings):
             if model.kind in _BASES:
-                nodes[model.node_id] = _node_of(model, findings)
+                nodes.setdefault(model.node_id, _node_of(model, findings))
     findings.raise_any(path)
     return tuple(nodes.values())
 
@@ -128,27 +130,35 @@ def _port_of(
     model: NodeModel, name: str, element: Element, findings: Findings
 ) -> PalettePort | None:
     type_name = " ".join(element.attributes.get("type", "").split())
-    default = element.attributes.get("default", "")
     type_, choices = _type_of(type_name)
     try:
         port = PalettePort(
             name=name,
             type=type_,
-            default=default or Port.REQUIRED,
             doc=" ".join(element.text.split()),
             direction=PORT_DIRECTIONS[element.tag],  # type: ignore[arg-type]  # one of the three
             choices=choices,
             least=0 if type_name in _UNSIGNED else None,
         )
-        if default:
-            port.bind(default)
     except ValueError as error:
-        attribute = "default" if default else "name"
-        findings.add(
-            element.path, element.at(attribute), f"port '{name}': {error}", model.element.label
-        )
+        _warn(model, element, "name", f"{error}; the port is left out", findings)
         return None
-    return port
+    default = element.attributes.get("default", "")
+    if not default:
+        return port
+    try:
+        port.bind(default)
+        return replace(port, default=default)
+    except ValueError as error:
+        _warn(model, element, "default", f"port '{name}': {error}; no default is used", findings)
+        return port
+
+
+def _warn(
+    model: NodeModel, element: Element, attribute: str, message: str, findings: Findings
+) -> None:
+    where = element.at(attribute)
+    findings.add(element.path, where, message, model.element.label, severity=WARNING)
 
 
 def _type_of(name: str) -> tuple[type, tuple[str, ...]]:

@@ -1,9 +1,9 @@
 """An XML Schema (XSD 1.0) of tree files, for editors: it completes, explains and underlines.
 
-It allows all that the loader allows, and refuses most of what the loader refuses: unknown nodes and
-attributes, missing ones, literals of another type, wrong counts of children. What no XSD can say is
-left to `uav-bt check`: scripts, subtrees that do not exist, what a variable holds, the attributes
-of a SubTree and of the explicit form `<Action ID="..."/>`.
+It allows all that the loader takes without a warning, and refuses most of what the loader refuses
+or warns of: unknown nodes and attributes, missing ones, literals of another type, wrong counts of
+children. What no XSD can say is left to `uav-bt check`: scripts, subtrees that do not exist, what a
+variable holds, the attributes of a SubTree and of the explicit form `<Action ID="..."/>`.
 
 An editor finds the schema by its own settings, or by a line at the head of the tree file, which the
 loader passes over: `<?xml-model href="uav-bt.xsd"?>`.
@@ -94,7 +94,7 @@ def _add_attribute_groups(schema: ET.Element) -> None:
     for name in sorted(EDITOR_ATTRIBUTES):
         _add_attribute(editors, name, "xs:string")
     common = _add(schema, "attributeGroup", name="common")
-    _add_attribute(common, "name", "value.name")
+    _add_attribute(common, "name", "xs:string")
     for name in sorted(CONDITION_ATTRIBUTES):
         _add_attribute(common, name, "xs:string")
     _add(common, "attributeGroup", ref="editor")
@@ -111,6 +111,7 @@ def _add_root(schema: ET.Element) -> None:
     _add_attribute(tree, "ID", "value.name", required=True)
     _add(tree, "attributeGroup", ref="editor")
     _add(parts, "element", name="TreeNodesModel", type="models")
+    _add(parts, "element", name="MetadataFields", type="xs:anyType")
     _add(content, "attribute", name="BTCPP_format", type="xs:string", use="required", fixed="4")
     _add_attribute(content, "main_tree_to_execute", "value.name")
     _add_attribute(content, "project_name", "xs:string")

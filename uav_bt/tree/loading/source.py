@@ -16,11 +16,12 @@ from xml.parsers import expat
 
 from uav_bt.errors import TreeError, did_you_mean
 from uav_bt.files import read_bounded
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
 from uav_bt.tree.node import NodeKind
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
-MAX_DEPTH: Final = 100  # deeper trees would meet Python's own recursion limit when ticked
+MAX_DEPTH: Final = 256  # levels; the engine's own limit
 MAX_ELEMENTS: Final = 20_000
 MAX_NODES: Final = 20_000  # of a tree; subtrees inside subtrees multiply
 MAX_ATTRIBUTES: Final = 200  # of one element; nodes have less than ten
@@ -87,8 +88,8 @@ class _Builder:
         self._count += 1
         if self._count > MAX_ELEMENTS:
             raise _RefusedError(f"more than {MAX_ELEMENTS} elements")
-        if len(self._open) >= MAX_DEPTH:
-            raise _RefusedError(f"elements are nested deeper than {MAX_DEPTH}")
+        if len(self._open) >= MAX_DEPTH + 2:  # the nodes stand in <root> and <BehaviorTree>
+            raise _RefusedError(f"nodes are nested deeper than {MAX_DEPTH}")
         if len(attributes) > MAX_ATTRIBUTES:
             raise _RefusedError(f"an element has more than {MAX_ATTRIBUTES} attributes")
         if max(len(tag), *map(len, attributes), 0) > MAX_NAME:
@@ -194,7 +195,7 @@ EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath",
 
 
 def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
-    """Note every attribute that the element cannot have.
+    """Warn of every attribute that means nothing on an element which is no node.
 
     Args:
         element: of a tree file.
@@ -204,13 +205,12 @@ def check_attributes(element: Element, known: frozenset[str], findings: Findings
     for attribute in element.attributes:
         if attribute in known or attribute in EDITOR_ATTRIBUTES:
             continue
-        findings.note(
-            element, f"unknown attribute '{attribute}'{did_you_mean(attribute, known)}", attribute
-        )
+        hint = did_you_mean(attribute, known)
+        findings.warn(element, f"attribute '{attribute}' means nothing here{hint}", attribute)
 
 
 def check_no_text(element: Element, findings: Findings) -> None:
-    """Note text between tags, which a tree file has no place for.
+    """Warn of text between tags, which means nothing in a tree file.
 
     Args:
         element: of a tree file.
@@ -218,7 +218,7 @@ def check_no_text(element: Element, findings: Findings) -> None:
     """
     text = element.text.strip()
     if text:
-        findings.note(element, f"unexpected text '{text[:40]}'")
+        findings.warn(element, f"text between tags means nothing: '{text[:40]}'")
 
 
 def walk(element: Element) -> Iterator[Element]:
@@ -236,9 +236,28 @@ def node_id_of(element: Element) -> str:
 
 
 def node_attributes(element: Element) -> dict[str, str]:
-    """Return the attributes that are ports (or a subtree's entries)."""
+    """Return the attributes that are ports (or a subtree's entries) or conditions.
+
+    Of others that begin with `_` the engine knows nothing, and passes them over.
+    """
     return {
         name: text
         for name, text in element.attributes.items()
-        if name not in {"ID", "name", "_autoremap"} and name not in EDITOR_ATTRIBUTES
+        if name in CONDITION_ATTRIBUTES or not (name in {"ID", "name"} or name.startswith("_"))
     }
+
+
+def check_private_attributes(element: Element, findings: Findings) -> None:
+    """Warn of a node's attributes that begin with `_` and mean nothing.
+
+    Args:
+        element: a node.
+        findings: where they are added.
+    """
+    known = {*CONDITION_ATTRIBUTES, *EDITOR_ATTRIBUTES}
+    if element.tag == NodeKind.SUBTREE.value:
+        known.add("_autoremap")
+    for name in element.attributes:
+        if name.startswith("_") and name not in known:
+            hint = did_you_mean(name, known - EDITOR_ATTRIBUTES)
+            findings.warn(element, f"attribute '{name}' means nothing here{hint}", name)

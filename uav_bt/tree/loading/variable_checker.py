@@ -8,6 +8,7 @@ may also be set from Python, so there only a value that the file gives wrongly c
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterable
 from typing import Any, Final
 
 from uav_bt.board.blackboard import Key
@@ -22,15 +23,18 @@ from uav_bt.tree.registry import NodeRegistry
 _IN_SCRIPTS: Final = (int, float, str)
 
 
-def check_variables(document: Document, registry: NodeRegistry, findings: Findings) -> None:
+def check_variables(
+    document: Document, registry: NodeRegistry, findings: Findings, roots: Iterable[str]
+) -> None:
     """Note the uses of variables that cannot go well.
 
     Args:
-        document: the file, without other findings.
+        document: the file.
         registry: the nodes that may occur.
         findings: where they are added.
+        roots: the trees that may be flown.
     """
-    _VariableChecker(document, registry, findings).check()
+    _VariableChecker(document, registry, findings).check(roots)
 
 
 class _VariableChecker:
@@ -38,8 +42,8 @@ class _VariableChecker:
         self._findings = findings
         self._uses = VariableUses(document, registry)
 
-    def check(self) -> None:
-        for scope in self._uses.find():
+    def check(self, roots: Iterable[str]) -> None:
+        for scope in self._uses.find(roots):
             for slot in scope.slots():
                 sources = slot.sources()
                 for read in slot.reads:

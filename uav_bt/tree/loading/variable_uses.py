@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from uav_bt.errors import InputError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
-from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of, walk
+from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
@@ -48,20 +48,17 @@ class VariableUses:
         self._obscured: list[Scope] = []
         self._count = 0
 
-    def find(self) -> Iterator[Scope]:
-        """Iterate over all scopes: of the main tree, of its subtrees, of unused trees.
+    def find(self, roots: Iterable[str]) -> Iterator[Scope]:
+        """Iterate over all scopes of trees and of their subtrees.
 
         Trees that contain themselves are followed once, and of trees that multiply without bound
         only a part; the loader refuses both.
+
+        Args:
+            roots: the trees that may be flown.
         """
-        used = {
-            element.attributes.get("ID")
-            for tree in self._document.trees.values()
-            for element in walk(tree)
-            if element.tag == NodeKind.SUBTREE.value
-        }
-        for tree_id in self._document.trees:
-            if tree_id == self._document.main or tree_id not in used:
+        for tree_id in roots:
+            if tree_id in self._document.trees:
                 self._enter(Scope(tree_id), (tree_id,))
         for scope in self._obscured:
             scope.obscure()

@@ -1,0 +1,194 @@
+"""What BehaviorTree.CPP takes is taken here, with a warning where it means nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.tree.test_loader import REGISTRY, warnings_of
+from tests.uav_bt.tree.tree_world import document
+from uav_bt.errors import TreeError
+from uav_bt.tree import load_tree, parse_tree
+from uav_bt.tree.loading.findings import ERROR, Findings
+from uav_bt.tree.loading.loader import check_file, check_text
+from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+from uav_bt.tree.loading.palette import read_palette, with_palette
+from uav_bt.tree.shipped import shipped_trees
+
+SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (document('<Condition ID="Steer"/>'), "'Steer' is of kind Action, not Condition"),
+        (document('<Steer _skipif="true"/>'), "'_skipif' means nothing here; did you mean '_skip"),
+        (document('<Steer _favorite="true"/>'), "attribute '_favorite' means nothing here"),
+        (document("<Steer>text</Steer>"), "text between tags means nothing: 'text'"),
+        (document("<Safe/>").replace('BTCPP_format="4"', ""), "got nothing"),
+        (document("<Safe/>").replace("<root", '<root autor="me"'), "'autor' means nothing here"),
+        (document("<Safe/>").replace("main_tree", "man_tree"), "did you mean 'main_tree_to_exec"),
+        (document("<Safe/>").replace('ID="Main"', 'ID="Main" x="1"'), "'x' means nothing here"),
+        (document("<Safe/>", '<BehaviorTre ID="B"><Safe/></BehaviorTre>'), "did you mean 'Beh"),
+        (document("<Safe/>", "words"), "text between tags means nothing: 'words'"),
+        (document("<Safe/>", SPARE.format('<Steer polcy="x"/>')), "unknown attribute 'polcy'"),
+        (document("<Safe/>", SPARE.format('<SubTree ID="C"/>')), "there is no tree 'C'"),
+        (document("<Safe/>", SPARE.format('<Script code="x := ("/>')), "expected a value"),
+    ],
+)
+def test_what_the_engine_takes_is_a_warning(text: str, message: str) -> None:
+    """It flies, and whoever wrote it hears of it."""
+    found = warnings_of(text)
+    assert len(found) == 1
+    assert message in found[0]
+    assert ": warning: " in found[0]
+
+
+def test_what_editors_write_is_no_warning() -> None:
+    """Metadata, names that are empty, editors' attributes."""
+    text = document('<Steer name="" _uid="3"/>', "<MetadataFields><x y='1'/></MetadataFields>")
+    assert warnings_of(text) == []
+    assert parse_tree(text, REGISTRY).root.name == "Steer"
+
+
+def test_hundreds_of_warnings_refuse_nothing() -> None:
+    """Only errors end a report; of warnings the first are told."""
+    body = "<Sequence>" + "<Steer _x='1'/>" * 1_000 + "</Sequence>"
+    assert len(warnings_of(document(body))) == 500
+
+
+def test_a_tree_can_be_chosen(caplog: pytest.LogCaptureFixture) -> None:
+    """As Groot2 saves it, a file does not say which of its trees is flown."""
+    trees = (
+        '<root BTCPP_format="4"><BehaviorTree ID="Step"><Safe/></BehaviorTree>'
+        '<BehaviorTree ID="All"><Sequence><SubTree ID="Step"/></Sequence></BehaviorTree>{}</root>'
+    )
+    text = trees.format("")
+    assert parse_tree(text, REGISTRY).name == "All"
+    assert parse_tree(text, REGISTRY, tree_id="Step").name == "Step"
+    with pytest.raises(TreeError, match="there is no tree 'Stp'; did you mean 'Step'"):
+        parse_tree(text, REGISTRY, tree_id="Stp")
+    assert not caplog.messages
+    spare = trees.format(SPARE.format('<Steer polcy="x"/>'))
+    with pytest.raises(TreeError, match="which of these trees is meant: All, B"):
+        parse_tree(spare, REGISTRY)
+    assert parse_tree(spare, REGISTRY, tree_id="All").name == "All"
+    assert "unknown attribute 'polcy'" in caplog.messages[0]
+    # Without a choice each of them may be flown, so each must be good.
+    (finding,) = check_text(spare, REGISTRY, path=Path("m.xml"))
+    assert finding.severity == ERROR
+
+
+@pytest.mark.parametrize("path", sorted(shipped_trees().glob("*.xml")), ids=lambda path: path.stem)
+def test_our_missions_load_as_groot2_saves_them(path: Path, tmp_path: Path) -> None:
+    """It drops main_tree_to_execute, orders trees by name, and adds attributes of its own."""
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    text = "".join(lines).replace(" main_tree_to_execute=", " project_name=", 1)
+    saved = tmp_path / path.name
+    saved.write_text(text, encoding="utf-8")
+    assert check_file(saved) == ()
+    before, after = load_tree(path), load_tree(saved)
+    assert [node.path for node in after.nodes()] == [node.path for node in before.nodes()]
+
+
+def test_a_single_tree_needs_no_id() -> None:
+    text = '<root BTCPP_format="4"><BehaviorTree><Safe/></BehaviorTree></root>'
+    assert parse_tree(text, REGISTRY).name == "BehaviorTree_0"
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        ('<Actoin ID="Steer"/>', "<Actoin> means nothing in <TreeNodesModel>; did you mean"),
+        ("<Action/>", "attribute 'ID' is missing"),
+        ('<Condition ID="Steer"/>', "described as Condition, but the node is of kind Action"),
+        ('<Action ID="Steer"><input_port name="polcy"/></Action>', "has no port 'polcy'; did you"),
+        ('<Action ID="Steer"><input_port/></Action>', "attribute 'name' is missing"),
+        ('<Action ID="Steer"><port name="policy"/></Action>', "<port> is no port"),
+        ('<Action ID="X"/><Action ID="X"/>', "described twice; the first counts"),
+    ],
+)
+def test_models_are_for_people(model: str, message: str) -> None:
+    """The engine does not read how a model describes nodes."""
+    found = warnings_of(document("<Safe/>", f"<TreeNodesModel>{model}</TreeNodesModel>"))
+    assert len(found) == 1
+    assert message in found[0]
+
+
+# --- several files --------------------------------------------------------------------------------
+
+
+def tree(tree_id: str, body: str) -> str:
+    return f'<root BTCPP_format="4"><BehaviorTree ID="{tree_id}">{body}</BehaviorTree></root>'
+
+
+def test_subtrees_are_found_in_other_files(tmp_path: Path) -> None:
+    """The files of a workspace use each other's trees, through any number of files."""
+    main = tmp_path / "main.xml"
+    main.write_text(tree("Main", '<SubTree ID="A"/>'))
+    (tmp_path / "a.xml").write_text(tree("A", '<SubTree ID="B" x="1"/>'))
+    (tmp_path / "parts").mkdir()
+    part = tmp_path / "parts" / "b.xml"
+    part.write_text(tree("B", "<Safe/>"))
+    (tmp_path / "broken.xml").write_text("<root")
+    lookup = Lookup(Library(files_in(tmp_path)))
+    loaded = load_tree(main, REGISTRY, lookup=lookup)
+    assert [leaf.path for leaf in loaded.leaves()] == ["Main/A/B/Safe"]
+    assert {path.name for path in loaded.sources} == {"main.xml", "a.xml", "b.xml"}
+    assert loaded.places["Main/A/B/Safe"].path == part
+    assert "there is no tree 'A'" in str(check_file(main, REGISTRY)[0])
+    (tmp_path / "b2.xml").write_text(tree("B", "<Safe/>"))
+    (finding,) = check_file(main, REGISTRY, lookup=Lookup(Library(files_in(tmp_path))))
+    assert "tree 'B' stands in several files" in finding.message
+    assert f"{part}:1:24" in finding.message
+
+
+def test_a_project_file_holds_the_trees_that_it_includes(tmp_path: Path) -> None:
+    project = tmp_path / "all.btproj"
+    includes = '<include path="a.xml"/><include path="b.xml"/>'
+    project.write_text(f'<root BTCPP_format="4" project_name="All">{includes}</root>')
+    (tmp_path / "a.xml").write_text(tree("A", '<SubTree ID="B"/>'))
+    (tmp_path / "b.xml").write_text(tree("B", "<Safe/>"))
+    assert check_file(project, REGISTRY) == ()
+    assert load_tree(project, REGISTRY).name == "A"
+    assert load_tree(project, REGISTRY, tree_id="B").name == "B"
+    assert project in files_in(tmp_path)
+
+
+def test_files_above_are_included_when_allowed(tmp_path: Path) -> None:
+    (tmp_path / "trees").mkdir()
+    (tmp_path / "package").mkdir()
+    (tmp_path / "up.xml").write_text(tree("Up", "<Safe/>"))
+    (tmp_path / "package" / "in.xml").write_text(tree("In", "<Safe/>"))
+    main = tmp_path / "trees" / "main.xml"
+    includes = '<include path="../up.xml"/><include ros_pkg="robot" path="in.xml"/>'
+    main.write_text(document('<Sequence><SubTree ID="Up"/><SubTree ID="In"/></Sequence>', includes))
+    found = [finding.message for finding in check_file(main, REGISTRY)]
+    assert any("allow it with --include-root DIR" in message for message in found)
+    assert any("add --ros-pkg robot=DIR" in message for message in found)
+    lookup = Lookup(include_root=tmp_path, packages={"robot": tmp_path / "package"})
+    assert check_file(main, REGISTRY, lookup=lookup) == ()
+
+
+# --- palettes -------------------------------------------------------------------------------------
+
+
+def test_an_odd_port_does_not_cost_a_palette(tmp_path: Path) -> None:
+    """The lines for which the palettes of Nav2 and other projects were refused."""
+    path = tmp_path / "palette.xml"
+    path.write_text(
+        '<root BTCPP_format="4"><TreeNodesModel>'
+        '<Action ID="Cut"><input_port name="far" type="double" '
+        'default="std::numeric_limits&lt;double&gt;::infinity()"/></Action>'
+        '<Control ID="Keep"><bidirectional_port name="at"/></Control>'
+        '<Action ID="Count"><input_port name="n" type="unsigned" default="1u"/>'
+        '<output_port name="o" default="door"/><input_port name="n"/></Action>'
+        "</TreeNodesModel></root>"
+    )
+    odd = Findings()
+    registry = with_palette(REGISTRY, read_palette(path, odd))
+    assert len(odd) == 5
+    text = document('<Keep><Cut far="2.5"/><Count n="3"/></Keep>')
+    assert check_text(text, registry, path=Path("m.xml")) == ()
+    assert check_text(text.replace("2.5", "far"), registry, path=Path("m.xml"))

@@ -1,0 +1,139 @@
+"""What the engine checks of every tree of a file, used or not: which nodes, with which children."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from uav_bt.errors import did_you_mean
+from uav_bt.tree.loading.document import Document, subtrees
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.source import (
+    KIND_TAGS,
+    Element,
+    check_no_text,
+    check_private_attributes,
+    node_id_of,
+    walk,
+)
+from uav_bt.tree.node import NodeKind
+from uav_bt.tree.nodes import ReactiveSequence
+from uav_bt.tree.registry import NodeRegistry
+
+_ASYNCHRONOUS: Final = "AsyncSequence"  # the only child that the engine counts
+# What nodes of BehaviorTree.CPP 3 are called in version 4.
+_OF_VERSION_3: Final = {
+    "BlackboardCheckBool": "Precondition",
+    "BlackboardCheckDouble": "Precondition",
+    "BlackboardCheckInt": "Precondition",
+    "BlackboardCheckString": "Precondition",
+    "FallbackStar": "Fallback",
+    "RetryUntilSuccesful": "RetryUntilSuccessful",
+    "SequenceStar": "SequenceWithMemory",
+    "SubTreePlus": "SubTree",
+}
+
+
+def check_structure(
+    tree: Element, document: Document, registry: NodeRegistry, findings: Findings
+) -> None:
+    """Note what is wrong with the nodes of a tree and their children.
+
+    Args:
+        tree: the BehaviorTree element.
+        document: the file's outline.
+        registry: the nodes that may occur.
+        findings: where they are added.
+    """
+    for element in walk(tree):
+        check_no_text(element, findings)
+        check_private_attributes(element, findings)
+        if element.tag == NodeKind.SUBTREE.value:
+            _check_subtree(element, registry, findings)
+        else:
+            _check_node(element, document, registry, findings)
+    _check_names(tree, findings)
+
+
+def _check_subtree(element: Element, registry: NodeRegistry, findings: Findings) -> None:
+    _check_children(element, 0, 0, findings)
+    tree_id = element.attributes.get("ID", "")
+    if not tree_id:
+        findings.note(element, "attribute 'ID' is missing")
+    elif tree_id in registry:
+        findings.note(element, f"'{tree_id}' is a node, no tree: write <{tree_id}/>", "ID")
+
+
+def _check_node(
+    element: Element, document: Document, registry: NodeRegistry, findings: Findings
+) -> None:
+    node_id = node_id_of(element)
+    if not node_id:
+        findings.note(element, f"<{element.tag}> needs an attribute 'ID'")
+        return
+    if node_id not in registry:
+        _note_unknown(element, node_id, document, registry, findings)
+        return
+    node = registry[node_id]
+    if element.tag in KIND_TAGS and element.tag != node.kind.value:
+        message = f"'{node_id}' is of kind {node.kind.value}, not {element.tag}"
+        findings.warn(element, message, "ID")
+    elif element.tag not in KIND_TAGS and "ID" in element.attributes:
+        findings.note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
+    _check_children(element, node.min_children, node.max_children, findings)
+    if node is ReactiveSequence:
+        running = [child for child in element.children if child.tag == _ASYNCHRONOUS]
+        for child in running[1:]:
+            findings.note(
+                child,
+                f"a ReactiveSequence can have one {_ASYNCHRONOUS}: each stops the others when it "
+                "runs",
+            )
+
+
+def _note_unknown(
+    element: Element,
+    node_id: str,
+    document: Document,
+    registry: NodeRegistry,
+    findings: Findings,
+) -> None:
+    if node_id in document.trees:
+        hint = f'; it is a tree of this file: write <SubTree ID="{node_id}"/>'
+    elif node_id in _OF_VERSION_3:
+        hint = f" (of BehaviorTree.CPP 3; in version 4 it is {_OF_VERSION_3[node_id]})"
+    else:
+        hint = did_you_mean(node_id, registry)
+        hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
+    attribute = "ID" if element.tag in KIND_TAGS else ""
+    findings.note(element, f"unknown node '{node_id}'{hint}", attribute)
+
+
+def _check_children(
+    element: Element, min_count: int, max_count: int | None, findings: Findings
+) -> None:
+    count = len(element.children)
+    if count >= min_count and (max_count is None or count <= max_count):
+        return
+    if max_count is None:
+        needed = f"at least {min_count}"
+    elif max_count != min_count:
+        needed = f"{min_count} to {max_count} children"
+    else:
+        needed = {0: "no children", 1: "exactly one child"}.get(
+            min_count, f"exactly {min_count} children"
+        )
+    findings.note(element, f"needs {needed}, has {count}")
+
+
+def _check_names(tree: Element, findings: Findings) -> None:
+    """Refuse two SubTrees of one name under one tree, as the engine does since 4.8.4."""
+    first: dict[str, Element] = {}
+    for element in subtrees(tree):
+        name = element.attributes.get("name")
+        if name and first.setdefault(name, element) is not element:
+            findings.note(
+                element,
+                f"the SubTree at {first[name].path}:{first[name].position} has this name, too: "
+                "names of SubTrees are unique in a tree; leave it out, or choose another",
+                "name",
+            )
