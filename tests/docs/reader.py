@@ -36,7 +36,7 @@ from uav_bt.cli.root import uav_bt
 from uav_bt.tree import NodeRegistry, parse_tree
 from uav_bt.tree.dry_run.script_file import read_script
 from uav_bt.tree.loading.loader import check_file
-from uav_bt.tree.shipped import resolve_tree
+from uav_bt.tree.shipped import tree_files
 
 # Files that an option takes, and what reads them.
 LOADERS: Final[dict[str, Callable[[Path], object]]] = {"site": load_site, "script": read_script}
@@ -221,7 +221,8 @@ class Reader:
                     continue
                 if name in {"tree", "trees"}:
                     registry = context.params.get("registry")
-                    assert not check_file(resolve_tree(each), registry), f"{each} is refused"
+                    for file in tree_files(each):
+                        assert not check_file(file, registry), f"{file} is refused"
                 elif name in {"scene", "scenes"} and not re.search(r"[*,]", str(each)):
                     load_scene(each)
                 elif isinstance(param.type, click.Path) and isinstance(each, str | Path):
