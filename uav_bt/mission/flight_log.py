@@ -179,7 +179,7 @@ class FlightLog:
                 stage: Percentiles.of_seconds(times) for stage, times in stage_times_s.items()
             },
             slow_leaves={path: round(1000.0 * s, 1) for path, s in (slow_leaves_s or {}).items()},
-            warnings=tuple(self._warnings),
+            warnings=list(self._warnings),
             airborne_at_end=airborne_at_end,
             lost_outputs=dict(lost_outputs or {}),
         )

@@ -79,7 +79,7 @@ class FlightReport:
     # Leaves that blocked longer than their budget, by path: the longest time, milliseconds.
     slow_leaves: dict[str, float] = field(default_factory=dict)
     # What was wrong with the drone's motion and was borne.
-    warnings: tuple[str, ...] = ()
+    warnings: list[str] = field(default_factory=list)
     # Whether the drone was still in the air when the program left it, as far as is known.
     airborne_at_end: bool = False
     # What follows a flight (displays, records) and failed on the way: what, and why.
