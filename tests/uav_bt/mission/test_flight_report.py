@@ -261,7 +261,7 @@ def test_each_warning_is_reported_once() -> None:
     for warning in (None, "it drifts", "it drifts", None, "it drifts", "it drifts more"):
         tale.tick("explore", warning=warning)
     assert tale.report().warnings == ["it drifts", "it drifts more"]
-    assert "warnings: ('it drifts'," in str(tale.report())
+    assert "warnings: ['it drifts'," in str(tale.report())
     assert "warnings" not in str(whole_flight().report())
 
 
