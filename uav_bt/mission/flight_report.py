@@ -107,7 +107,7 @@ class FlightReport:
         rest = (each.name for each in fields(self) if each.name not in first + curves)
         for name in (*first, *rest):
             value = getattr(self, name)
-            if value not in (None, {}, ()):
+            if value not in (None, {}, []):
                 yield name, value
 
 
