@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from behaviours.fly.pad_approach import PadApproach
 from behaviours.fly.pad_search import PadSearch
@@ -49,6 +50,7 @@ class ReturnToBase(SteeringLeaf):
         ),
     )
     reads = (*SteeringLeaf.reads, HELIPAD)
+    by_map: ClassVar[bool] = True  # False: always under the policy
 
     def on_setup(self, mission: MissionContext) -> None:
         """Make the search and the approach.
@@ -61,7 +63,8 @@ class ReturnToBase(SteeringLeaf):
         if approach not in _APPROACHES:
             raise UnknownNameError("approach", approach, _APPROACHES)
         flight_rad, by_policy = math.radians(self.port_value("gimbal_deg")), approach == "policy"
-        self._search = PadSearch(self, flight_rad=flight_rad, by_map=not by_policy)
+        by_map = self.by_map and not by_policy
+        self._search = PadSearch(self, flight_rad=flight_rad, by_map=by_map)
         self._approach = PadApproach(
             self,
             flight_rad=flight_rad,

@@ -254,6 +254,18 @@ def test_a_policy_that_judges_the_approach_searches_as_well() -> None:
     assert isinstance(bench.proposed, MoveBy)
 
 
+class WithoutMap(ReturnToBase):
+    by_map = False
+
+
+def test_the_map_can_be_left_out() -> None:
+    bench = steering_bench(WithoutMap, Says(ADVANCE), gimbal_deg=-30.0)
+    fly(bench, site_map=marked(1.6, 0.0))
+    fly(bench, site_map=marked(1.6, 0.0), seconds=0.3)
+
+    assert isinstance(bench.proposed, MoveBy)
+
+
 def test_a_step_under_way_ends_before_the_map_leads() -> None:
     bench = searching(Says(ADVANCE))
     fly(bench, seconds=0.3)
