@@ -209,6 +209,7 @@ _LAB: Final = LazyGroup(
         "report": ("uav_bt.cli.report:report", "Write the report of campaigns."),
         "view": ("uav_bt.cli.record:view", "Show the record of a flight."),
         "replay": ("uav_bt.cli.record:replay", "Feed a recorded flight through the tree again."),
+        "lsp": ("uav_bt.cli.lsp:lsp", "Check and complete tree files in editors."),
         "doctor": ("uav_bt.cli.doctor:doctor", "Report what is installed and what works."),
         "serve-anafi": ("uav_bt.cli.serve_anafi:serve_anafi", "Serve a simulated ANAFI."),
     },

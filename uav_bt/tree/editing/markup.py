@@ -82,7 +82,7 @@ class Branch:
 
 _OTHER: Final = re.compile(
     r"(?P<comment><!--.*?(?:-->|\Z))"
-    r"|(?P<instruction><\?.*?(?:\?>|\Z))"
+    r"|(?P<instruction><\?.*?(?:\?>|\Z)|<!(?!\[CDATA\[)[^>]*>?)"
     r"|(?P<text>(?:[^<]|<!\[CDATA\[.*?(?:\]\]>|\Z))+)"
     r"|(?P<tag></?)",
     re.DOTALL,

@@ -1,0 +1,134 @@
+"""How fast the language server is, and that no document ends it.
+
+    python -m benchmarks.language_server
+
+Opens a file of 1,000 nodes, types letters into it, and measures until the diagnostics of that very
+text are back; then completion and hover. Then mutated files go through the server (open, complete,
+hover, outline, format) and through the formatter, which must not change its own result.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import statistics
+import time
+from pathlib import Path
+
+from lsprotocol import types
+
+from tests.uav_bt.lsp.editor import Editor, applied
+from tests.uav_bt.tree.test_mutations import mutated
+from uav_bt.errors import TreeError
+from uav_bt.tree.editing.layout import format_source
+
+URI = "file:///nowhere/mission.xml"
+LEAF = '      <Explore name="look_{n}" policy="corridor" _skipIf="rounds &gt; {n}"/>\n'
+
+
+def mission(nodes: int) -> str:
+    """Return a file of so many nodes: branches of twenty under one sequence."""
+    parts = ['<root BTCPP_format="4">\n  <BehaviorTree ID="M">\n  <Sequence>\n']
+    parts.append('    <Script code="rounds := 0"/>\n')
+    for first in range(2, nodes, 20):
+        leaves = (LEAF.format(n=n) for n in range(first, min(first + 19, nodes - 1)))
+        parts.append(f"    <Fallback>\n{''.join(leaves)}    </Fallback>\n")
+    return "".join([*parts, "  </Sequence>\n  </BehaviorTree>\n</root>\n"])
+
+
+def memory_mb(process: int) -> float:
+    """Return a process' resident memory."""
+    status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
+    return int(status.partition("VmRSS:")[2].split()[0]) / 1024
+
+
+def expect(good: object, text: str) -> None:
+    """End with the document that something is wrong with."""
+    if not good:
+        raise SystemExit(f"not as expected with this document:\n{text}")
+
+
+def told(what: str, seconds: list[float]) -> None:
+    """Print the median and the worst of measured times."""
+    median, worst = statistics.median(seconds) * 1e3, max(seconds) * 1e3
+    print(f"{what:34} median {median:7.1f} ms   max {worst:7.1f} ms   n {len(seconds)}")
+
+
+def time_typing(editor: Editor, text: str, times: int) -> None:
+    """Type letters into a policy's name, one by one, and measure."""
+    editor.open(URI, text)
+    editor.diagnostics(URI)
+    line = text[: text.index("look_500")].count("\n")
+    column = text.splitlines()[line].index("corridor")
+    keys, completions, hovers = [], [], []
+    for number in range(times):
+        start = types.Position(line, column + number)
+        began = time.perf_counter()
+        change = types.TextDocumentContentChangePartial(types.Range(start, start), "x")
+        editor.change(URI, change)
+        found = editor.diagnostics(URI)
+        keys.append(time.perf_counter() - began)
+        expect(any("unknown" in one.message for one in found), text)
+        began = time.perf_counter()
+        expect(editor.complete(URI, line, column), text)
+        completions.append(time.perf_counter() - began)
+        began = time.perf_counter()
+        expect(editor.hover(URI, line, 9), text)
+        hovers.append(time.perf_counter() - began)
+    editor.close_document(URI)
+    editor.diagnostics(URI)
+    told("keystroke to diagnostics", keys)
+    told("completion of a value", completions)
+    told("hover", hovers)
+
+
+def fuzz(editor: Editor, files: int) -> None:
+    """Send mutated files through server and formatter."""
+    random_ = random.Random(20)  # noqa: S311 - no secret
+    good = 0
+    for number in range(files):
+        text = mutated(random_)
+        uri = f"{URI}-{number % 20}"
+        editor.open(uri, text)
+        editor.diagnostics(uri)
+        lines = text.splitlines() or [""]
+        line = random_.randrange(len(lines))
+        column = random_.randint(0, len(lines[line]))
+        editor.complete(uri, line, column)
+        editor.hover(uri, line, column)
+        editor.define(uri, line, column)
+        which = types.TextDocumentIdentifier(uri)
+        editor.ask("text_document_document_symbol", types.DocumentSymbolParams(which))
+        edits = editor.format(uri)
+        try:
+            once = format_source(text.encode(), Path(uri))
+        except TreeError:
+            expect(not edits, text)
+        else:
+            good += 1
+            expect(format_source(once, Path(uri)) == once, text)
+            expect(not text.isascii() or applied(text, edits).encode() == once, text)
+        editor.close_document(uri)
+        editor.diagnostics(uri)
+        expect(editor.alive, text)
+    print(f"{files} mutated files: server alive, {good} formatted, the others refused")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--nodes", type=int, default=1000)
+    parser.add_argument("--keys", type=int, default=50)
+    parser.add_argument("--files", type=int, default=10_000)
+    given = parser.parse_args()
+    editor = Editor()
+    print(f"memory, nothing open              {memory_mb(editor.process_id):.0f} MB")
+    time_typing(editor, mission(given.nodes), given.keys)
+    print(f"memory, after {given.nodes} nodes {memory_mb(editor.process_id):.0f} MB")
+    fuzz(editor, given.files)
+    print(f"memory, after all                 {memory_mb(editor.process_id):.0f} MB")
+    print(f"exit code of the server           {editor.close()}")
+
+
+if __name__ == "__main__":
+    main()

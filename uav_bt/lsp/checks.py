@@ -1,0 +1,66 @@
+"""Checks behind the typing: each document by itself, the newest text, never two at once."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Final
+
+from uav_bt.lsp.page import Page
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
+from uav_bt.tree.loading.loader import check_text
+from uav_bt.tree.registry import NodeRegistry
+
+_log: Final = logging.getLogger(__name__)
+
+
+class Checks:
+    """Checks documents in a thread, so that other requests are answered meanwhile.
+
+    Args:
+        registry: the nodes that may occur.
+        page: returns a document's newest text, None when it was closed.
+        publish: is given what was found in a page.
+    """
+
+    def __init__(
+        self,
+        registry: NodeRegistry,
+        page: Callable[[str], Page | None],
+        publish: Callable[[str, Page, tuple[Finding, ...]], None],
+    ) -> None:
+        self._registry = registry
+        self._page = page
+        self._publish = publish
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._changed: set[str] = set()
+
+    def request(self, uri: str) -> None:
+        """Check a document now, or again when the check that runs has ended."""
+        self._changed.add(uri)
+        if uri not in self._running:
+            task = asyncio.get_running_loop().create_task(self._run(uri))
+            self._running[uri] = task
+            task.add_done_callback(lambda _: self._running.pop(uri, None))
+
+    async def _run(self, uri: str) -> None:
+        while uri in self._changed:
+            self._changed.discard(uri)
+            page = self._page(uri)
+            if page is None:
+                return
+            findings = await asyncio.to_thread(_findings, page, self._registry)
+            # What was found in a text that has changed meanwhile would be shown at wrong places.
+            if uri not in self._changed and self._page(uri) is not None:
+                self._publish(uri, page, findings)
+
+
+def _findings(page: Page, registry: NodeRegistry) -> tuple[Finding, ...]:
+    try:
+        data = page.text.encode(errors="surrogatepass")
+        return check_text(data, registry, path=page.path)
+    except Exception as error:  # noqa: BLE001 - an editor's session must outlive a fault of ours
+        _log.exception("checking %s", page.path)
+        message = f"could not be checked: unexpected {type(error).__name__}: {error}"
+        return (Finding(str(page.path), WHOLE_FILE, message),)

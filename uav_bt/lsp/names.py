@@ -1,0 +1,174 @@
+"""Where a document names trees, variables and board keys: what definition and renaming go by."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from uav_bt.lsp.page import Page, node_id_of, tree_of
+from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
+from uav_bt.tree.editing.markup import Attribute, Branch, resolve
+from uav_bt.tree.loading.source import EDITOR_ATTRIBUTES
+from uav_bt.tree.node import Node, NodeKind
+from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
+from uav_bt.tree.registry import NodeRegistry
+from uav_bt.tree.script import ScriptError, parse_script
+from uav_bt.tree.script.expressions import Assignment
+from uav_bt.tree.script.parser import tokenize
+
+SUBTREE: Final = NodeKind.SUBTREE.value
+_FIXED: Final = frozenset({"ID", "name", "_autoremap", *EDITOR_ATTRIBUTES})
+_REFERENCE: Final = re.compile(r"\s*\{\s*(@?)([A-Za-z_][A-Za-z0-9_.\-]*|=)\s*\}\s*")
+# Ports whose text is a variable's name, without braces.
+_NAMING: Final = {
+    SetBlackboard.node_id: SetBlackboard.OUTPUT_KEY.name,
+    UnsetBlackboard.node_id: UnsetBlackboard.KEY.name,
+}
+
+
+class What(Enum):
+    """What a name is of."""
+
+    TREE = "tree"
+    VARIABLE = "variable"
+    KEY = "board key"
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """One place where something is named."""
+
+    what: What
+    name: str
+    tree: str  # the tree whose variable it is, or that stands around; empty for none
+    start: int  # of the name in the text
+    end: int
+    branch: Branch
+    attribute: str
+    defines: bool = False  # a tree's own ID; a variable that is written here
+    entry: bool = False  # the name of a SubTree's entry, which is a variable of the tree inside
+    same: bool = False  # written as `{=}`
+
+
+class _Text:
+    """An attribute's text, and where in the document each of its characters stands."""
+
+    def __init__(self, found: Attribute) -> None:
+        self.attribute = found.name
+        self.text, places = resolve(found.value)
+        self.at = [found.value_start + place for place in places]
+
+
+def node_of(branch: Branch, registry: NodeRegistry) -> type[Node] | None:
+    """Return the class of a node, None for an unknown one."""
+    node_id = node_id_of(branch)
+    if node_id not in registry:
+        return None
+    return registry[node_id]
+
+
+def uses_of(page: Page, registry: NodeRegistry) -> list[Use]:
+    """Return all names of a document, in the order of its elements."""
+    return [use for branch in page.walk() for use in _of_branch(branch, registry)]
+
+
+def _of_branch(branch: Branch, registry: NodeRegistry) -> Iterator[Use]:
+    tag, parent = branch.tag.name, branch.parent
+    if tag == "BehaviorTree":
+        yield from _tree(branch, "ID", defines=True)
+    elif tag == "root":
+        yield from _tree(branch, "main_tree_to_execute")
+    elif parent is not None and parent.tag.name == "TreeNodesModel":
+        yield from _tree(branch, "ID") if tag == SUBTREE else ()
+    elif parent is not None and parent.tag.name == SUBTREE:
+        name = branch.attribute("name")  # a port of a described subtree
+        if name is not None:
+            yield _entry(branch, name, parent.text("ID"), name.value_start, name.value_end)
+    elif (around := tree_of(branch)) is not None:
+        yield from _of_node(branch, around.text("ID"), registry)
+
+
+def _tree(branch: Branch, attribute: str, *, defines: bool = False) -> Iterator[Use]:
+    found = branch.attribute(attribute)
+    if found is not None:
+        name = resolve(found.value)[0]
+        place = (found.value_start, found.value_end)
+        yield Use(What.TREE, name, name, *place, branch, attribute, defines=defines)
+
+
+def _entry(branch: Branch, found: Attribute, tree: str, start: int, end: int) -> Use:
+    name = found.name if start == found.start else resolve(found.value)[0]
+    return Use(What.VARIABLE, name, tree, start, end, branch, found.name, entry=True)
+
+
+def _of_node(branch: Branch, tree: str, registry: NodeRegistry) -> Iterator[Use]:
+    node = node_of(branch, registry)
+    is_subtree = branch.tag.name == SUBTREE
+    if is_subtree:
+        yield from _tree(branch, "ID")
+    for found in branch.tag.attributes:
+        if found.name in _FIXED:
+            continue
+        text = _Text(found)
+        if found.name in CONDITION_ATTRIBUTES or is_script(node, found.name):
+            if _REFERENCE.fullmatch(text.text) is None:
+                yield from _script(branch, text, tree)
+                continue
+        elif is_subtree:
+            end = found.start + len(found.name)
+            yield _entry(branch, found, branch.text("ID"), found.start, end)
+        yield from _value(branch, node, text, tree)
+
+
+def is_script(node: type[Node] | None, attribute: str) -> bool:
+    """Return whether a port of a node takes a script."""
+    ports = () if node is None else node.ports
+    return any(port.name == attribute and port.check is parse_script for port in ports)
+
+
+def _value(branch: Branch, node: type[Node] | None, value: _Text, tree: str) -> Iterator[Use]:
+    attribute, text, at = value.attribute, value.text, value.at
+    ports = () if node is None else node.ports
+    port = next((one for one in ports if one.name == attribute), None)
+    match = _REFERENCE.fullmatch(text)
+    if match is None:
+        if node is not None and _NAMING.get(node.node_id) == attribute and text:
+            place = (at[0], at[-1])
+            yield Use(What.VARIABLE, text, tree, *place, branch, attribute, defines=True)
+        return
+    same = match[2] == "="
+    name = attribute if same else match[2]
+    what = What.KEY if match[1] else What.VARIABLE
+    written = port is not None and port.direction != "input"
+    place = (at[match.start(2)], at[match.end(2)])
+    yield Use(what, name, tree, *place, branch, attribute, defines=written, same=same)
+
+
+def _script(branch: Branch, value: _Text, tree: str) -> Iterator[Use]:
+    attribute, text, at = value.attribute, value.text, value.at
+    try:
+        tokens = tokenize(text)
+    except ScriptError:
+        return
+    written = _assigned(text)
+    for token in tokens:
+        if token.kind != "name" or token.text in {"true", "false"}:
+            continue
+        on_board = token.text.startswith("@")
+        name = token.text.removeprefix("@")
+        start = token.column - 1 + on_board
+        place = (at[start], at[start + len(name)])
+        what = What.KEY if on_board else What.VARIABLE
+        defines = not on_board and name in written
+        yield Use(what, name, tree, *place, branch, attribute, defines=defines)
+
+
+def _assigned(text: str) -> frozenset[str]:
+    try:
+        parts = parse_script(text).walk()
+        return frozenset(part.name for part in parts if isinstance(part, Assignment))
+    except ScriptError:
+        return frozenset()

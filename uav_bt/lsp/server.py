@@ -1,0 +1,243 @@
+"""The server: which request is answered by what. It speaks over standard input and output."""
+
+from __future__ import annotations
+
+import functools
+import gc
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from lsprotocol import types
+from pygls import uris
+from pygls.exceptions import JsonRpcInvalidParams
+from pygls.lsp.server import LanguageServer
+
+from uav_bt import __version__
+from uav_bt.errors import InputError, TreeError
+from uav_bt.lsp.checks import Checks
+from uav_bt.lsp.complete import Completer
+from uav_bt.lsp.desk import Desk
+from uav_bt.lsp.diagnostics import Reports, code_actions, diagnostic
+from uav_bt.lsp.explain import hover
+from uav_bt.lsp.find import definitions, references, symbols, use_at
+from uav_bt.lsp.names import What
+from uav_bt.lsp.page import Page
+from uav_bt.lsp.rename import renamed
+from uav_bt.tree.editing.layout import format_source
+from uav_bt.tree.loading.findings import Finding
+from uav_bt.tree.registry import NodeRegistry
+
+_TRIGGERS: Final = ["<", " ", '"', "{", "@", "/"]
+
+
+def serve(registry: NodeRegistry) -> None:
+    """Serve one editor until it says goodbye.
+
+    Args:
+        registry: the nodes that may occur.
+    """
+    server = make_server(registry)
+    gc.freeze()  # modules and nodes stay: a collection while one types need not look at them
+    server.start_io()
+
+
+def make_server(registry: NodeRegistry) -> LanguageServer:
+    """Return a server with all its features.
+
+    Args:
+        registry: the nodes that may occur.
+    """
+    server = LanguageServer("uav-bt", __version__)
+    session = _Session(server, registry)
+    completion = types.CompletionOptions(trigger_characters=_TRIGGERS)
+    actions = types.CodeActionOptions(code_action_kinds=[types.CodeActionKind.QuickFix])
+    features: tuple[tuple[str, Callable[..., Any], object], ...] = (
+        (types.TEXT_DOCUMENT_DID_OPEN, session.opened, None),
+        (types.TEXT_DOCUMENT_DID_CHANGE, session.changed, None),
+        (types.TEXT_DOCUMENT_DID_SAVE, session.saved, None),
+        (types.TEXT_DOCUMENT_DID_CLOSE, session.closed, None),
+        (types.TEXT_DOCUMENT_COMPLETION, session.complete, completion),
+        (types.TEXT_DOCUMENT_HOVER, session.hover, None),
+        (types.TEXT_DOCUMENT_DEFINITION, session.define, None),
+        (types.TEXT_DOCUMENT_REFERENCES, session.refer, None),
+        (types.TEXT_DOCUMENT_DOCUMENT_SYMBOL, session.outline, None),
+        (types.TEXT_DOCUMENT_FORMATTING, session.format, None),
+        (types.TEXT_DOCUMENT_CODE_ACTION, session.act, actions),
+        (types.TEXT_DOCUMENT_PREPARE_RENAME, session.prepare_rename, None),
+        (types.TEXT_DOCUMENT_RENAME, session.rename, types.RenameOptions(prepare_provider=True)),
+    )
+    for name, handler, options in features:
+        server.feature(name, options)(_handler(handler))
+    return server
+
+
+def _handler(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method as a function, because the library notes the request's name on it."""
+
+    @functools.wraps(method)
+    def answer(params: Any) -> Any:
+        return method(params)
+
+    return answer
+
+
+class _Session:
+    """One editor's documents, and what it is told about them."""
+
+    def __init__(self, server: LanguageServer, registry: NodeRegistry) -> None:
+        self._server = server
+        self._pages: dict[str, tuple[int | None, Page]] = {}
+        self._reports = Reports()
+        self._desk = Desk(registry, self._open_page, self._units)
+        self._checks = Checks(registry, self._page_if_open, self._publish)
+
+    # --- documents --------------------------------------------------------------------------------
+
+    def _units(self, text: str) -> int:
+        count: int = self._server.workspace.position_codec.client_num_units(text)
+        return count
+
+    def _page(self, uri: str) -> Page:
+        document = self._server.workspace.get_text_document(uri)
+        known = self._pages.get(uri)
+        if known is None or known[0] != document.version or document.version is None:
+            page = Page(document.source, _path(uri), self._units, uri)
+            known = (document.version, page)
+            if uri in self._server.workspace.text_documents:
+                self._pages[uri] = known
+        return known[1]
+
+    def _page_if_open(self, uri: str) -> Page | None:
+        return self._page(uri) if uri in self._server.workspace.text_documents else None
+
+    def _open_page(self, path: Path) -> Page | None:
+        for uri in self._server.workspace.text_documents:
+            if _path(uri) == path:
+                return self._page(uri)
+        return None
+
+    def opened(self, params: types.DidOpenTextDocumentParams) -> None:
+        """Check a document that was opened."""
+        self._pages.pop(params.text_document.uri, None)
+        self._checks.request(params.text_document.uri)
+
+    def changed(self, params: types.DidChangeTextDocumentParams) -> None:
+        """Check a document that was changed."""
+        self._checks.request(params.text_document.uri)
+
+    def saved(self, params: types.DidSaveTextDocumentParams) -> None:
+        """Check all open documents: another may include the one that was saved."""
+        del params
+        for uri in [*self._server.workspace.text_documents]:
+            self._checks.request(uri)
+
+    def closed(self, params: types.DidCloseTextDocumentParams) -> None:
+        """Forget a document."""
+        uri = params.text_document.uri
+        page = self._pages.pop(uri, (None, Page("", _path(uri), uri=uri)))[1]
+        self._publish(uri, page, ())
+
+    def _publish(self, uri: str, page: Page, findings: tuple[Finding, ...]) -> None:
+        changed = self._reports.update(uri, findings)
+        for path in (page.path, *sorted(changed - {page.path})):
+            about = page if path == page.path else self._desk.page(path.resolve())
+            if about is None:
+                about = Page("", path)  # it cannot be read, which is what was found
+            open_page = self._pages.get(about.uri)
+            self._server.text_document_publish_diagnostics(
+                types.PublishDiagnosticsParams(
+                    uri=about.uri,
+                    version=None if open_page is None else open_page[0],
+                    diagnostics=[diagnostic(one, about) for one in self._reports.of(path)],
+                )
+            )
+
+    # --- requests ---------------------------------------------------------------------------------
+
+    def _at(self, params: Any) -> tuple[Page, int]:
+        page = self._page(params.text_document.uri)
+        return page, page.offset(params.position)
+
+    def complete(self, params: types.CompletionParams) -> list[types.CompletionItem]:
+        """Return what could stand at the cursor."""
+        page, offset = self._at(params)
+        return Completer(self._desk, page, offset, snippets=self._takes_snippets()).items()
+
+    def _takes_snippets(self) -> bool:
+        document = self._server.client_capabilities.text_document
+        completion = None if document is None else document.completion
+        item = None if completion is None else completion.completion_item
+        return bool(item is not None and item.snippet_support)
+
+    def hover(self, params: types.HoverParams) -> types.Hover | None:
+        """Return what is known of the thing under the cursor."""
+        return hover(self._desk, *self._at(params))
+
+    def define(self, params: types.DefinitionParams) -> list[types.Location]:
+        """Return where the thing under the cursor is defined."""
+        return definitions(self._desk, *self._at(params))
+
+    def refer(self, params: types.ReferenceParams) -> list[types.Location]:
+        """Return where the name under the cursor stands."""
+        declaration = params.context.include_declaration
+        return references(self._desk, *self._at(params), declaration=declaration)
+
+    def outline(self, params: types.DocumentSymbolParams) -> list[types.DocumentSymbol]:
+        """Return a document's trees and nodes."""
+        return symbols(self._page(params.text_document.uri))
+
+    def format(self, params: types.DocumentFormattingParams) -> list[types.TextEdit]:
+        """Lay a document out; one that is not well-formed stays as it is."""
+        page = self._page(params.text_document.uri)
+        try:
+            data = page.text.encode(errors="surrogatepass")
+            text = format_source(data, page.path).decode()
+        except TreeError:
+            return []
+        return _changes(page, text)
+
+    def act(self, params: types.CodeActionParams) -> list[types.CodeAction]:
+        """Return the quick fixes of what is underlined."""
+        uri = params.text_document.uri
+        return code_actions(self._page(uri), uri, params)
+
+    def prepare_rename(self, params: types.PrepareRenameParams) -> types.Range | None:
+        """Return the name that would be replaced; None where nothing can be renamed."""
+        page, offset = self._at(params)
+        use = use_at(self._desk, page, offset)
+        nameless = use is None or use.what is What.KEY
+        return None if nameless or use is None else page.range(use.start, use.end)
+
+    def rename(self, params: types.RenameParams) -> types.WorkspaceEdit:
+        """Return the edits that rename a tree or a variable.
+
+        Raises:
+            JsonRpcInvalidParams: it cannot be renamed so.
+        """
+        try:
+            return renamed(self._desk, *self._at(params), params.new_name)
+        except InputError as error:
+            raise JsonRpcInvalidParams(str(error)) from error
+
+
+def _path(uri: str) -> Path:
+    """Return the path of a document; of one that is no file (`untitled:...`) its name."""
+    found = uris.to_fs_path(uri) if uri.startswith("file:") else None
+    return Path(found or uri)
+
+
+def _changes(page: Page, text: str) -> list[types.TextEdit]:
+    """Return the edit that makes a page a text, without the lines that stay at both ends."""
+    old, new = page.text.splitlines(keepends=True), text.splitlines(keepends=True)
+    head = 0
+    while head < min(len(old), len(new)) and old[head] == new[head]:
+        head += 1
+    tail = 0
+    while tail < min(len(old), len(new)) - head and old[-1 - tail] == new[-1 - tail]:
+        tail += 1
+    if head == len(old) == len(new):
+        return []
+    start = sum(map(len, old[:head]))
+    end = len(page.text) - sum(map(len, old[len(old) - tail :]))
+    return [types.TextEdit(page.range(start, end), "".join(new[head : len(new) - tail]))]
