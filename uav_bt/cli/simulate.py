@@ -77,6 +77,7 @@ def simulate(
         Measure: {depth_m: 1.5}
       variables: {laps: 3}    # before the first tick
       board: {phase: explore}
+      nodes: {RecoveryNode: Fallback}  # for a palette's control nodes
 
     \b
     Examples:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from uav_bt.tree.script import Environment, Script, ScriptError, parse_script
+from uav_bt.tree.script import Environment, Script, ScriptError, parse_question, parse_script
 from uav_bt.tree.script.values import truth
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 
@@ -25,7 +25,7 @@ CONDITION_ATTRIBUTES: Final = frozenset(
 def check_condition(text: str) -> str | None:
     """Return what is wrong with a condition's script, or None."""
     try:
-        parse_script(text)
+        parse_question(text)
     except ScriptError as error:
         return str(error)
     return None

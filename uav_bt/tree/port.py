@@ -30,13 +30,14 @@ class PortType:
     words: str  # in messages
     cpp_name: str  # what graphical editors and other engines of the format call it
     # Of its literals, as a regular expression for Python and XML Schema; None: any text. Only what
-    # the format's own engine reads: no underscores, no "inf", no hexadecimal.
+    # the format's own engine reads: no underscores, no "inf", no hexadecimal, no plus; blanks may
+    # follow a number, and nothing else.
     pattern: str | None = None
 
 
 PORT_TYPES: Final[dict[type, PortType]] = {
-    int: PortType("an integer", "int", r"[+\-]?[0-9]+"),
-    float: PortType("a number", "double", r"[+\-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?"),
+    int: PortType("an integer", "int", r"-?[0-9]+\s*"),
+    float: PortType("a number", "double", r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?\s*"),
     bool: PortType("true or false", "bool", "true|True|TRUE|1|false|False|FALSE|0"),
     str: PortType("a text", "std::string"),
     object: PortType("a value", "BT::AnyTypeAllowed"),
@@ -151,8 +152,8 @@ class Port(Generic[T]):
             reference = parse_reference(given, self.name)
             if reference is not None:
                 return reference
-        if self.direction != "input":
-            raise ValueError(f"an {self.direction} port needs a reference like {{key}}")
+        if self.direction == "output":
+            raise ValueError("an output port needs a reference like {key}")
         return self.convert(given)
 
     def convert(self, value: object) -> T:
@@ -196,15 +197,18 @@ class Port(Generic[T]):
     def _parse(self, text: str) -> object:
         if self.type in {str, object}:
             return text
-        stripped = text.strip()
         known = PORT_TYPES.get(self.type)
-        if known is not None and known.pattern and re.fullmatch(known.pattern, stripped):
+        if known is not None and known.pattern and re.fullmatch(known.pattern, text):
             if self.type is bool:
-                return stripped.lower() in {"true", "1"}
-            value: Any = self.type(stripped)  # type: ignore[call-arg]  # int or float
+                return text.lower() in {"true", "1"}
+            value: Any = self.type(text)  # type: ignore[call-arg]  # int or float
             if abs(value) < (_MAX_INTEGER if self.type is int else math.inf):
                 return value
-        raise ValueError(f"expected {self._type_words()}, got '{text}'")
+        hint = ""
+        bare = text.strip().removeprefix("+")
+        if known is not None and known.pattern and re.fullmatch(known.pattern, bare):
+            hint = f": write '{bare}', without blanks or a plus before it"
+        raise ValueError(f"expected {self._type_words()}, got '{text}'{hint}")
 
     def _cast(self, value: object) -> object:
         if isinstance(value, bool) and self.type is not bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from py_trees.behaviour import Behaviour
@@ -36,6 +36,7 @@ class NodeRegistry:
     ) -> None:
         self.policies = None if policies is None else frozenset(policies)
         self.faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
+        self.foreign_board = False  # trees of another engine name keys of a board that is not ours
         self._nodes: dict[str, type[Node]] = {}
         for node in (*BUILTIN_NODES, *nodes):
             self._add(node)
@@ -83,6 +84,10 @@ class NodeRegistry:
         """
         return self._copy((*self._nodes.values(), *nodes), self.policies)
 
+    def with_replaced(self, nodes: Mapping[str, type[Node]]) -> NodeRegistry:
+        """Return a registry that has other classes for nodes of these ids."""
+        return self._copy({**self._nodes, **nodes}.values(), self.policies)
+
     def with_policies(self, names: Iterable[str]) -> NodeRegistry:
         """Return a registry of the same nodes that accepts further policies' names."""
         known = None if self.policies is None else self.policies.union(names)
@@ -97,6 +102,7 @@ class NodeRegistry:
     ) -> NodeRegistry:
         registry = NodeRegistry(nodes, policies=policies)
         registry.faults = self.faults
+        registry.foreign_board = self.foreign_board
         return registry
 
     def _add(self, node: type[Node | Behaviour]) -> None:

@@ -124,7 +124,7 @@ def test_a_literal_entry_is_the_subtrees_own_though_all_else_is_shared(world: Wo
     )
     tree.variables["h"] = 7
     assert tree.tick() is Status.SUCCESS
-    assert tree.variables.snapshot() == {"h": 7, "seen": "2", "k": 1}
+    assert tree.variables.snapshot() == {"h": 7, "seen": 2, "k": 1}
 
 
 def test_removing_a_literal_entry_uncovers_the_outer_variable(world: World) -> None:
@@ -136,7 +136,7 @@ def test_removing_a_literal_entry_uncovers_the_outer_variable(world: World) -> N
     )
     tree.variables["h"] = 7
     assert tree.tick() is Status.SUCCESS
-    assert (tree.variables["a"], tree.variables["b"]) == ("2", 7)
+    assert (tree.variables["a"], tree.variables["b"]) == (2, 7)
 
 
 def test_numbers_and_truth_values_are_read_as_the_engine_reads_them(world: World) -> None:

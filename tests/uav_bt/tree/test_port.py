@@ -14,7 +14,7 @@ from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
     ("kind", "text", "value"),
     [
         (int, "3", 3),
-        (int, " -3 ", -3),
+        (int, "-3 ", -3),
         (float, "1.5", 1.5),
         (float, "2", 2.0),
         (float, "1e-3", 1e-3),

@@ -79,9 +79,9 @@ def test_every_tree_of_the_reference_traces_is_valid() -> None:
 GOOD = [
     '<Paint colour="red"/>',
     '<Paint colour="{c}" layers="{=}" width_m="{ w }" dry="{d}" title="{t}" of="{@state}"/>',
-    '<Paint colour="blue" layers=" +3 " width_m="1.5e-1" dry="TRUE" area="{a}"/>',
+    '<Paint colour="blue" layers="3 " width_m="1.5e-1" dry="TRUE" area="{a}"/>',
     '<Paint colour="red" _skipIf="a == 1" _onSuccess="b := 2" _uid="7" _description="x"/>',
-    '<Paint colour="red" coats="9" edge_m=" 1e-2 "/>',
+    '<Paint colour="red" coats="9" edge_m="1e-2 "/>',
     '<Paint colour="red" coats="{c}" edge_m="{@height_above_carpet_m}"/>',
     '<Action ID="Paint" colour="red"/>',
     '<Control ID="Sequence"><AlwaysSuccess/></Control>',

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from uav_bt.board import ELAPSED, HEIGHT, HELIPAD
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.clock import ManualClock
-from uav_bt.tree.script import Environment, ScriptError, parse_script
+from uav_bt.tree.script import Environment, ScriptError, parse_question, parse_script
 from uav_bt.tree.variables import Variables
 
 
@@ -99,18 +99,14 @@ def test_assignments(source: str, before: dict[str, object], result: dict[str, o
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ("", "the script is empty"),
         ("1 +", "column 4: expected a value, got the end"),
         ("(1", r"column 3: expected '\)', got the end"),
-        ("1 2", "column 3: expected ';', got '2'"),
-        ("a b", "column 3: expected ';', got 'b'"),
         ("1 ? 2", "column 6: expected ':'"),
         ("1 = 2", "column 1: only a variable can stand left of '='"),
         ("@height = 2", "leaves write those, scripts only read"),
         ("a $ b", r"column 3: unexpected '\$'"),
         ("'open", "column 1: unexpected '''"),
         ("3x", "'3x' is no number"),
-        ("__import__('os')", r"expected ';', got '\('"),
         ("a.b", r"column 2: unexpected '\.'"),
         ("x := [1]", r"unexpected '\['"),
         ("(" * 50 + "1" + ")" * 50, "nested deeper than 40"),
@@ -205,3 +201,20 @@ def test_the_texts_of_a_tree_cannot_fill_the_memory_together() -> None:
     assert outer.characters == 1_990_005
     del outer["more"]
     assert outer.characters == 1_900_005
+
+
+def test_statements_need_no_semicolon_between_them() -> None:
+    """As in the engine since 4.9; whoever checks the file hears of it."""
+    variables = Variables()
+    script = parse_script("a := 1;; b := 2 c := a + b;")
+    assert script.run(Environment(variables)) == 3.0
+    assert script.oddities == ("column 17: no ';' before 'c'",)
+    assert parse_script("a := 1; b := 2").oddities == ()
+    assert parse_script("x := f('os')").oddities == ("column 7: no ';' before '('",)
+
+
+def test_only_a_script_that_is_asked_needs_content() -> None:
+    assert parse_script("").statements == ()
+    for empty in ("", " ; "):
+        with pytest.raises(ScriptError, match="the script is empty"):
+            parse_question(empty)

@@ -93,9 +93,6 @@ def findings(*parts: str) -> list[str]:
     ("writer", "reader"),
     [
         ('<Measure height_m="{x}"/>', '<Use height_m="{x}"/>'),
-        ('<Measure height_m="{x}"/>', '<Use count="{x}"/>'),  # a whole one fits
-        ('<Measure count="{x}"/>', '<Use height_m="{x}"/>'),
-        ('<Measure count="{x}"/>', '<Use word="{x}"/>'),
         ('<Measure sure="{x}"/>', '<Use sure="{x}"/>'),
         ('<FindPad pad="{x}"/>', '<Use both="{x}"/>'),  # it writes, too
         ('<Measure word="{x}"/>', '<Use count="{x}"/>'),  # a text may be a number
@@ -104,7 +101,7 @@ def findings(*parts: str) -> list[str]:
         ('<SetBlackboard value="1.5" output_key="x"/>', '<Use height_m="{x}"/>'),
         ('<SetBlackboard value="right" output_key="x"/>', '<Use side="{x}"/>'),
         ('<SetBlackboard value="{@helipad}" output_key="x"/>', '<Use pad="{x}"/>'),
-        ('<Script code="x := 1"/>', '<Use count="{x}" height_m="{x}" sure="{x}"/>'),
+        ('<Script code="x := 1"/>', '<Use count="{x}"/>'),
         ('<Script code="x := true"/>', '<Use sure="{x}"/>'),
         ("<Script code=\"x := '2'\"/>", '<Use count="{x}"/>'),
         ("<Script code=\"x := 'far'; x = '2'\"/>", '<Use count="{x}"/>'),
@@ -375,3 +372,18 @@ def test_a_bounded_part_of_a_multiplying_tree_is_typed() -> None:
         inner("<FindPad/>", tree_id="T30")
     ]
     assert "more than 20000 nodes" in findings('<SubTree ID="T0"/>', *levels)[0]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "message"),
+    [
+        ('<Measure height_m="{x}"/>', '<Use count="{x}"/>', "takes int, but variable 'x' is float"),
+        ('<Measure count="{x}"/>', '<Use height_m="{x}"/>', "takes float, but variable 'x' is int"),
+        ('<Measure count="{x}"/>', '<Use word="{x}"/>', "takes str, but variable 'x' is int for M"),
+    ],
+)
+def test_a_variable_has_the_type_of_its_first_port(first: str, second: str, message: str) -> None:
+    """The engine refuses a second type, unless the first is a text."""
+    (found,) = findings(f"<Sequence>{first}{second}</Sequence>")
+    assert message in found
+    assert findings('<Sequence><Measure word="{x}"/><Use count="{x}"/></Sequence>') == []

@@ -10,6 +10,8 @@ A YAML file:
       Measure: {depth_m: 1.5}
     variables: {laps: 3}     # of the main tree, before the first tick
     board: {phase: explore}  # keys of the mission board; numbers, texts, true and false
+    nodes:                   # what a palette's control nodes and decorators are taken for
+      RecoveryNode: {is: RetryUntilSuccessful, num_attempts: 3}
 
 Only `leaves` or `default` must be there. The letters are those of `uav_bt.tree.scripted`.
 `scripted_tree` loads a tree whose leaves answer by such a file.
@@ -26,6 +28,7 @@ from pydantic import AfterValidator, Field
 
 from uav_bt.errors import FileError, TreeError, ValueRangeError, did_you_mean
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, load_tree
+from uav_bt.tree.dry_run.stand_ins import with_stand_ins, without_stand_in
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -54,6 +57,8 @@ class SimulationScript:
     outputs: Mapping[str, Mapping[str, Scalar]] = field(default_factory=dict)  # by port
     variables: Mapping[str, Scalar] = field(default_factory=dict)
     board: Mapping[str, Scalar] = field(default_factory=dict)
+    nodes: Mapping[str, object] = field(default_factory=dict)  # see `stand_ins`
+    lines: Mapping[str, int | None] = field(default_factory=dict)  # of `nodes`
 
 
 def read_script(path: Path) -> SimulationScript:
@@ -77,6 +82,8 @@ def read_script(path: Path) -> SimulationScript:
         outputs={selector: scalars("outputs", selector) for selector in found.outputs},
         variables=scalars("variables"),
         board=scalars("board"),
+        nodes=found.nodes,
+        lines={name: file.line("nodes", name) for name in found.nodes},
     )
 
 
@@ -97,6 +104,7 @@ class _ScriptFile:
     outputs: dict[str, dict[str, _Value]] = field(default_factory=dict)
     variables: dict[str, _Value] = field(default_factory=dict)
     board: dict[str, _Value] = field(default_factory=dict)
+    nodes: dict[str, str | dict[str, _Value]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.leaves and self.default is None:
@@ -128,7 +136,18 @@ def scripted_tree(
     registry = (NodeRegistry.installed() if registry is None else registry).with_any_policy()
     first = load_tree(path, registry, tree_id=tree_id, lookup=lookup)
     mocks = _mocks(first, path, script)
+    for node_id, entry in script.nodes.items():
+        try:
+            registry = with_stand_ins(registry, {node_id: entry})
+        except ValueRangeError as error:
+            raise FileError(script.path, f"nodes: {error}", script.lines[node_id]) from error
     tree = load_tree(path, registry, tree_id=tree_id, lookup=lookup, mocks=mocks)
+    if unknown := without_stand_in(tree.nodes()):
+        raise FileError(
+            script.path,
+            f"known from a palette only, so nothing says how to tick it: {', '.join(unknown)}; "
+            f"say what each is taken for, as in nodes: {{{unknown[0]}: Sequence}}",
+        )
     _connect_outputs(tree, script)
     return tree
 

@@ -17,7 +17,7 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import parse_script
+from uav_bt.tree.script import SCRIPTS, parse_script
 from uav_bt.tree.script.expressions import Name
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*")
@@ -94,7 +94,7 @@ class Checker:
             value = bound.get(port.name)
             if isinstance(value, Reference) and value.on_board:
                 self._check_board_reference(element, port, value)
-            elif port.check is parse_script and isinstance(value, str):
+            elif port.check in SCRIPTS and isinstance(value, str):
                 self._check_script_names(element, port.name, value)
 
     def _check_condition(self, element: Element, name: str, text: str) -> None:
@@ -105,10 +105,15 @@ class Checker:
             self._check_script_names(element, name, text)
 
     def _check_script_names(self, element: Element, attribute: str, text: str) -> None:
-        for part in parse_script(text).walk():
+        script = parse_script(text)
+        for odd in script.oddities:
+            self._findings.warn(element, f"attribute '{attribute}': {odd}", attribute)
+        for part in script.walk():
             if not isinstance(part, Name) or not part.name.startswith("@"):
                 continue
             key = self._board_keys.get(part.name[1:])
+            if key is None and self._registry.foreign_board:
+                continue
             if key is None:
                 message = self._no_key(part.name[1:])
             elif not issubclass(key.type, (int, float, str)):
@@ -119,6 +124,8 @@ class Checker:
 
     def _check_board_reference(self, element: Element, port: Port[Any], at: Reference) -> None:
         key = self._board_keys.get(at.key)
+        if key is None and self._registry.foreign_board:
+            return
         if key is None:
             self._note(element, f"attribute '{port.name}': {self._no_key(at.key)}", port.name)
         elif not key_fits(port, key):
@@ -176,7 +183,8 @@ class Checker:
         except ValueError as error:
             self._note(element, f"attribute '{name}': {error}", name)
             return
-        if reference is not None and reference.on_board and reference.key not in self._board_keys:
+        unknown = reference is not None and reference.key not in self._board_keys
+        if reference and reference.on_board and unknown and not self._registry.foreign_board:
             self._note(element, f"attribute '{name}': {self._no_key(reference.key)}", name)
 
     def _check_recursion(self) -> None:

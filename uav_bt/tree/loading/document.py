@@ -130,6 +130,9 @@ def _check_root(root: Element, findings: Findings) -> bool:
         return False
     check_attributes(root, _ROOT_ATTRIBUTES, findings)
     check_no_text(root, findings)
+    for position in root.raw:
+        message = "a raw '&' or '<' in an attribute is no XML: write &amp; or &lt;"
+        findings.add(path, position, message, severity=WARNING)
     version = root.attributes.get("BTCPP_format")
     expected = 'expected BTCPP_format="4", got'
     if version is None:

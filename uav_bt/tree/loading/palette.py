@@ -170,6 +170,8 @@ def _type_of(name: str) -> tuple[type, tuple[str, ...]]:
 def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeRegistry:
     """Return a registry with the nodes of a palette beside those of another registry.
 
+    Its trees may name any key of a board, as theirs has others than ours.
+
     A palette that repeats a node of the format changes nothing about it. One that describes an
     installed node as it is (same kind, same ports) leaves it in place, because we know more about
     it; one that describes another node of the same name replaces it, because the tree was made for
@@ -188,6 +190,7 @@ def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeR
         chosen[node_id] = known if ours or other is None else other
     both = NodeRegistry([*chosen.values(), *described.values()], policies=registry.policies)
     both.faults = registry.faults
+    both.foreign_board = True
     return both
 
 

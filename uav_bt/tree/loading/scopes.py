@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from uav_bt.board.blackboard import Key
 from uav_bt.tree.loading.source import Element
+from uav_bt.tree.nodes.base import entry_value
 from uav_bt.tree.port import Port
 
 _MAX_SOURCES: Final = 100  # of one variable
@@ -42,7 +43,7 @@ class Write:
 
     use: Use
     kind: type  # of the value, or UNKNOWN
-    text: str | None = None  # the value, where it is a text in the file
+    value: int | float | str | None = None  # where the file has it
     copied: Slot | None = None  # the variable whose value it is
     creates: bool = True  # False: only changes a variable that exists
 
@@ -63,6 +64,7 @@ class Slot:
     name: str
     writes: list[Write] = field(default_factory=list)
     reads: list[Read] = field(default_factory=list)
+    ports: list[tuple[Use, Port[Any]]] = field(default_factory=list)  # as they are made
     obscure: bool = False  # something writes it that the file does not show
 
     @property
@@ -76,7 +78,7 @@ class Slot:
         Of writes that come to the same, the first stands for all. So many different ones that they
         would take long to follow count as not known.
         """
-        found: dict[tuple[type, str | None], Write] = {}
+        found: dict[tuple[type, int | float | str | None], Write] = {}
         seen: set[int] = set()
         waiting = [self]
         while waiting:
@@ -93,8 +95,8 @@ class Slot:
                 if write.copied is not None:
                     waiting.append(write.copied)
                 else:
-                    kept = replace(write, text=None) if changed else write
-                    found.setdefault((kept.kind, kept.text), kept)
+                    kept = replace(write, value=None) if changed else write
+                    found.setdefault((kept.kind, kept.value), kept)
                 if len(seen) + len(found) > _MAX_SOURCES:
                     return None
         return list(found.values())
@@ -135,7 +137,8 @@ class Scope:
         self._constants = dict(constants or {})
         if door is not None:
             for name, text in self._constants.items():
-                write = Write(Use(door, name), str, text)
+                value = entry_value(text)
+                write = Write(Use(door, name), type(value), value)
                 self._slots[name] = Slot(name, [write])
 
     def place(self, name: str) -> Slot | Key[Any] | None:

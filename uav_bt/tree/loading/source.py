@@ -7,6 +7,7 @@ it begins.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from uav_bt.errors import TreeError, did_you_mean
 from uav_bt.files import read_bounded
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
+from uav_bt.tree.loading.raw_text import Escaped, escape_raw
 from uav_bt.tree.node import NodeKind
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
@@ -45,6 +47,7 @@ class Element:
     attribute_positions: dict[str, Position]
     children: list[Element] = field(default_factory=list)
     text: str = ""
+    raw: tuple[Position, ...] = ()  # of a root: where attributes have a raw `&` or `<`
 
     @property
     def label(self) -> str:
@@ -158,18 +161,36 @@ def parse_source(data: bytes, path: Path) -> Element:
     if len(data) > MAX_BYTES:
         raise _refused(path, f"larger than {MAX_BYTES} bytes")
     _check_utf8(data, path)
-    builder = _Builder(data, path)
     try:
-        builder.parser.Parse(data, True)
+        return _parsed(data, path)
     except expat.ExpatError as error:
+        escaped = escape_raw(data)
+        if escaped is not None:
+            with contextlib.suppress(expat.ExpatError):
+                return _placed_back(_parsed(escaped.data, path), escaped)
         where = Position(error.lineno, error.offset + 1)
         reason = expat.errors.messages[error.code]
         raise _refused(path, f"not well-formed XML: {reason}", where) from error
+
+
+def _parsed(data: bytes, path: Path) -> Element:
+    builder = _Builder(data, path)
+    try:
+        builder.parser.Parse(data, True)
     except (_RefusedError, LookupError, ValueError) as error:
         raise _refused(path, str(error), builder.here()) from error
     if builder.root is None:
         raise _refused(path, "no root element", Position(1, 1))
     return builder.root
+
+
+def _placed_back(root: Element, escaped: Escaped) -> Element:
+    for element in (root, *walk(root)):
+        element.position = escaped.position(element.position)
+        for name, position in element.attribute_positions.items():
+            element.attribute_positions[name] = escaped.position(position)
+    root.raw = escaped.raw
+    return root
 
 
 def _check_utf8(data: bytes, path: Path) -> None:

@@ -21,6 +21,7 @@ from uav_bt.tree.port import Port
 from uav_bt.tree.registry import NodeRegistry
 
 _IN_SCRIPTS: Final = (int, float, str)
+_PLAIN: Final = (bool, int, float, str)
 
 
 def check_variables(
@@ -45,6 +46,7 @@ class _VariableChecker:
     def check(self, roots: Iterable[str]) -> None:
         for scope in self._uses.find(roots):
             for slot in scope.slots():
+                self._check_ports(slot)
                 sources = slot.sources()
                 for read in slot.reads:
                     if sources is not None:
@@ -57,6 +59,21 @@ class _VariableChecker:
     def _note(self, use: Use, message: str) -> None:
         element = use.element
         self._findings.note(element, f"attribute '{use.attribute}'{message}", use.attribute)
+
+    def _check_ports(self, slot: Slot) -> None:
+        """Refuse ports of two types, as the engine does: the first that is made gives the type.
+
+        A text may become anything, and objects of Python may be of several types at once.
+        """
+        typed = [(use, port) for use, port in slot.ports if port.type in _PLAIN]
+        for use, port in typed[1:]:
+            first_use, first = typed[0]
+            if first.type not in {str, port.type}:
+                self._note(
+                    use,
+                    f" takes {port.type.__name__}, but variable '{slot.name}' is "
+                    f"{first.type.__name__} for {first_use}",
+                )
 
     # --- variables --------------------------------------------------------------------------------
 
@@ -118,12 +135,12 @@ def _misfit(port: Port[Any] | None, write: Write) -> str | None:
     if port is None:
         fits = any(_related(kind, known) for known in _IN_SCRIPTS)
         return None if fits else f"holds {kind.__name__}, no number and no text"
-    if write.text is None:
+    if write.value is None:
         return None if may_convert(kind, port.type) else f"holds {kind.__name__}"
     try:
-        port.read(write.text)
+        port.read(write.value)
     except ValueError as error:
-        return f"holds a text that does not fit ({error})"
+        return f"holds a value that does not fit ({error})"
     return None
 
 

@@ -16,7 +16,7 @@ from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import Script, ScriptError, parse_script
+from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment, Literal, Name, certain_names, kind_of
 
 
@@ -134,9 +134,9 @@ class VariableUses:
             if isinstance(value, Reference):
                 if not value.on_board:
                     self._port(port, value, use, scope, explicit=port.name in given)
-                if port.check is parse_script:
+                if port.check in SCRIPTS:
                     self._obscured.append(scope)  # a script that only the flight shows
-            elif port.check is parse_script and isinstance(value, str):
+            elif port.check in SCRIPTS and isinstance(value, str):
                 self._script(value, scope, use)
         if node is SetBlackboard:
             self._set(bound, element, scope)
@@ -152,6 +152,7 @@ class VariableUses:
         if isinstance(slot, Key):
             self.on_board.append(BoardUse(slot, at.key, use, port))
             return
+        slot.ports.append((use, port))
         if port.direction != "output":
             needed = explicit and port.required and port.type is not object
             slot.reads.append(Read(use, port, needed))
@@ -235,7 +236,7 @@ class VariableUses:
             Write(
                 use,
                 kind,
-                text=str(text) if text is not None else None,
+                value=str(text) if text is not None else None,
                 copied=source,
                 creates=part.sign == ":=",
             )

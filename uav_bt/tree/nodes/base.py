@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port, parse_reference
@@ -56,6 +58,23 @@ class DecoratorNode(Node):
         return status
 
 
+_INTEGER: Final = re.compile(r"-?[0-9]+")
+_REAL: Final = re.compile(r"-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?")
+_MAX_INTEGER: Final = 2**63
+
+
+def entry_value(text: str) -> int | float | str:
+    """Return what a SubTree's entry is when it is no reference: a number, or a text.
+
+    So it is in the engine since 4.9.1; before, every entry was a text.
+    """
+    if _INTEGER.fullmatch(text) and -_MAX_INTEGER <= int(text) < _MAX_INTEGER:
+        return int(text)
+    if _REAL.fullmatch(text) and math.isfinite(float(text)):
+        return float(text)
+    return text
+
+
 class SubTree(DecoratorNode):
     """Another tree of the file, with variables of its own.
 
@@ -63,7 +82,8 @@ class SubTree(DecoratorNode):
         name: the instance's name.
         child: the root of the other tree.
         entries: the inner tree's variables by name: `{outer}` shares the outer tree's variable,
-            `{@key}` is a key of the mission board, any other text is the variable's first value.
+            `{@key}` is a key of the mission board, anything else is the variable's first value: a
+            number, or a text.
         autoremap: all variables that are not private (`_x`) are the outer tree's.
         tree_id: the other tree's id in its file; default: the instance's name.
     """
@@ -94,11 +114,11 @@ class SubTree(DecoratorNode):
         self._autoremap = autoremap
         self._shared: dict[str, str] = {}
         self._board_keys: dict[str, str] = {}
-        self._constants: dict[str, str] = {}
+        self._constants: dict[str, int | float | str] = {}
         for inner, text in (entries or {}).items():
             reference = parse_reference(text, inner)
             if reference is None:
-                self._constants[inner] = text
+                self._constants[inner] = entry_value(text)
             elif reference.on_board:
                 self._board_keys[inner] = reference.key
             else:

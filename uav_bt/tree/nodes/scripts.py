@@ -9,7 +9,7 @@ from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import DecoratorNode
 from uav_bt.tree.port import Port, parse_reference
-from uav_bt.tree.script import Script, parse_script
+from uav_bt.tree.script import Script, parse_question, parse_script
 from uav_bt.tree.script.values import assigned, truth
 from uav_bt.tree.status import ANSWER_NAMES, FAILURE, SUCCESS, Status
 
@@ -71,7 +71,7 @@ class ScriptNode(Leaf):
 class ScriptCondition(Leaf):
     """Succeeds when its script comes to true, fails when to false."""
 
-    CODE = Port("code", str, doc="a script that ends in true or false", check=parse_script)
+    CODE = Port("code", str, doc="a script that ends in true or false", check=parse_question)
     ports = (CODE,)
     condition = True
 
@@ -94,7 +94,7 @@ class Precondition(DecoratorNode):
         given: values of the ports.
     """
 
-    IF = Port("if", str, doc="a script that ends in true or false", check=parse_script)
+    IF = Port("if", str, doc="a script that ends in true or false", check=parse_question)
     ELSE = Port("else", str, default="FAILURE", doc="the answer otherwise", choices=ANSWER_NAMES)
     ports = (IF, ELSE)
 

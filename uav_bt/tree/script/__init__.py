@@ -1,6 +1,9 @@
 """The scripting language of tree files: a small parser and interpreter, bounded, no `eval`."""
 
-from uav_bt.tree.script.parser import Script, parse_script
+from uav_bt.tree.script.parser import Script, parse_question, parse_script
 from uav_bt.tree.script.values import Environment, ScriptError
 
-__all__ = ["Environment", "Script", "ScriptError", "parse_script"]
+SCRIPTS = frozenset({parse_script, parse_question})
+"""What a port checks its value with when that is a script."""
+
+__all__ = ["SCRIPTS", "Environment", "Script", "ScriptError", "parse_question", "parse_script"]

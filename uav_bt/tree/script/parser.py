@@ -48,6 +48,7 @@ class Script:
 
     source: str
     statements: tuple[Expression, ...]
+    oddities: tuple[str, ...] = ()  # what runs, and is not as it should be written
 
     def run(self, environment: Environment) -> Value:
         """Run all statements and return what the last one comes to.
@@ -76,8 +77,25 @@ def parse_script(source: str) -> Script:
     Raises:
         ScriptError: it is none; the message says where and what was expected.
     """
-    parser = _Parser(tokenize(source))
-    return Script(source, tuple(parser.statements()))
+    tokens = tokenize(source)
+    parser = _Parser(tokens)
+    statements = tuple(parser.statements())
+    odd = [f"column {at.column}: no ';' before '{at.text}'" for at in parser.unended]
+    if any(token.text.startswith('"') for token in tokens):
+        odd.append("write texts as '...'; the engine refuses double quotes since 4.9")
+    return Script(source, statements, tuple(odd))
+
+
+def parse_question(source: str) -> Script:
+    """Parse a script that is asked for its value; an empty one has none.
+
+    Raises:
+        ScriptError: it is empty, or no script.
+    """
+    script = parse_script(source)
+    if not script.statements:
+        raise ScriptError("the script is empty")
+    return script
 
 
 class _Parser:
@@ -86,6 +104,7 @@ class _Parser:
         self._at = 0
         self._nesting = 0
         self._operators = 0
+        self.unended: list[Token] = []  # first words of statements that no ';' stands before
 
     @property
     def _next(self) -> Token:
@@ -110,15 +129,16 @@ class _Parser:
         self._take()
 
     def statements(self) -> Iterator[Expression]:
-        """Parse everything."""
-        empty = True
+        """Parse everything; as in the engine, `;` may be left out or stand twice."""
+        ended = True
         while self._next.kind != "end":
+            if self._is(";"):
+                ended = bool(self._take())
+                continue
+            if not ended:
+                self.unended.append(self._next)
+            ended = False
             yield self._assignment()
-            empty = False
-            if self._next.kind != "end":
-                self._expect(";")
-        if empty:
-            raise ScriptError("the script is empty")
 
     def _nested(self, parse: Callable[[], Expression]) -> Expression:
         self._nesting += 1

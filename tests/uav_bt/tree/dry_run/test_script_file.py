@@ -45,7 +45,7 @@ def test_everything_that_a_script_can_say_is_read(tmp_path: Path) -> None:
         (
             "- a",
             1,
-            "expected a mapping with leaves, default, outputs, variables, board, got a list of 1",
+            "expected a mapping with leaves, default, outputs, variables, board, nodes, got",
         ),
         ("variables: {a: 1}", 1, "expected 'leaves' with answers of leaves, or a 'default'"),
         ("default: S\nleafs: {}", 2, "leafs: unknown key; did you mean 'leaves'?"),

@@ -1,0 +1,57 @@
+"""Control nodes and decorators of a palette are ticked as what a script takes them for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from uav_bt.errors import FileError
+from uav_bt.tree import NodeRegistry
+from uav_bt.tree.dry_run import Simulation, read_script
+from uav_bt.tree.loading.palette import read_palette, with_palette
+
+FILES = Path(__file__).parents[3] / "data" / "tree_files"
+REGISTRY = with_palette(NodeRegistry(), read_palette(FILES / "palette.xml"))
+TABLE = """
+leaves: {PlanPath: FS, GoalChanged: F, DrivePath: RS}
+default: S
+nodes:
+  RecoveryNode: {is: RetryUntilSuccessful, num_attempts: 3}
+  PipelineSequence: Sequence
+  RoundRobin: Fallback
+  RateController: pass
+"""
+
+
+def simulation(folder: Path, text: str) -> Simulation:
+    script = folder / "answers.yaml"
+    script.write_text(text, encoding="utf-8")
+    return Simulation(FILES / "navigate.xml", read_script(script), REGISTRY)
+
+
+def test_a_foreign_tree_is_ticked(tmp_path: Path) -> None:
+    """The first plan fails, the map is cleared, the second plan is driven."""
+    ticks = list(simulation(tmp_path, TABLE).run(10))
+    answers = [(one.leaf.rpartition("/")[2], one.status.letter) for t in ticks for one in t.answers]
+    assert answers[:3] == [("PlanPath", "F"), ("ClearMap", "S"), ("PlanPath", "S")]
+    assert answers[3:] == [("DrivePath", "R"), ("DrivePath", "S")]
+    assert ticks[-1].status.name == "SUCCESS"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("  RateController: pass\n", "", "nothing says how to tick it: RateController; say"),
+        ("RateController: pass", "RateControler: pass", "did you mean 'RateController'"),
+        (": Sequence", ": Sequense", "cannot be 'Sequense': expected pass"),
+        ("{is: RetryUntilSuccessful, num_attempts: 3}", "Repeat", "as Repeat needs num_cycles: wr"),
+        ("num_attempts: 3", "attempts: 3", "has no port 'attempts'"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_refused(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    with pytest.raises(FileError, match=r"answers\.yaml") as error:
+        simulation(tmp_path, TABLE.replace(old, new))
+    assert message in str(error.value)

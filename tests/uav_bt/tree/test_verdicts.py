@@ -1,0 +1,56 @@
+"""Files in the style of public projects: what is said of each, as `verdicts.yaml` has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from uav_bt.tree import NodeRegistry
+from uav_bt.tree.dry_run import Simulation, read_script
+from uav_bt.tree.loading.findings import errors_of
+from uav_bt.tree.loading.loader import check_file
+from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+from uav_bt.tree.loading.palette import read_palette, with_palette
+
+FILES = Path(__file__).parents[2] / "data" / "tree_files"
+VERDICTS = yaml.safe_load((FILES / "verdicts.yaml").read_text(encoding="utf-8"))
+REGISTRY = with_palette(NodeRegistry(), read_palette(FILES / "palette.xml"))
+WORKSPACE = Lookup(Library(path for path in files_in(FILES / "workspace") if path.suffix == ".xml"))
+
+
+@pytest.mark.parametrize("name", VERDICTS)
+def test_verdict(name: str) -> None:
+    verdict = VERDICTS[name]
+    found = check_file(FILES / name, REGISTRY, lookup=WORKSPACE)
+    got = "refused" if errors_of(found) else "warned" if found else "taken"
+    assert got == verdict["here"], found
+    assert verdict.get("words", "") in "\n".join(map(str, found))
+    # Of what the engine takes nothing is refused, and the other way round; texts in double quotes
+    # are the exception, as all releases before 4.9 take them.
+    if name != "double_quotes.xml":
+        assert (got == "refused") == (verdict["engine"] != "taken")
+
+
+def test_every_file_has_a_verdict() -> None:
+    assert {str(path.relative_to(FILES)) for path in files_in(FILES)} == {*VERDICTS, "palette.xml"}
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("double_quotes.xml", "SUCCESS"),
+        ("loose_script.xml", "SUCCESS"),
+        ("counting_subtree.xml", "SUCCESS"),
+        ("kind_differs.xml", "SUCCESS"),
+        ("deactivated.xml", "SUCCESS"),
+        ("deep.xml", "SUCCESS"),
+        ("workspace/main.xml", "SUCCESS"),
+    ],
+)
+def test_it_ticks(name: str, answer: str, tmp_path: Path) -> None:
+    script = tmp_path / "answers.yaml"
+    script.write_text("default: S")
+    simulation = Simulation(FILES / name, read_script(script), REGISTRY, lookup=WORKSPACE)
+    assert list(simulation.run(10))[-1].status.name == answer
