@@ -103,12 +103,12 @@ def test_every_kind_says_what_is_expected() -> None:
 
 
 def test_a_flight_is_watched_to_its_end(tmp_path: Path) -> None:
-    """Landing refused: whatever the report says, the drone still flies."""
+    """Landing refused: the place was kept on the way down, and the drone still flies."""
     refused = replace(case(tmp_path, "no-landing@explore"), time_limit_s=9.0)
     facts = Flown.of(fly(refused, tmp_path)).facts
     assert facts.began_s is not None
     assert facts.motors_on
-    assert facts.height_m == pytest.approx(1.2, abs=0.2)
+    assert facts.height_m > 0.3
     assert not facts.touched
     assert facts.report_whole
 

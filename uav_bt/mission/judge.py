@@ -66,6 +66,7 @@ class Judge:
 
     def __init__(self, config: JudgeConfig | None = None) -> None:
         self._config = config or JudgeConfig()
+        self._lands = False
         self._took_off_s: float | None = None
         self._started_s: float | None = None
         self._flew = False
@@ -87,8 +88,19 @@ class Judge:
         tree_status: Status,
         *,
         abort_reason: str | None,
+        landing: bool = False,
     ) -> Verdict | None:
-        """Return how the flight ended, None while it goes on."""
+        """Return how the flight ended, None while it goes on.
+
+        Args:
+            now_s: the mission clock's time.
+            state: of the drone.
+            truth: of this moment, where there is a referee.
+            tree_status: of the mission's tree.
+            abort_reason: why the mission is being aborted; None when it is not.
+            landing: the mission lands, whether the drone says so yet or is still flown down.
+        """
+        self._lands = landing or state.flying in _MAY_TOUCH_GROUND
         if self._started_s is None:
             self._started_s = now_s
         landed = state.flying is FlyingState.LANDED
@@ -128,7 +140,7 @@ class Judge:
         unheard = now_s - state.captured_s > _UNHEARD_S  # it may be landing by its own rules
         for geom in truth.contacts:
             landing_surface = geom.startswith(self._config.landing_surfaces)
-            if not (landing_surface and (unheard or state.flying in _MAY_TOUCH_GROUND)):
+            if not (landing_surface and (unheard or self._lands)):
                 return geom
         return None
 

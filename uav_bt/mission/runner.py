@@ -186,8 +186,10 @@ class MissionRunner:
         )
         self.listeners.on_tick(replace(record, decided=decided))
         self._index += 1
+        landing = isinstance(self._context.proposals.movement, Land)
+        why, state = self._abort_reason, observation.state
         verdict = self._judge.verdict(
-            start_s, observation.state, truth, status, abort_reason=self._abort_reason
+            start_s, state, truth, status, abort_reason=why, landing=landing
         )
         landing_s = self._landing.update(start_s, holds=self._arbiter.override is Override.ABORT)
         if landing_s > self._config.landing_grace_s:
@@ -198,10 +200,7 @@ class MissionRunner:
             self.request_abort(f"the tree ended with {status.name} in the air")
         if verdict is None:
             trouble = self._contingencies.abort_reason(
-                start_s,
-                observation.state,
-                command,
-                self._arbiter.override,
+                *(start_s, state, command, self._arbiter.override),
                 screening=self._screening,
                 drift=self._hold.trouble,
             )

@@ -62,12 +62,6 @@ def test_instances_are_named_by_the_instances_around_them() -> None:
     assert inside == set(paths[1:])
 
 
-def test_a_name_used_twice_is_made_unique() -> None:
-    body = '<Sequence><SubTree ID="Inner" name="n"/><SubTree ID="Inner" name="n"/></Sequence>'
-    numbering, _ = numbered(body, INNER)
-    assert [instance.full_path for instance in numbering.instances] == ["", "n", "n::4"]
-
-
 def test_attributes_are_told_as_a_tree_file_has_them() -> None:
     """Defaults are filled in; references, conditions and a subtree's entries are kept."""
     body = (

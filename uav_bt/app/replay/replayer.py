@@ -211,9 +211,10 @@ class ReplayJudge(Judge):
         tree_status: Status,
         *,
         abort_reason: str | None,
+        landing: bool = False,
     ) -> Verdict | None:
         """Return that the recording is over, None while it goes on."""
-        del now_s, state, truth, tree_status, abort_reason
+        del now_s, state, truth, tree_status, abort_reason, landing
         if self._drone.at_end:
             return Verdict(outcome=Outcome.SUCCESS, reason="the recording is over")
         return None

@@ -78,7 +78,7 @@ def test_a_tree_of_nodes_that_are_not_installed_is_still_a_graph(
     strange = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Nobodys/></BehaviorTree></root>'
     (tmp_path / "mission.xml").write_text(strange, encoding="utf-8")
     flight = RecordedFlight(flown[0])
-    assert known_tree(tmp_path / "mission.xml") is None
+    assert known_tree(tmp_path / "mission.xml", None) is None
     flight.tree = None
     assert len(flight.setting().tree) > 5
 
