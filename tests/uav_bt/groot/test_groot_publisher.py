@@ -117,7 +117,7 @@ def test_blackboards_come_by_the_names_of_the_trees(mission: Mission, client: Gr
     mission.tick()
     assert client.boards("Main", "inside", "nowhere") == {
         "Main": {"count": 7, "@height_m": 1.5},
-        "inside": {"amount": "3"},
+        "inside": {"amount": 3},
     }
     assert client.boards("") == {}
 
