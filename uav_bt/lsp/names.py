@@ -15,7 +15,7 @@ from uav_bt.tree.loading.source import EDITOR_ATTRIBUTES
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.registry import NodeRegistry
-from uav_bt.tree.script import ScriptError, parse_script
+from uav_bt.tree.script import SCRIPTS, ScriptError, parse_script
 from uav_bt.tree.script.expressions import Assignment
 from uav_bt.tree.script.parser import tokenize
 
@@ -126,7 +126,7 @@ def _of_node(branch: Branch, tree: str, registry: NodeRegistry) -> Iterator[Use]
 def is_script(node: type[Node] | None, attribute: str) -> bool:
     """Return whether a port of a node takes a script."""
     ports = () if node is None else node.ports
-    return any(port.name == attribute and port.check is parse_script for port in ports)
+    return any(port.name == attribute and port.check in SCRIPTS for port in ports)
 
 
 def _value(branch: Branch, node: type[Node] | None, value: _Text, tree: str) -> Iterator[Use]:

@@ -172,6 +172,7 @@ def test_attributes_are_completed_but_those_that_are_there(mission: Document) ->
     assert "flowing" in items
     assert "policy" not in items
     assert "_skipIf" in items
+    assert "count" in mission.complete('<SubTree ID="Deep" ')
     assert "count" not in mission.complete('<SubTree ID="Round" ')
 
 
@@ -270,6 +271,8 @@ def test_a_tree_is_renamed_wherever_it_is_used(mission: Document) -> None:
 
 def test_a_variable_is_renamed_in_its_tree_and_where_it_is_shared(mission: Document) -> None:
     assert renamed(mission, "speed", "pace") == MISSION.replace("speed", "pace")
+    # Round's `count` is an entry of Mission's SubTree, and Deep's by _autoremap.
+    assert renamed(mission, "count +=", "laps") == MISSION.replace("count", "laps")
     assert renamed(mission, "goal :=", "wanted") == MISSION.replace("goal", "wanted")
 
 
