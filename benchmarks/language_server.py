@@ -4,25 +4,37 @@
 
 Opens a file of 1,000 nodes, types letters into it, and measures until the diagnostics of that very
 text are back; then completion and hover. Then mutated files go through the server (open, complete,
-hover, outline, format) and through the formatter, which must not change its own result.
+hover, outline, format) and through the formatter, and whole files with blanks and comments strewn
+in through the formatter alone. It must not change its own result, and what it has laid out is
+refused for the same reasons, or loads to the same nodes, which tick as before.
 """
 
 from __future__ import annotations
 
 import argparse
+import logging
 import random
+import re
 import statistics
 import time
 from pathlib import Path
 
 from lsprotocol import types
 
+from tests.conformance import REGISTRY
 from tests.uav_bt.lsp.editor import Editor, applied
-from tests.uav_bt.tree.test_mutations import mutated
-from uav_bt.errors import TreeError
+from tests.uav_bt.tree.test_mutations import SOURCES, mutated
+from tests.uav_bt.tree.tree_world import World
+from uav_bt.board import MISSION_KEYS
+from uav_bt.errors import NodeFailedError, TreeError
+from uav_bt.tree import parse_tree
 from uav_bt.tree.editing.layout import format_source
 
 URI = "file:///nowhere/mission.xml"
+TICKS = 5
+BETWEEN = re.compile(r"(?<=>)\s*(?=<)")
+STREWN = ("", " ", "\n", "\n\n\n", "\t", "\n<!-- a -->\n", "<!-- a\n\tb\n -->", "\n\n  <!---->\n\n")
+PLACE = re.compile(r"(?:<text>)?:\d+:\d+")
 LEAF = '      <Explore name="look_{n}" policy="corridor" _skipIf="rounds &gt; {n}"/>\n'
 
 
@@ -82,10 +94,56 @@ def time_typing(editor: Editor, text: str, times: int) -> None:
     told("hover", hovers)
 
 
+def behaviour(source: bytes) -> list[object]:
+    """Return what a file does: why it is refused, or its nodes and what they answer."""
+    world = World()
+    for key in MISSION_KEYS:
+        world.board.declare(key)
+    try:
+        tree = parse_tree(source, REGISTRY)
+    except TreeError as error:
+        return sorted(PLACE.sub("", finding) for finding in error.findings)
+    tree.setup(world.context)
+    for name in ("a", "b", "c", "mode"):
+        tree.variables[name] = 1
+    seen: list[object] = [type(node).__name__ for node in tree.nodes()]
+    try:
+        for _ in range(TICKS):
+            answer = tree.tick()
+            seen += [answer, world.events(), [(node.path, node.status) for node in tree.nodes()]]
+    except NodeFailedError as error:
+        seen.append(str(error))
+    tree.halt()
+    return [*seen, world.events()]
+
+
+def laid_out(text: str) -> tuple[bytes, bool]:
+    """Return a file's text in the one layout, and whether it loads.
+
+    Raises:
+        TreeError: it is no well-formed XML.
+    """
+    once = format_source(text.encode(), Path(URI))
+    expect(format_source(once, Path(URI)) == once, text)
+    before = behaviour(text.encode())
+    expect(behaviour(once) == before, text)
+    return once, any(not isinstance(each, str) for each in before)
+
+
+def strew(files: int) -> None:
+    """Lay whole files out that have blanks and comments between their tags."""
+    random_ = random.Random(21)  # noqa: S311 - no secret
+    ticked = 0
+    for _ in range(files):
+        text = BETWEEN.sub(lambda _: random_.choice(STREWN), random_.choice(SOURCES))
+        ticked += laid_out(text)[1]
+    print(f"{files} files with blanks and comments: formatted, {ticked} load, and tick as before")
+
+
 def fuzz(editor: Editor, files: int) -> None:
     """Send mutated files through server and formatter."""
     random_ = random.Random(20)  # noqa: S311 - no secret
-    good = 0
+    good, ticked = 0, 0
     for number in range(files):
         text = mutated(random_)
         uri = f"{URI}-{number % 20}"
@@ -101,17 +159,18 @@ def fuzz(editor: Editor, files: int) -> None:
         editor.ask("text_document_document_symbol", types.DocumentSymbolParams(which))
         edits = editor.format(uri)
         try:
-            once = format_source(text.encode(), Path(uri))
+            once, ticks = laid_out(text)
         except TreeError:
             expect(not edits, text)
         else:
             good += 1
-            expect(format_source(once, Path(uri)) == once, text)
+            ticked += ticks
             expect(not text.isascii() or applied(text, edits).encode() == once, text)
         editor.close_document(uri)
         editor.diagnostics(uri)
         expect(editor.alive, text)
     print(f"{files} mutated files: server alive, {good} formatted, the others refused")
+    print(f"{ticked} of the formatted load, and tick as before; the others are refused as before")
 
 
 def main() -> None:
@@ -121,11 +180,13 @@ def main() -> None:
     parser.add_argument("--keys", type=int, default=50)
     parser.add_argument("--files", type=int, default=10_000)
     given = parser.parse_args()
+    logging.getLogger("uav_bt").setLevel(logging.ERROR)  # mutated files have many warnings
     editor = Editor()
     print(f"memory, nothing open              {memory_mb(editor.process_id):.0f} MB")
     time_typing(editor, mission(given.nodes), given.keys)
     print(f"memory, after {given.nodes} nodes {memory_mb(editor.process_id):.0f} MB")
     fuzz(editor, given.files)
+    strew(given.files)
     print(f"memory, after all                 {memory_mb(editor.process_id):.0f} MB")
     print(f"exit code of the server           {editor.close()}")
 
