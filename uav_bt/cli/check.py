@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -40,14 +40,17 @@ def _with_palette(ctx: click.Context, param: click.Parameter, value: Path | None
     return with_palette(installed, palette)
 
 
+PALETTE_HELP: Final = (
+    "A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of "
+    "nodes that are not installed here."
+)
 palette_option = click.option(
     "--palette",
     "registry",
     metavar="FILE",
     type=INPUT,
     callback=_with_palette,
-    help="A file with a TreeNodesModel, such as Groot2 exports or saves in its tree files, of "
-    "nodes that are not installed here.",
+    help=PALETTE_HELP,
 )
 
 

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from uav_bt import plugins
-from uav_bt.cli.check import palette_option
+from uav_bt.cli.check import PALETTE_HELP
 from uav_bt.cli.command import Command
+from uav_bt.cli.options import INPUT
 from uav_bt.tree import NodeRegistry
 
 
 @click.command(cls=Command)
-@palette_option
-def lsp(*, registry: NodeRegistry) -> None:
+@click.option("--palette", metavar="FILE", type=INPUT, help=PALETTE_HELP)
+def lsp(*, palette: Path | None) -> None:
     """Check and complete tree files in editors.
 
     An editor starts this and speaks the Language Server Protocol with it over standard input and
     output: findings while one types, completion, hover, definitions, renaming, formatting and quick
-    fixes. docs/editors.md has the settings of VS Code, Neovim and Emacs.
+    fixes. SubTrees are looked up in all files of the editor's folder, as `uav-bt check FOLDER`
+    does. A palette that is refused is shown as a finding. docs/editors.md has the settings of VS
+    Code, Neovim and Emacs.
     """
     plugins.need("lsp", "pygls", what="the language server")
     from uav_bt.lsp.server import serve  # noqa: PLC0415 - the extra may be missing
 
-    serve(registry)
+    serve(NodeRegistry.installed(), palette)

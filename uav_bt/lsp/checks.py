@@ -9,8 +9,6 @@ from typing import Final
 
 from uav_bt.lsp.page import Page
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
-from uav_bt.tree.loading.loader import check_text
-from uav_bt.tree.registry import NodeRegistry
 
 _log: Final = logging.getLogger(__name__)
 
@@ -19,18 +17,18 @@ class Checks:
     """Checks documents in a thread, so that other requests are answered meanwhile.
 
     Args:
-        registry: the nodes that may occur.
+        check: returns what is wrong with a page; called in the thread.
         page: returns a document's newest text, None when it was closed.
         publish: is given what was found in a page.
     """
 
     def __init__(
         self,
-        registry: NodeRegistry,
+        check: Callable[[Page], tuple[Finding, ...]],
         page: Callable[[str], Page | None],
         publish: Callable[[str, Page, tuple[Finding, ...]], None],
     ) -> None:
-        self._registry = registry
+        self._check = check
         self._page = page
         self._publish = publish
         self._running: dict[str, asyncio.Task[None]] = {}
@@ -50,17 +48,15 @@ class Checks:
             page = self._page(uri)
             if page is None:
                 return
-            findings = await asyncio.to_thread(_findings, page, self._registry)
+            findings = await asyncio.to_thread(self._findings, page)
             # What was found in a text that has changed meanwhile would be shown at wrong places.
             if uri not in self._changed and self._page(uri) is not None:
                 self._publish(uri, page, findings)
 
-
-def _findings(page: Page, registry: NodeRegistry) -> tuple[Finding, ...]:
-    try:
-        data = page.text.encode(errors="surrogatepass")
-        return check_text(data, registry, path=page.path)
-    except Exception as error:  # noqa: BLE001 - an editor's session must outlive a fault of ours
-        _log.exception("checking %s", page.path)
-        message = f"could not be checked: unexpected {type(error).__name__}: {error}"
-        return (Finding(str(page.path), WHOLE_FILE, message),)
+    def _findings(self, page: Page) -> tuple[Finding, ...]:
+        try:
+            return self._check(page)
+        except Exception as error:  # noqa: BLE001 - an editor's session must outlive a fault of ours
+            _log.exception("checking %s", page.path)
+            message = f"could not be checked: unexpected {type(error).__name__}: {error}"
+            return (Finding(str(page.path), WHOLE_FILE, message),)

@@ -150,9 +150,9 @@ class Completer:
             detail = node.kind.value
             doc = explain_node(node)
             yield self._item(node_id, _Kind.Class, (start, end), new, doc, detail=detail)
-        for tree_id, (page, _) in self._desk.trees(self._page).items():
+        for tree_id, path in self._desk.trees(self._page).items():
             new = f"<{SUBTREE}" if only_name else f'<{SUBTREE} ID="{tree_id}"/>'
-            detail = f"tree of {page.path.name}"
+            detail = f"tree of {path.name}"
             label = f"{SUBTREE} {tree_id}"
             yield self._item(label, _Kind.Function, (start, end), new, detail=detail)
 
@@ -192,7 +192,7 @@ class Completer:
             yield from ((name, "", "", 0) for name in ("ID", "name", "type", "default"))
 
     def _inner_names(self, tree_id: str) -> list[str]:
-        found = self._desk.trees(self._page).get(tree_id)
+        found = self._desk.tree(self._page, tree_id)
         return [] if found is None else variables(self._desk, found[0], tree_id)
 
 

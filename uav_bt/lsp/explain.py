@@ -75,7 +75,7 @@ def _of_use(desk: Desk, page: Page, use: Use) -> str:
 
 
 def _of_tree(desk: Desk, page: Page, tree_id: str) -> str:
-    found = desk.trees(page).get(tree_id)
+    found = desk.tree(page, tree_id)
     if found is None:
         return ""
     home, branch = found

@@ -8,7 +8,7 @@ from typing import Final
 
 from lsprotocol import types
 
-from uav_bt.lsp.desk import Desk
+from uav_bt.lsp.desk import Desk, Named
 from uav_bt.lsp.names import SUBTREE, Use, What
 from uav_bt.lsp.page import Page, attribute_at, node_id_of
 from uav_bt.tree.editing.markup import Branch
@@ -29,13 +29,8 @@ def definitions(desk: Desk, page: Page, offset: int) -> list[types.Location]:
     if use is not None and use.what is What.TREE:
         return _tree(desk, page, use.name)
     if use is not None and use.what is What.VARIABLE:
-        return [
-            _location(home, one.start, one.end)
-            for home in desk.together(page)
-            for one in desk.uses(home)
-            if (one.what, one.name, one.tree) == (use.what, use.name, use.tree)
-            if one.defines or one.entry
-        ]
+        same = _same(desk, page, use)
+        return [_location(one) for one in same if one.use.defines or one.use.entry]
     tag = page.tag_from(offset)
     branch = None if tag is None else page.by_tag.get(tag.start)
     if tag is None or branch is None:
@@ -53,30 +48,30 @@ def definitions(desk: Desk, page: Page, offset: int) -> list[types.Location]:
 def references(
     desk: Desk, page: Page, offset: int, *, declaration: bool = True
 ) -> list[types.Location]:
-    """Return where the name at an offset stands, in the page and in what it includes."""
+    """Return where the name at an offset stands, in the page and in those that belong to it."""
     use = use_at(desk, page, offset)
     if use is None:
         return []
-    return [
-        _location(home, one.start, one.end)
-        for home in desk.together(page)
-        for one in desk.uses(home)
-        if (one.what, one.name) == (use.what, use.name)
-        if one.tree == use.tree or use.what is What.KEY
-        if declaration or not one.defines
-    ]
+    same = _same(desk, page, use)
+    return [_location(one) for one in same if declaration or not one.use.defines]
+
+
+def _same(desk: Desk, page: Page, use: Use) -> list[Named]:
+    named = desk.named(page)
+    (here,) = [one for one in named if one.page is page and one.use is use]
+    return [one for one in named if one.same(here)]
 
 
 def _tree(desk: Desk, page: Page, tree_id: str) -> list[types.Location]:
-    found = desk.trees(page).get(tree_id)
+    found = desk.tree(page, tree_id)
     if found is None:
         return []
     home, branch = found
-    return [_location(home, branch.tag.start, branch.tag.end)]
+    return [types.Location(home.uri, home.range(branch.tag.start, branch.tag.end))]
 
 
-def _location(page: Page, start: int, end: int) -> types.Location:
-    return types.Location(page.uri, page.range(start, end))
+def _location(named: Named) -> types.Location:
+    return types.Location(named.page.uri, named.page.range(named.use.start, named.use.end))
 
 
 def _line(line: int) -> types.Range:

@@ -102,6 +102,21 @@ class Page:
             return 0
         return min(self._starts[line - 1] + column - 1, len(self.text))
 
+    def edits_to(self, text: str) -> list[types.TextEdit]:
+        """Return the edit that makes this page a text, without the lines that stay at both ends."""
+        old, new = self.text.splitlines(keepends=True), text.splitlines(keepends=True)
+        head = 0
+        while head < min(len(old), len(new)) and old[head] == new[head]:
+            head += 1
+        tail = 0
+        while tail < min(len(old), len(new)) - head and old[-1 - tail] == new[-1 - tail]:
+            tail += 1
+        if head == len(old) == len(new):
+            return []
+        start = sum(map(len, old[:head]))
+        end = len(self.text) - sum(map(len, old[len(old) - tail :]))
+        return [types.TextEdit(self.range(start, end), "".join(new[head : len(new) - tail]))]
+
     # --- markup -----------------------------------------------------------------------------------
 
     def piece_at(self, offset: int) -> Piece | None:

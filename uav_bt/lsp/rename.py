@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 from lsprotocol import types
 
 from uav_bt.errors import InputError
-from uav_bt.lsp.desk import Desk
+from uav_bt.lsp.desk import Desk, Named, key_of
 from uav_bt.lsp.find import use_at
-from uav_bt.lsp.names import SUBTREE, Use, What
+from uav_bt.lsp.names import SUBTREE, What
 from uav_bt.lsp.page import Page, tree_of
 
 _VARIABLE: Final = re.compile(r"[A-Za-z_]\w*")
-_TREE: Final = re.compile(r"[^\s<>&\"'/\\:.{}]+")
+_TREE_ID: Final = re.compile(r"[^\s<>&\"'/\\:.{}]+")
 _SAME: Final = re.compile(r"\s*\{\s*@?=\s*\}\s*")
-_Variable = tuple[str, str]  # tree and name
+_Tree = tuple[Path, str]  # its file and its ID
+_Variable = tuple[_Tree, str]
 
 
 def renamed(desk: Desk, page: Page, offset: int, new: str) -> types.WorkspaceEdit:
-    """Return the edits that give a tree or a variable another name, in the page and its includes.
+    """Return the edits that give a tree or a variable another name, in all files of its family.
 
     Args:
         desk: what there is.
@@ -35,18 +37,15 @@ def renamed(desk: Desk, page: Page, offset: int, new: str) -> types.WorkspaceEdi
     use = use_at(desk, page, offset)
     if use is None or use.what is What.KEY:
         raise InputError("only trees and variables can be renamed")
-    pages = list(desk.together(page))
-    found = [(home, one) for home in pages for one in desk.uses(home)]
+    found = desk.named(page)
+    (here,) = [one for one in found if one.page is page and one.use is use]
     if use.what is What.TREE:
-        if not _TREE.fullmatch(new):
-            raise InputError(f"'{new}' cannot be a tree's ID: write letters, digits and '_'")
-        if any(one.what is What.TREE and one.name == new for _, one in found):
-            raise InputError(f"there is a tree '{new}'")
-        chosen = [(h, one) for h, one in found if (one.what, one.name) == (What.TREE, use.name)]
+        chosen = list(_tree(desk, found, here, new))
     else:
-        chosen = list(_variable(found, use, new))
+        chosen = list(_variable(found, here, new))
     edits: dict[str, dict[int, types.TextEdit]] = {}
-    for home, one in chosen:
+    for named in chosen:
+        home, one = named.page, named.use
         known = edits.setdefault(home.uri, {})
         known[one.start] = types.TextEdit(home.range(one.start, one.end), new)
         given = one.branch.attribute(one.attribute)
@@ -57,7 +56,29 @@ def renamed(desk: Desk, page: Page, offset: int, new: str) -> types.WorkspaceEdi
     return types.WorkspaceEdit(changes={uri: list(known.values()) for uri, known in edits.items()})
 
 
-def _variable(found: list[tuple[Page, Use]], use: Use, new: str) -> Iterator[tuple[Page, Use]]:
+def _tree(desk: Desk, found: list[Named], here: Named, new: str) -> Iterator[Named]:
+    """Yield every use of a tree.
+
+    Raises:
+        InputError: the name cannot be a tree's, or is taken in a file that uses it.
+    """
+    if not _TREE_ID.fullmatch(new):
+        raise InputError(f"'{new}' cannot be a tree's ID: write letters, digits and '_'")
+    if new in desk.registry:
+        raise InputError(f"'{new}' is a node: choose another ID")
+    chosen = [one for one in found if one.same(here)]
+    for page in dict.fromkeys(one.page for one in chosen):
+        taken = any(one.page is page and one.use.name == new for one in found if _of_tree(one))
+        if taken or new in desk.trees(page):
+            raise InputError(f"there is a tree '{new}'")
+    yield from chosen
+
+
+def _of_tree(named: Named) -> bool:
+    return named.use.what is What.TREE
+
+
+def _variable(found: list[Named], here: Named, new: str) -> Iterator[Named]:
     """Yield every use of a variable, in its own tree and in those that share it.
 
     Raises:
@@ -65,38 +86,36 @@ def _variable(found: list[tuple[Page, Use]], use: Use, new: str) -> Iterator[tup
     """
     if not _VARIABLE.fullmatch(new):
         raise InputError(f"'{new}' cannot be a variable's name: write letters, digits and '_'")
-    uses = [one for _, one in found]
-    shared = _shared(uses, (use.tree, use.name))
+    shared = _shared(found, ((here.home, here.use.tree), here.use.name))
     if len(shared) > 1 and new.startswith("_"):
         raise InputError(f"'{new}' would be private, but the variable is shared by _autoremap")
-    for one in uses:
-        taken = one.what is What.VARIABLE and one.name == new
-        if taken and any(tree == one.tree for tree, _ in shared):
-            raise InputError(f"tree '{one.tree}' has a variable '{new}'")
-    for home, one in found:
-        if one.what is What.VARIABLE and (one.tree, one.name) in shared:
-            yield home, one
+    trees = {tree for tree, _ in shared}
+    variables = [one for one in found if one.use.what is What.VARIABLE]
+    for one in variables:
+        if one.use.name == new and (one.home, one.use.tree) in trees:
+            raise InputError(f"tree '{one.use.tree}' has a variable '{new}'")
+    yield from (one for one in variables if ((one.home, one.use.tree), one.use.name) in shared)
 
 
-def _shared(uses: list[Use], start: _Variable) -> set[_Variable]:
+def _shared(found: list[Named], start: _Variable) -> set[_Variable]:
     """Return a variable and those that `_autoremap` makes the same in other trees."""
-    doors: list[tuple[str, str, frozenset[str]]] = []  # outer tree, inner tree, own names inside
-    for use in uses:
-        branch = use.branch
+    doors: list[tuple[_Tree, _Tree, frozenset[str]]] = []  # outer, inner, own names inside
+    for named in found:
+        use, branch = named.use, named.use.branch
         if use.what is What.TREE and branch.tag.name == SUBTREE and use.attribute == "ID":
             outer = tree_of(branch)
             if outer is not None and branch.text("_autoremap").strip().lower() in {"true", "1"}:
                 own = frozenset(one.name for one in branch.tag.attributes)
-                doors.append((outer.text("ID"), use.name, own))
+                doors.append(((key_of(named.page), outer.text("ID")), (named.home, use.name), own))
     shared = {start}
     waiting = [start]
     while waiting:
         tree, name = waiting.pop()
-        for outer_id, inner_id, own in doors:
+        for outer_tree, inner_tree, own in doors:
             if name in own or name.startswith("_"):
                 continue
-            for here, there in ((outer_id, inner_id), (inner_id, outer_id)):
-                if here == tree and (there, name) not in shared:
-                    shared.add((there, name))
-                    waiting.append((there, name))
+            for one, other in ((outer_tree, inner_tree), (inner_tree, outer_tree)):
+                if one == tree and (other, name) not in shared:
+                    shared.add((other, name))
+                    waiting.append((other, name))
     return shared

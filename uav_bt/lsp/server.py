@@ -22,37 +22,46 @@ from uav_bt.lsp.diagnostics import Reports, code_actions, diagnostic
 from uav_bt.lsp.explain import hover
 from uav_bt.lsp.find import definitions, references, symbols, use_at
 from uav_bt.lsp.names import What
+from uav_bt.lsp.nodes import Nodes
 from uav_bt.lsp.page import Page
 from uav_bt.lsp.rename import renamed
+from uav_bt.lsp.workspace import Folders
 from uav_bt.tree.editing.layout import format_source
 from uav_bt.tree.loading.findings import Finding
+from uav_bt.tree.loading.lookup import TREE_SUFFIXES
 from uav_bt.tree.registry import NodeRegistry
 
+_PALETTE: Final = "palette"  # owner of what is wrong with it; no document is called so
 _TRIGGERS: Final = ["<", " ", '"', "{", "@", "/"]
 
 
-def serve(registry: NodeRegistry) -> None:
+def serve(registry: NodeRegistry, palette: Path | None = None) -> None:
     """Serve one editor until it says goodbye.
 
     Args:
-        registry: the nodes that may occur.
+        registry: the nodes that are installed.
+        palette: a file that describes further nodes.
     """
-    server = make_server(registry)
+    server = make_server(registry, palette)
     gc.freeze()  # modules and nodes stay: a collection while one types need not look at them
     server.start_io()
 
 
-def make_server(registry: NodeRegistry) -> LanguageServer:
+def make_server(registry: NodeRegistry, palette: Path | None = None) -> LanguageServer:
     """Return a server with all its features.
 
     Args:
-        registry: the nodes that may occur.
+        registry: the nodes that are installed.
+        palette: a file that describes further nodes.
     """
     server = LanguageServer("uav-bt", __version__)
-    session = _Session(server, registry)
+    session = _Session(server, Nodes(registry, palette))
     completion = types.CompletionOptions(trigger_characters=_TRIGGERS)
     actions = types.CodeActionOptions(code_action_kinds=[types.CodeActionKind.QuickFix])
     features: tuple[tuple[str, Callable[..., Any], object], ...] = (
+        (types.INITIALIZED, session.began, None),
+        (types.WORKSPACE_DID_CHANGE_WORKSPACE_FOLDERS, session.moved, None),
+        (types.WORKSPACE_DID_CHANGE_WATCHED_FILES, session.disk_changed, None),
         (types.TEXT_DOCUMENT_DID_OPEN, session.opened, None),
         (types.TEXT_DOCUMENT_DID_CHANGE, session.changed, None),
         (types.TEXT_DOCUMENT_DID_SAVE, session.saved, None),
@@ -85,12 +94,70 @@ def _handler(method: Callable[..., Any]) -> Callable[..., Any]:
 class _Session:
     """One editor's documents, and what it is told about them."""
 
-    def __init__(self, server: LanguageServer, registry: NodeRegistry) -> None:
+    def __init__(self, server: LanguageServer, nodes: Nodes) -> None:
         self._server = server
+        self._nodes = nodes
         self._pages: dict[str, tuple[int | None, Page]] = {}
+        self._folders = Folders()
         self._reports = Reports()
-        self._desk = Desk(registry, self._open_page, self._units)
-        self._checks = Checks(registry, self._page_if_open, self._publish)
+        self._desk = self._new_desk()
+        self._checks = Checks(
+            lambda page: self._folders.check(page, self._nodes.registry),
+            self._page_if_open,
+            self._publish,
+        )
+
+    def _new_desk(self) -> Desk:
+        return Desk(self._nodes.registry, self._open_pages, self._folders.around, self._units)
+
+    # --- what lies around the documents -----------------------------------------------------------
+
+    def began(self, params: types.InitializedParams) -> None:
+        """Take note of the editor's folders, and ask to be informed of changes on the disk."""
+        del params
+        self._take_folders()
+        self._show_palette()
+        workspace = self._server.client_capabilities.workspace
+        files = None if workspace is None else workspace.did_change_watched_files
+        if files is not None and files.dynamic_registration:
+            patterns = [f"**/*{suffix}" for suffix in TREE_SUFFIXES]
+            watchers = [types.FileSystemWatcher(pattern) for pattern in patterns]
+            options = types.DidChangeWatchedFilesRegistrationOptions(watchers)
+            method = types.WORKSPACE_DID_CHANGE_WATCHED_FILES
+            self._server.client_register_capability(
+                types.RegistrationParams([types.Registration("tree-files", method, options)])
+            )
+
+    def moved(self, params: types.DidChangeWorkspaceFoldersParams) -> None:
+        """Take note of other folders."""
+        del params
+        self._take_folders()
+        self._check_all()
+
+    def _take_folders(self) -> None:
+        workspace = self._server.workspace
+        roots = [*workspace.folders] or [uri for uri in [workspace.root_uri] if uri]
+        self._folders.take(map(_path, roots))
+
+    def disk_changed(self, params: types.DidChangeWatchedFilesParams) -> None:
+        """Check all open documents: a tree or an included file may be another."""
+        changed = {_path(event.uri).resolve() for event in params.changes}
+        if self._nodes.path is not None and self._nodes.path.resolve() in changed:
+            self._nodes.read()
+            self._desk = self._new_desk()
+            self._show_palette()
+        self._check_all()
+
+    def _show_palette(self) -> None:
+        path = self._nodes.path
+        if path is not None:
+            page = self._desk.page(path.resolve()) or Page("", path.absolute())
+            self._publish(_PALETTE, page, self._nodes.findings)
+
+    def _check_all(self) -> None:
+        self._folders.note_change()
+        for uri in [*self._server.workspace.text_documents]:
+            self._checks.request(uri)
 
     # --- documents --------------------------------------------------------------------------------
 
@@ -111,15 +178,13 @@ class _Session:
     def _page_if_open(self, uri: str) -> Page | None:
         return self._page(uri) if uri in self._server.workspace.text_documents else None
 
-    def _open_page(self, path: Path) -> Page | None:
-        for uri in self._server.workspace.text_documents:
-            if _path(uri) == path:
-                return self._page(uri)
-        return None
+    def _open_pages(self) -> list[Page]:
+        return [self._page(uri) for uri in [*self._server.workspace.text_documents]]
 
     def opened(self, params: types.DidOpenTextDocumentParams) -> None:
         """Check a document that was opened."""
         self._pages.pop(params.text_document.uri, None)
+        self._folders.note_change()  # not every editor informs of the disk
         self._checks.request(params.text_document.uri)
 
     def changed(self, params: types.DidChangeTextDocumentParams) -> None:
@@ -127,10 +192,9 @@ class _Session:
         self._checks.request(params.text_document.uri)
 
     def saved(self, params: types.DidSaveTextDocumentParams) -> None:
-        """Check all open documents: another may include the one that was saved."""
+        """Check all open documents: another may use the one that was saved."""
         del params
-        for uri in [*self._server.workspace.text_documents]:
-            self._checks.request(uri)
+        self._check_all()
 
     def closed(self, params: types.DidCloseTextDocumentParams) -> None:
         """Forget a document."""
@@ -195,7 +259,7 @@ class _Session:
             text = format_source(data, page.path).decode()
         except TreeError:
             return []
-        return _changes(page, text)
+        return page.edits_to(text)
 
     def act(self, params: types.CodeActionParams) -> list[types.CodeAction]:
         """Return the quick fixes of what is underlined."""
@@ -225,19 +289,3 @@ def _path(uri: str) -> Path:
     """Return the path of a document; of one that is no file (`untitled:...`) its name."""
     found = uris.to_fs_path(uri) if uri.startswith("file:") else None
     return Path(found or uri)
-
-
-def _changes(page: Page, text: str) -> list[types.TextEdit]:
-    """Return the edit that makes a page a text, without the lines that stay at both ends."""
-    old, new = page.text.splitlines(keepends=True), text.splitlines(keepends=True)
-    head = 0
-    while head < min(len(old), len(new)) and old[head] == new[head]:
-        head += 1
-    tail = 0
-    while tail < min(len(old), len(new)) - head and old[-1 - tail] == new[-1 - tail]:
-        tail += 1
-    if head == len(old) == len(new):
-        return []
-    start = sum(map(len, old[:head]))
-    end = len(page.text) - sum(map(len, old[len(old) - tail :]))
-    return [types.TextEdit(page.range(start, end), "".join(new[head : len(new) - tail]))]

@@ -6,6 +6,7 @@ import asyncio
 import sys
 import threading
 from collections.abc import Coroutine
+from pathlib import Path
 from queue import Queue
 from typing import Any
 
@@ -21,31 +22,46 @@ class Editor:
     Args:
         arguments: of `uav-bt lsp`.
         snippets: whether it says that it takes snippets.
+        folders: that it has open; it then says that it watches their files.
     """
 
-    def __init__(self, *arguments: str, snippets: bool = False) -> None:
+    def __init__(
+        self, *arguments: str, snippets: bool = False, folders: tuple[Path, ...] = ()
+    ) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         self._arguments = arguments
         self._published: Queue[types.PublishDiagnosticsParams] = Queue()
         self._versions: dict[str, int] = {}
-        self._wait(self._begin(snippets=snippets))
+        self.watched: list[str] = []  # patterns that the server asked to be informed of
+        self._wait(self._begin(snippets, folders))
 
     def _wait(self, work: Coroutine[Any, Any, Any]) -> Any:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(_TIMEOUT_S)
 
-    async def _begin(self, *, snippets: bool) -> None:
+    def _registered(self, params: types.RegistrationParams) -> None:
+        for one in params.registrations:
+            self.watched += [str(each["globPattern"]) for each in one.register_options["watchers"]]
+
+    async def _begin(self, snippets: bool, folders: tuple[Path, ...]) -> None:  # noqa: FBT001
         self._client = LanguageClient("tests", "1")
         published = self._client.feature(types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
         published(lambda params: self._published.put(params))  # noqa: PLW0108 - it is marked, too
+        registered = self._client.feature(types.CLIENT_REGISTER_CAPABILITY)
+        registered(lambda params: self._registered(params))  # noqa: PLW0108 - it is marked, too
         command = ("-m", "uav_bt.cli", "lsp", *self._arguments)
         await self._client.start_io(sys.executable, *command)
         item = types.ClientCompletionItemOptions(snippet_support=snippets)
         completion = types.CompletionClientCapabilities(completion_item=item)
         document = types.TextDocumentClientCapabilities(completion=completion)
+        watching = types.DidChangeWatchedFilesClientCapabilities(dynamic_registration=bool(folders))
+        workspace = types.WorkspaceClientCapabilities(did_change_watched_files=watching)
         answer = await self._client.initialize_async(
-            types.InitializeParams(types.ClientCapabilities(text_document=document))
+            types.InitializeParams(
+                types.ClientCapabilities(text_document=document, workspace=workspace),
+                workspace_folders=[_folder(one) for one in folders],
+            )
         )
         self.capabilities = answer.capabilities
         self._client.initialized(types.InitializedParams())
@@ -93,6 +109,24 @@ class Editor:
         del self._versions[uri]
         which = types.TextDocumentIdentifier(uri)
         self._send("text_document_did_close", types.DidCloseTextDocumentParams(which))
+
+    def save(self, uri: str) -> None:
+        """Say that a document was saved."""
+        params = types.DidSaveTextDocumentParams(types.TextDocumentIdentifier(uri))
+        self._send("text_document_did_save", params)
+
+    def move(self, old: Path | None, new: Path | None) -> None:
+        """Say that one folder is open instead of another."""
+        gone, come = ([] if one is None else [_folder(one)] for one in (old, new))
+        event = types.WorkspaceFoldersChangeEvent(added=come, removed=gone)
+        params = types.DidChangeWorkspaceFoldersParams(event)
+        self._send("workspace_did_change_workspace_folders", params)
+
+    def disk_changed(self, *paths: Path) -> None:
+        """Say that files have changed on the disk."""
+        events = [types.FileEvent(path.as_uri(), types.FileChangeType.Changed) for path in paths]
+        params = types.DidChangeWatchedFilesParams(events)
+        self._send("workspace_did_change_watched_files", params)
 
     def _send(self, notification: str, params: Any) -> None:
         self._loop.call_soon_threadsafe(getattr(self._client, notification), params)
@@ -148,6 +182,10 @@ class Editor:
             types.TextDocumentIdentifier(uri), found[0].range, types.CodeActionContext(list(found))
         )
         return list(self.ask("text_document_code_action", params))
+
+
+def _folder(path: Path) -> types.WorkspaceFolder:
+    return types.WorkspaceFolder(path.as_uri(), path.name)
 
 
 def _at(kind: Any, uri: str, line: int, character: int) -> Any:

@@ -145,7 +145,8 @@ class Checker:
         trees = self._document.trees
         tree_id = element.attributes.get("ID", "")
         if tree_id and tree_id not in trees and tree_id not in self._registry:
-            self._note(element, f"there is no tree '{tree_id}'{did_you_mean(tree_id, trees)}", "ID")
+            hint = f"{did_you_mean(tree_id, trees)}{self._document.unread}"
+            self._note(element, f"there is no tree '{tree_id}'{hint}", "ID")
         if "_autoremap" in element.attributes:
             try:
                 SubTree.AUTOREMAP.convert(element.attributes["_autoremap"])

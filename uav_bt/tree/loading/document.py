@@ -39,6 +39,7 @@ class Document:
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
+    unread: str = ""  # what a message adds on files of the library that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
     # None where a SubTree has to give an entry.
     subtree_ports: dict[str, dict[str, str | None]] = field(default_factory=dict)
@@ -119,6 +120,7 @@ def outline(
             _read_parts(element, document, registry, findings)
     document.own = tuple(document.trees)
     document.included = included.sources
+    document.unread = lookup.library.hint()
     _fetch(document, lookup, registry, findings)
     return document
 
@@ -211,7 +213,7 @@ def _fetch(document: Document, lookup: Lookup, registry: NodeRegistry, findings:
     while waiting:
         node = waiting.pop()
         tree_id = node.attributes.get("ID", "")
-        found = [] if tree_id in document.trees else lookup.library.find(tree_id)
+        found = [] if tree_id in document.trees else lookup.library.find(tree_id, document.path)
         if not found:
             continue
         if len(found) > 1:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from uav_bt.errors import FileError, InputError
+from uav_bt.errors import FileError, TreeError
 from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.source import Element, parse_source, read_source
+from uav_bt.tree.loading.source import MAX_BYTES, Element, parse_source, read_source
 
 MAX_INCLUDES: Final = 50
 MAX_LIBRARY_FILES: Final = 5_000
+MAX_LIBRARY_BYTES: Final = 50_000_000  # of all of them
+MAX_FOLDER_FILES: Final = 200_000  # of any kind: a disk is no workspace
 TREE_SUFFIXES: Final = (".xml", ".btproj")
 """Of the files that hold trees; `.btproj` is a project of Groot2, which includes its files."""
+_FAULTS_SHOWN: Final = 3
 
 
 def files_in(folder: Path) -> tuple[Path, ...]:
@@ -24,16 +29,27 @@ def files_in(folder: Path) -> tuple[Path, ...]:
         FileError: there are too many to be read.
     """
     found: list[Path] = []
-    for path in folder.rglob("*"):
-        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        if path.suffix in TREE_SUFFIXES and not hidden and path.is_file():
-            found.append(path)
-        if len(found) > MAX_LIBRARY_FILES:
-            raise FileError(folder, f"more than {MAX_LIBRARY_FILES} tree files")
+    passed, size = 0, 0
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        passed += len(names)
+        for name in names:
+            path = Path(place, name)
+            if path.suffix in TREE_SUFFIXES and not name.startswith(".") and path.is_file():
+                found.append(path)
+                with contextlib.suppress(FileNotFoundError):  # gone by now
+                    size += min(path.stat().st_size, MAX_BYTES)  # of a larger one no more is read
+        for count, most, what in (
+            (len(found), MAX_LIBRARY_FILES, "tree files"),
+            (size, MAX_LIBRARY_BYTES, "bytes of tree files"),
+            (passed, MAX_FOLDER_FILES, "files"),
+        ):
+            if count > most:
+                raise FileError(folder, f"more than {most} {what}: choose a folder inside it")
     return tuple(sorted(found))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LibraryFile:
     """A tree file whose trees others use."""
 
@@ -41,34 +57,69 @@ class LibraryFile:
     source: bytes
 
 
+def read_library_file(path: Path) -> LibraryFile:
+    """Read a tree file whose trees others use.
+
+    Raises:
+        TreeError: it cannot be read or is no XML.
+    """
+    source = read_source(path)
+    return LibraryFile(parse_source(source, path), source)
+
+
 class Library:
     """The trees of whole folders, for SubTrees whose tree is in another file.
 
     Args:
-        files: tree files; one that cannot be read has no trees here. Whoever checks it sees why.
+        files: tree files; one that cannot be read has no trees here.
+        read: reads one of them.
     """
 
-    def __init__(self, files: Iterable[Path] = ()) -> None:
+    def __init__(
+        self,
+        files: Iterable[Path] = (),
+        read: Callable[[Path], LibraryFile] = read_library_file,
+    ) -> None:
         self._files = tuple(dict.fromkeys(path.resolve() for path in files))
+        self._read = read
         self._trees: dict[str, list[tuple[Element, LibraryFile]]] = {}
+        self.faults: list[str] = []  # why files could not be read
         for path in self._files:
             try:
-                source = read_source(path)
-                file = LibraryFile(parse_source(source, path), source)
-            except InputError:
+                file = read(path)
+            except TreeError as error:
+                self.faults.append(error.findings[0])
                 continue
             for element in file.root.children:
                 if element.tag == "BehaviorTree" and element.attributes.get("ID"):
                     places = self._trees.setdefault(element.attributes["ID"], [])
                     places.append((element, file))
 
-    def find(self, tree_id: str) -> list[tuple[Element, LibraryFile]]:
-        """Return the trees of an ID, with their files."""
-        return self._trees.get(tree_id, [])
+    @property
+    def trees(self) -> Mapping[str, list[tuple[Element, LibraryFile]]]:
+        """All trees by ID, with their files."""
+        return self._trees
+
+    def find(self, tree_id: str, path: Path) -> list[tuple[Element, LibraryFile]]:
+        """Return the trees of an ID, with their files.
+
+        Args:
+            tree_id: the ID.
+            path: the file that asks. What it holds itself, it need not look for.
+        """
+        own = path.resolve()
+        return [each for each in self._trees.get(tree_id, []) if each[0].path != own]
+
+    def hint(self) -> str:
+        """Return which files were passed over, for the message that a tree is nowhere."""
+        shown = self.faults[:_FAULTS_SHOWN]
+        more = len(self.faults) - len(shown)
+        parts = [*shown, f"{more} more like this"] if more else shown
+        return "".join(f"; could not be read: {fault}" for fault in parts)
 
     def joined_by(self, files: Iterable[Path]) -> Library:
         """Return a library that has the trees of further files."""
-        return Library((*self._files, *files))
+        return Library((*self._files, *files), self._read)
 
 
 @dataclass(frozen=True)

@@ -159,7 +159,7 @@ def parse_source(data: bytes, path: Path) -> Element:
         TreeError: it is no well-formed XML, or has what a tree file must not have.
     """
     if len(data) > MAX_BYTES:
-        raise _refused(path, f"larger than {MAX_BYTES} bytes")
+        raise _refused(path, f"larger than {MAX_BYTES} bytes: SubTrees can stand in other files")
     _check_utf8(data, path)
     try:
         return _parsed(data, path)
@@ -202,7 +202,8 @@ def _check_utf8(data: bytes, path: Path) -> None:
     except UnicodeDecodeError as error:
         place = error.start
     line = data.count(b"\n", 0, place) + 1
-    raise _refused(path, "not well-formed XML: expected UTF-8 text", Position(line, 1))
+    message = "not well-formed XML: expected UTF-8 text: save it as UTF-8"
+    raise _refused(path, message, Position(line, 1))
 
 
 def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeError:
