@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
+from behaviours.path.moving import taken_m
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.site_map import SiteMap
 
@@ -92,7 +93,7 @@ class Room:
     ) -> None:
         config = config or SurveyConfig()
         self.map, self.config = site_map, config
-        standing = np.vstack([site_map.obstacles_m, site_map.movers_m, seen_m])
+        standing = np.vstack([site_map.obstacles_m, taken_m(site_map.movers), seen_m])
         self.obstacle_m = self._distance_m(standing)
         doubt_m = self._distance_m(assumed_m)
         edge_m = np.minimum(self._distance_m(site_map.edges_m), self._distance_of(site_map.outside))

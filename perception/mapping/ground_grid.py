@@ -27,6 +27,7 @@ class GroundGridConfig:
     near_step_m: float = 0.08  # between the places below the nearest line of sight
     near_bearings: int = 3  # every so many bearings
     passed_m: float = 0.5  # a cell this near to the flown path was passed
+    around_m: float = 0.1  # of a place, seen to be ground: far ground is placed so far off
     body_m: float = 0.35  # around the drone itself nothing can stand
 
     def __post_init__(self) -> None:
@@ -45,6 +46,8 @@ class GroundGrid:
         self.passed = np.zeros((side, side), dtype=bool)
         self._beyond = np.zeros((side, side), dtype=np.int8)  # votes: positive lies beyond the edge
         self._disc = _disc(config.passed_m / config.cell_m)
+        self._around = np.argwhere(_disc(config.around_m / config.cell_m))
+        self._around -= self._around.max(axis=0) // 2
         self._body = _disc(config.body_m / config.cell_m)
         self._low, self._high = np.full(2, side // 2), np.full(2, side // 2)  # cells in use
         self.full = False  # something lay outside the grid
@@ -78,6 +81,32 @@ class GroundGrid:
         _stamp(self.passed, int(row), int(column), self._disc)
         _stamp(self.free, int(row), int(column), self._body)
         self._use(np.array([[row, column]]))
+
+    def was_ground(self, places_m: Floats) -> NDArray[np.bool_]:
+        """Return at which places all ground around was seen.
+
+        Args:
+            places_m: (N, 2) in the map's frame.
+        """
+        cells = self._cells(places_m)[:, None, :] + self._around
+        inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=(1, 2))
+        known = np.zeros(len(places_m), dtype=bool)
+        rows, columns = np.moveaxis(cells[inside], -1, 0)
+        known[inside] = np.isfinite(self.seen_s[rows, columns]).all(axis=1)
+        return known
+
+    def shown_at(self, places_m: Floats, captured_s: float) -> NDArray[np.bool_]:
+        """Return at which places the view of that time showed ground.
+
+        Args:
+            places_m: (N, 2) in the map's frame.
+            captured_s: of the newest view.
+        """
+        cells = self._cells(places_m)
+        inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
+        shown = np.zeros(len(places_m), dtype=bool)
+        shown[inside] = self.seen_s[tuple(cells[inside].T)] == np.float32(captured_s)
+        return shown
 
     @property
     def outside(self) -> NDArray[np.bool_]:

@@ -46,6 +46,7 @@ class Landmarks:
     weight: Floats  # (N,) of the sightings that placed it
     first_s: Floats  # (N,) first and last seen
     seen_s: Floats
+    settled_s: Floats  # (N,) from then on what is seen beside it stands, too
     from_m: Floats  # (N, 2) where the camera was when it was placed
     ids: NDArray[np.uint8]  # (N,) class that stands there
 
@@ -57,6 +58,7 @@ class Landmarks:
             weight=np.empty(0),
             first_s=np.empty(0),
             seen_s=np.empty(0),
+            settled_s=np.empty(0),
             from_m=np.empty((0, 2)),
             ids=np.empty(0, dtype=np.uint8),
         )
@@ -94,6 +96,7 @@ def seen_points(
         weight=1.0 / np.maximum((points_m**2).sum(axis=1), 0.25),
         first_s=np.full(count, captured_s),
         seen_s=np.full(count, captured_s),
+        settled_s=np.full(count, captured_s),
         from_m=np.tile([lens.x_m, lens.y_m], (count, 1)),
         ids=ids,
     )

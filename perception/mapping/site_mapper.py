@@ -17,6 +17,8 @@ from perception.mapping.landmarks import (
     seen_points,
     without_ground,
 )
+from perception.mapping.mover_track import MoverConfig
+from perception.mapping.movers import MoverTracker
 from perception.mapping.objects import objects_of
 from perception.mapping.registration import Agreement, Registration, RegistrationConfig
 from perception.obstacles.contact_scan import Bases, GroundScan, find_bases
@@ -38,10 +40,17 @@ class SiteMapperConfig:
     objects_s: float = 0.5  # objects are made of points so often
     mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
     mark_std_ratio: float = 0.05  # and of its range besides
-    moved_s: float = 3.0  # where ground was seen before, a point has come and goes after so long
+    # What is seen on ground that was seen before has arrived, unless it is so near to a point that
+    # stands. How near depends on for how long that has been known.
+    beside_m: float = 0.3
+    beside_new_m: float = 0.12
+    beside_mps: float = 0.09
+    settles_s: float = 2.0  # a point on such ground counts only after so long
+    shared_m: float = 0.2  # what is of a mover may be so much nearer
     contradiction: float = 0.25  # a smaller share of a view's points in the map contradicts it;
     restart_s: float = 5.0  # for so long, and the map begins anew
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
+    movers: MoverConfig = field(default_factory=MoverConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
 
@@ -60,6 +69,7 @@ class SiteMapper:
         self._grid = GroundGrid(cfg.grid)
         self._registration = Registration(cfg.registration)
         self._bases, self._edges = Landmarks.none(), Landmarks.none()
+        self._movers = MoverTracker(cfg.movers)
         self._mark: MapMark | None = None
         self._objects: tuple[MapObject, ...] = ()
         self._objects_s = self._captured_s = self._agreed_s = -math.inf
@@ -100,6 +110,7 @@ class SiteMapper:
         adds = agreement is None or agreement.off_m <= cfg.displaced_m
         self._add(scan, bases, lens, frame, camera, adds=adds)
         self._grid.see(scan, lens, time_s)
+        self._movers.see_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
         if time_s - self._objects_s >= cfg.objects_s:
             self._objects, self._objects_s = objects_of(self._bases), time_s
 
@@ -143,6 +154,7 @@ class SiteMapper:
             obstacles_m=self._bases.xy_m,
             edges_m=self._edges.xy_m,
             captured_s=self._captured_s,
+            movers=self._movers.movers(max(self._motion.pose.time_s, self._captured_s)),
             objects=self._objects,
             mark=self._mark,
             correction=self._registration.correction,
@@ -198,8 +210,39 @@ class SiteMapper:
         )
         placed_m, ids = firm_bases(bases, cfg.landmarks)
         seen = seen_points(placed_m, ids, lens, time_s)
+        if adds:
+            seen = self._standing(seen, lens, time_s)
         self._bases = merged(self._bases, seen, cfg.landmarks, adds=adds)
         edges_m = bases.edges_m[np.hypot(*bases.edges_m.T) <= cfg.landmarks.max_range_m]
         none = np.zeros(len(edges_m), dtype=np.uint8)
         ends = seen_points(edges_m, none, lens, time_s)
         self._edges = merged(self._edges, ends, cfg.landmarks, adds=adds)
+
+    def _standing(self, seen: Landmarks, lens: Pose2D, time_s: float) -> Landmarks:
+        """Return the points of a view that stand, and follow those that have just arrived."""
+        cfg, places_m = self._config, seen.xy_m
+        on_ground = self._grid.was_ground(places_m)
+        beside_m = self._off_standing_m(places_m, time_s)
+        owned = self._movers.owns(places_m, time_s) & (beside_m > -cfg.shared_m)
+        arrived = (on_ground & (beside_m > 0.0)) | owned
+        stands = ~arrived
+        lens_m = np.array([lens.x_m, lens.y_m])
+        stands[arrived] = self._movers.see(places_m[arrived], lens_m, time_s)
+        seen.settled_s[on_ground] += cfg.settles_s
+        known = self._bases
+        self._bases = known.take(~self._movers.passed_over(known.xy_m, known.first_s))
+        return seen.take(stands)
+
+    def _off_standing_m(self, places_m: Floats, time_s: float) -> Floats:
+        """Return how far places are from the circles around what is known to stand.
+
+        A circle grows with how long the point has been known.
+        """
+        cfg, known = self._config, self._bases.take(self._bases.settled_s <= time_s)
+        if not len(known) or not len(places_m):
+            return np.full(len(places_m), math.inf)
+        reach_m = np.minimum(
+            cfg.beside_m, cfg.beside_new_m + cfg.beside_mps * (time_s - known.settled_s)
+        )
+        apart_m = np.hypot(*np.moveaxis(places_m[:, None] - known.xy_m, -1, 0))
+        return np.asarray((apart_m - reach_m).min(axis=1))

@@ -20,7 +20,7 @@ from uav_bt.display.canvas import (
 )
 from uav_bt.display.lab_map import LabMap, MapFrame, MapItem, draw_scale
 from uav_bt.mission.map_alignment import MapPlacement
-from uav_bt.types.site_map import MapObject, SiteMap
+from uav_bt.types.site_map import MapMover, MapObject, SiteMap
 
 UNKNOWN: Final[Colour] = BACKDROP
 SEEN: Final[Colour] = (47, 62, 56)
@@ -30,10 +30,12 @@ FREE: Final[Colour] = (36, 42, 50)  # to fly, though its ground was not seen
 
 BASES: Final[Colour] = (255, 110, 90)
 EDGES: Final[Colour] = (214, 204, 150)
+MOVERS: Final[Colour] = (255, 200, 40)
 _TRUE: Final[Colour] = (120, 190, 255)
 _POINT_PX: Final = 1
 _OBJECT_PX: Final = 2  # of an object's outline
 FOOTER_PX: Final = 24  # of an image: the legend
+_AHEAD_S: Final = 2.0  # of a mover's course that is drawn
 _LEGEND: Final = (("passed", PASSED), ("seen", SEEN), ("outside", OUTSIDE), ("true", _TRUE))
 
 
@@ -76,6 +78,8 @@ def draw_site_map(
             cv2.circle(image, (x, y), _POINT_PX, colour, cv2.FILLED)
     for each in site_map.objects:
         _draw_object(image, each, placement, frame)
+    for mover in site_map.movers:
+        _draw_mover(image, mover, placement, frame)
     _draw_legend(image)
     draw_scale(image, frame)
     return image
@@ -112,6 +116,14 @@ def _draw_object(image: Image, item: MapObject, placement: MapPlacement, frame: 
     words = object_label(item)
     left = round(x - text_width_px(words, 0.36) / 2)
     put(image, words, (left, round(y + 4)), scale=0.36, colour=INK)
+
+
+def _draw_mover(image: Image, mover: MapMover, placement: MapPlacement, frame: MapFrame) -> None:
+    places_m = placement.to_world(mover.at(np.array([0.0, _AHEAD_S])))
+    here, ahead = (frame.to_px(x_m, y_m) for x_m, y_m in places_m.tolist())
+    reach_px = max(round(mover.radius_m * frame.scale_px_per_m), 3)
+    cv2.circle(image, (round(here[0]), round(here[1])), reach_px, MOVERS, _OBJECT_PX, cv2.LINE_AA)
+    line(image, [here, ahead], MOVERS, _OBJECT_PX)
 
 
 def object_label(item: MapObject) -> str:

@@ -31,7 +31,7 @@ from uav_bt.types import (
     Pose2D,
     Truth,
 )
-from uav_bt.types.site_map import MapMark, MapObject
+from uav_bt.types.site_map import MapMark, MapMover, MapObject
 
 Quality = Literal["lossless", "high", "small"]
 
@@ -161,7 +161,7 @@ class SiteMapNote:
     obstacles_m: NDArray[np.float64]
     edges_m: NDArray[np.float64]
     captured_s: float
-    movers_m: NDArray[np.float64]
+    movers: tuple[MapMover, ...] = ()
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None
     correction: Pose2D

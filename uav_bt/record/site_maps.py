@@ -18,7 +18,7 @@ from uav_bt.errors import InputError
 from uav_bt.record.channels import SiteMapNote
 from uav_bt.record.images import decode_bytes, encode_bytes
 from uav_bt.types import Pose2D
-from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def note_of(site_map: SiteMap) -> SiteMapNote:
         obstacles_m=site_map.obstacles_m.round(_DECIMALS),
         edges_m=site_map.edges_m.round(_DECIMALS),
         captured_s=site_map.captured_s,
-        movers_m=site_map.movers_m.round(_DECIMALS),
+        movers=site_map.movers,
         objects=site_map.objects,
         mark=site_map.mark,
         correction=site_map.correction,
@@ -82,7 +82,7 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
         obstacles_m=note.obstacles_m,
         edges_m=note.edges_m,
         captured_s=note.captured_s,
-        movers_m=note.movers_m,
+        movers=note.movers,
         objects=note.objects,
         mark=note.mark,
         correction=note.correction,
@@ -96,15 +96,19 @@ def _check(note: SiteMapNote) -> None:
     """Refuse what could not be drawn."""
     if len(note.corner_m) != 2 or not 0.0 < note.cell_m < _FAR_M:
         raise InputError(f"a site map of cells of {note.cell_m} m at {note.corner_m} is none")
-    for points_m in (note.obstacles_m, note.edges_m, note.movers_m):
+    for points_m in (note.obstacles_m, note.edges_m):
         if points_m.ndim != 2 or points_m.shape[1] != 2:
             raise InputError(f"expected (N, 2) points of a site map, got {points_m.shape}")
-    things: list[Pose2D | MapObject | MapMark] = [note.pose, *note.objects]
+    things: list[Pose2D | MapObject | MapMark | MapMover] = [note.pose, *note.objects, *note.movers]
     things += [] if note.mark is None else [note.mark]
     places_m = np.array([note.corner_m, *((thing.x_m, thing.y_m) for thing in things)])
-    for some_m in (places_m, note.obstacles_m, note.edges_m, note.movers_m):
+    for some_m in (places_m, note.obstacles_m, note.edges_m):
         if not (np.abs(some_m) < _FAR_M).all():
             raise InputError("a place of a site map is not finite, or too far away")
     for item in note.objects:
         if not (0 <= item.class_id < CLASS_COUNT and 0.0 <= item.size_m < _FAR_M):
             raise InputError(f"the object {item} of a site map is none")
+    for mover in note.movers:
+        sizes = (mover.speed_mps, mover.std_m, mover.std_mps, mover.radius_m)
+        if not all(0.0 <= size < _FAR_M for size in sizes):
+            raise InputError(f"the mover {mover} of a site map is none")

@@ -38,6 +38,36 @@ class MapMark:
     seen_s: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class MapMover:
+    """Something that moves: where it is at the time of the map's pose, and how it goes on."""
+
+    id: int  # counts up in a mission
+    x_m: float  # its middle, in the map's frame
+    y_m: float
+    x_mps: float  # its velocity, in the map's frame
+    y_mps: float
+    std_m: float  # one standard deviation of the position, the larger axis
+    std_mps: float  # likewise of the velocity
+    radius_m: float  # of a circle around its base
+    first_s: float  # the captures of the frames that showed it first and last
+    seen_s: float
+
+    @property
+    def speed_mps(self) -> float:
+        """How fast it moves."""
+        return math.hypot(self.x_mps, self.y_mps)
+
+    def at(self, ahead_s: float | Floats) -> Floats:
+        """Return where it will be when it goes on like that, (..., 2) in the map's frame.
+
+        Args:
+            ahead_s: seconds from the map's pose on, of any shape.
+        """
+        later = np.asarray(ahead_s, dtype=float)[..., None]
+        return np.asarray((self.x_m, self.y_m) + later * (self.x_mps, self.y_mps))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteMap:
     """A grid around the take-off point, and what was seen to stand in it.
@@ -57,7 +87,7 @@ class SiteMap:
     obstacles_m: Floats  # (N, 2) points where obstacles stand
     edges_m: Floats  # (K, 2) points where the ground ends
     captured_s: float  # of the newest frame that went in
-    movers_m: Floats = field(default_factory=lambda: np.empty((0, 2)))  # (M, 2) what moves now
+    movers: tuple[MapMover, ...] = ()  # what moves; none of it is among the obstacles
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None
     correction: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))

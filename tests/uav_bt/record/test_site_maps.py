@@ -17,10 +17,24 @@ from uav_bt.record.images import encode_bytes
 from uav_bt.record.site_maps import note_of, site_map_of
 from uav_bt.record.values import decode, dump, encode
 from uav_bt.types import Pose2D
-from uav_bt.types.site_map import MapMark, MapObject, SiteMap
+from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 
 RANDOM = np.random.default_rng(0)
 SHAPE = (31, 42)
+
+
+MOVER = MapMover(
+    id=3,
+    x_m=1.0,
+    y_m=-0.5,
+    x_mps=0.2,
+    y_mps=-0.4,
+    std_m=0.05,
+    std_mps=0.1,
+    radius_m=0.25,
+    first_s=9.0,
+    seen_s=12.4,
+)
 
 
 def site_map() -> SiteMap:
@@ -40,6 +54,7 @@ def site_map() -> SiteMap:
         captured_s=12.5,
         objects=(MapObject(class_id=4, x_m=1.0, y_m=2.0, size_m=0.4, std_m=0.1, seen_s=12.0),),
         mark=MapMark(x_m=0.0, y_m=0.1, std_m=0.02, seen_s=3.0),
+        movers=(MOVER,),
         contradicted_s=0.5,
         restarts=2,
         full=True,
@@ -55,9 +70,18 @@ def test_a_map_comes_back() -> None:
     back = site_map_of(through_json(note_of(kept)))
     for grid in ("ground", "free", "outside", "passed"):
         assert np.array_equal(getattr(back, grid), getattr(kept, grid)), grid
-    for points in ("obstacles_m", "edges_m", "movers_m"):
+    for points in ("obstacles_m", "edges_m"):
         assert getattr(back, points) == pytest.approx(getattr(kept, points), abs=6e-4), points
-    for name in ("pose", "corner_m", "cell_m", "captured_s", "objects", "mark", "correction"):
+    for name in (
+        "pose",
+        "corner_m",
+        "cell_m",
+        "captured_s",
+        "objects",
+        "mark",
+        "movers",
+        "correction",
+    ):
         assert getattr(back, name) == getattr(kept, name), name
     assert (back.contradicted_s, back.restarts, back.full) == (0.5, 2, True)
 
@@ -90,6 +114,9 @@ def test_a_map_is_small() -> None:
         {"pose": Pose2D(x_m=math.nan, y_m=0.0, yaw_rad=0.0)},
         {"objects": (MapObject(class_id=17, x_m=0, y_m=0, size_m=1, std_m=0, seen_s=0),)},
         {"objects": (MapObject(class_id=4, x_m=0, y_m=0, size_m=math.nan, std_m=0, seen_s=0),)},
+        {"movers": (replace(MOVER, x_m=math.inf),)},
+        {"movers": (replace(MOVER, y_mps=math.nan),)},
+        {"movers": (replace(MOVER, radius_m=-1.0),)},
     ],
     ids=str,
 )

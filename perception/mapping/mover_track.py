@@ -1,0 +1,163 @@
+"""One thing that has arrived on free ground, followed from view to view by a Kalman filter."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.common import Q_discrete_white_noise
+from filterpy.kalman import KalmanFilter
+from numpy.typing import NDArray
+
+from uav_bt.errors import ValueRangeError
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoverConfig:
+    """What is a mover, and for how long."""
+
+    apart_m: float = 0.3  # points further apart are of two clusters
+    min_points: int = 3
+    max_width_m: float = 1.2  # wider ones are walls that a displaced view shows
+    depth_m: float = 0.4  # of a thing; its base is seen from one side, its middle lies behind
+    least_radius_m: float = 0.25
+    # Of a cluster's middle, and of its range besides: what comes into view shows a part at first.
+    std_m: float = 0.06
+    range_std_ratio: float = 0.02
+    accel_mps2: float = 0.5  # movers start and stop
+    start_mps: float = 0.5  # one standard deviation of a new cluster's velocity
+    gate: float = 13.8  # squared Mahalanobis distance, chi-square 2 dof at 99.9 %
+    same_m: float = 0.45  # a cluster this near to a track starts no other
+    # It moves when it was sighted so often, has come so far from where it was first seen, and is
+    # fast by so many standard deviations of its velocity; slow ones have to come further.
+    sightings: int = 5
+    moved_m: float = 0.3
+    moved_slowly_m: float = 0.45
+    least_mps: float = 0.1
+    most_mps: float = 1.5
+    sure: float = 2.0
+    # It stands when it has stayed so near to one place for so long.
+    stays_m: float = 0.2
+    stays_s: float = 3.0
+    doubt_s: float = 0.6  # unseen for so long, a cluster that has not moved yet is forgotten,
+    life_s: float = 2.5  # and a mover
+    free_s: float = 0.3  # and either when its place is seen free for so long
+    trail_s: float = 3.0  # of a mover's past places that are kept
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.least_mps < self.most_mps or self.sightings < 2:
+            raise ValueRangeError(f"a mover needs speeds in order and sightings, got {self}")
+
+
+class MoverTrack:
+    """A cluster of bases: where it is, how fast, and whether it moves or stands.
+
+    Args:
+        number: tells it from others.
+        place_m: (2,) of its middle, in the map's frame.
+        noise: (2, 2) covariance of that.
+        time_s: of the view that showed it first.
+        config: what is a mover.
+    """
+
+    def __init__(
+        self, number: int, place_m: Floats, noise: Floats, time_s: float, config: MoverConfig
+    ) -> None:
+        self.number, self._config = number, config
+        self.filter = KalmanFilter(dim_x=4, dim_z=2)  # x, its velocity, y, its velocity
+        self.filter.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+        self.filter.x = np.array([[place_m[0]], [0.0], [place_m[1]], [0.0]])
+        self.filter.P = np.diag([0.0, config.start_mps**2, 0.0, config.start_mps**2])
+        self.filter.P[np.ix_([0, 2], [0, 2])] = noise
+        self.first_s = self.seen_s = self.time_s = self.anchor_s = time_s
+        self.begin_m = self.anchor_m = place_m
+        self.free_since_s: float | None = None
+        self.radius_m = config.least_radius_m
+        self.sightings = 1
+        self.moves = self.stands = False
+        self.trail: list[tuple[float, float, float]] = []  # s, x, y
+
+    @property
+    def place_m(self) -> Floats:
+        """Where it is, (2,) in the map's frame."""
+        return np.asarray(self.filter.x[[0, 2], 0])
+
+    @property
+    def velocity_mps(self) -> Floats:
+        """How fast it goes, (2,) in the map's frame."""
+        return np.asarray(self.filter.x[[1, 3], 0])
+
+    def std(self, first: int) -> float:
+        """Return the larger standard deviation of the position (0) or the velocity (1)."""
+        rows = [first, first + 2]
+        return float(np.sqrt(np.linalg.eigvalsh(self.filter.P[np.ix_(rows, rows)])[-1]))
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether it is on its way, surely or most likely."""
+        speed_mps = float(np.hypot(*self.velocity_mps))
+        fast = speed_mps >= max(self._config.least_mps, self._config.sure * self.std(1))
+        return self.moves or (fast and not self.stands and self.sightings >= 3)
+
+    def predict(self, time_s: float) -> None:
+        """Let it go on up to a time."""
+        step_s = time_s - self.time_s
+        if step_s <= 0.0:
+            return
+        self.filter.F = np.kron(np.eye(2), [[1.0, step_s], [0.0, 1.0]])
+        noise = Q_discrete_white_noise(2, step_s, self._config.accel_mps2**2, block_size=2)
+        self.filter.predict(Q=noise)
+        self.time_s = time_s
+
+    def distance(self, place_m: Floats, noise: Floats) -> float:
+        """Return the squared Mahalanobis distance of a sighting."""
+        residual = place_m - self.place_m
+        spread = self.filter.P[np.ix_([0, 2], [0, 2])] + noise
+        return float(residual @ np.linalg.solve(spread, residual))
+
+    def sight(self, place_m: Floats, noise: Floats, radius_m: float) -> None:
+        """Take in a sighting, at the time that it was predicted to.
+
+        Args:
+            place_m: (2,) of its middle.
+            noise: (2, 2) covariance of that.
+            radius_m: of what was seen of it.
+        """
+        cfg = self._config
+        self.filter.update(place_m.reshape(2, 1), R=noise)
+        self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
+        # What is seen of it grows and shrinks with its place in the view.
+        self.radius_m = max(cfg.least_radius_m, radius_m, 0.98 * self.radius_m)
+        self._judge()
+
+    def _judge(self) -> None:
+        """Decide whether it moves or stands."""
+        cfg, place_m = self._config, self.place_m
+        speed_mps = float(np.hypot(*self.velocity_mps))
+        if math.dist(place_m, self.anchor_m) > cfg.stays_m:
+            self.anchor_m, self.anchor_s = place_m, self.time_s
+            self.stands = False
+        elif self.time_s - self.anchor_s >= cfg.stays_s:
+            self.begin_m = place_m if not self.stands else self.begin_m
+            self.moves, self.stands = False, True
+        moved_m = math.dist(place_m, self.begin_m)
+        if (
+            self.sightings >= cfg.sightings
+            and moved_m >= cfg.moved_m
+            and cfg.least_mps <= speed_mps <= cfg.most_mps
+            and (speed_mps >= cfg.sure * self.std(1) or moved_m >= cfg.moved_slowly_m)
+        ):
+            self.moves, self.stands = True, False
+        if self.moves:
+            self.trail.append((self.time_s, float(place_m[0]), float(place_m[1])))
+            oldest_s = self.time_s - cfg.trail_s
+            self.trail = [past for past in self.trail if past[0] >= oldest_s]
+
+    def holds(self, points_m: Floats, margin_m: float) -> Flags:
+        """Return which points are within its circle and a margin around."""
+        apart_m = np.hypot(*(points_m - self.place_m).T)
+        return np.asarray(apart_m <= self.radius_m + margin_m)

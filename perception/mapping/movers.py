@@ -1,0 +1,207 @@
+"""What moves in the place: tracked from view to view, and kept apart from what stands.
+
+Bases that appear on ground that was seen free before, away from what is known to stand there, have
+arrived. Those of a view are clustered, and a Kalman filter with a constant velocity follows each
+cluster in the map's frame. It is a mover once it has really moved, further than the noise of depth
+and odometry; it stands once it has stayed at one place for some seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.optimize import linear_sum_assignment
+
+from perception.mapping.mover_track import MoverConfig, MoverTrack
+from uav_bt.types.site_map import MapMover
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_FAR = 1e6  # of an assignment that is none
+
+
+@dataclass(frozen=True)
+class _Cluster:
+    place_m: Floats  # of its middle
+    noise: Floats  # (2, 2) covariance of that
+    radius_m: float
+    rows: NDArray[np.intp]  # its points
+
+
+class MoverTracker:
+    """Follows what has arrived on free ground.
+
+    Args:
+        config: what is a mover.
+    """
+
+    def __init__(self, config: MoverConfig | None = None) -> None:
+        self._config = config or MoverConfig()
+        self._tracks: list[MoverTrack] = []
+        self._count = 0
+
+    def owns(self, points_m: Floats, time_s: float, *, margin_m: float = 0.15) -> Flags:
+        """Return which points are of something that is known to move.
+
+        Args:
+            points_m: (N, 2) in the map's frame.
+            time_s: when they were seen.
+            margin_m: around its circle.
+        """
+        owned = np.zeros(len(points_m), dtype=bool)
+        for track in self._tracks:
+            track.predict(time_s)
+            if track.is_under_way:
+                owned |= track.holds(points_m, margin_m)
+        return owned
+
+    def see(self, points_m: Floats, from_m: Floats, time_s: float) -> Flags:
+        """Take in the points of a view that have arrived on free ground.
+
+        Args:
+            points_m: (N, 2) in the map's frame.
+            from_m: (2,) where the camera was.
+            time_s: when.
+
+        Returns:
+            Which of them stand: what they belong to has stayed for so long.
+        """
+        cfg = self._config
+        for track in self._tracks:
+            track.predict(time_s)
+        stands = np.zeros(len(points_m), dtype=bool)
+        for cluster, owner in self._assigned(self._clusters(points_m, from_m)):
+            if owner is not None:
+                owner.sight(cluster.place_m, cluster.noise, cluster.radius_m)
+                stands[cluster.rows] = owner.stands
+            elif not any(
+                math.dist(cluster.place_m, other.place_m) < cfg.same_m for other in self._tracks
+            ):
+                self._count += 1
+                self._tracks.append(
+                    MoverTrack(self._count, cluster.place_m, cluster.noise, time_s, cfg)
+                )
+        self._tracks = [
+            track
+            for track in self._tracks
+            if time_s - track.seen_s <= (cfg.life_s if track.moves else cfg.doubt_s)
+        ]
+        return stands
+
+    def places_m(self) -> Floats:
+        """Return where everything that is followed should be, (K, 2) in the map's frame."""
+        return np.array([track.place_m for track in self._tracks]).reshape(-1, 2)
+
+    def see_free(self, free: Flags, time_s: float) -> None:
+        """Forget what was seen not to be where it should be.
+
+        Args:
+            free: (K,) at which of `places_m` a view showed ground.
+            time_s: of the view.
+        """
+        kept: list[MoverTrack] = []
+        for track, is_free in zip(self._tracks, free, strict=True):
+            if not is_free:
+                track.free_since_s = None
+            elif track.free_since_s is None:
+                track.free_since_s = time_s
+            gone = track.free_since_s is not None and (
+                time_s - track.free_since_s >= self._config.free_s
+            )
+            if not gone:
+                kept.append(track)
+        self._tracks = kept
+
+    def passed_over(self, points_m: Floats, first_s: Floats) -> Flags:
+        """Return which points of the map are of a mover: it was there when they were first seen.
+
+        Args:
+            points_m: (N, 2) in the map's frame.
+            first_s: (N,) when they were first seen.
+        """
+        passed = np.zeros(len(points_m), dtype=bool)
+        for track in self._tracks:
+            if track.moves:
+                for time_s, x_m, y_m in track.trail:
+                    near = np.hypot(*(points_m - (x_m, y_m)).T) <= track.radius_m
+                    passed |= near & (np.abs(first_s - time_s) <= 1.0)
+        return passed
+
+    def trails_m(self) -> Floats:
+        """Return where movers have been lately, and the radius, (K, 3) in the map's frame."""
+        past = [
+            (x_m, y_m, track.radius_m)
+            for track in self._tracks
+            if track.moves
+            for _, x_m, y_m in track.trail
+        ]
+        return np.array(past).reshape(-1, 3)
+
+    def movers(self, time_s: float) -> tuple[MapMover, ...]:
+        """Return what moves, oldest first.
+
+        Args:
+            time_s: where it will be then; not before the newest view.
+        """
+        found = []
+        for track in self._tracks:
+            if not track.moves or time_s - track.seen_s > self._config.life_s:
+                continue
+            x_mps, y_mps = map(float, track.velocity_mps)
+            x_m, y_m = map(float, track.place_m + (time_s - track.time_s) * track.velocity_mps)
+            found.append(
+                MapMover(
+                    id=track.number,
+                    x_m=x_m,
+                    y_m=y_m,
+                    x_mps=x_mps,
+                    y_mps=y_mps,
+                    std_m=track.std(0),
+                    std_mps=track.std(1),
+                    radius_m=track.radius_m,
+                    first_s=track.first_s,
+                    seen_s=track.seen_s,
+                )
+            )
+        return tuple(found)
+
+    def _clusters(self, points_m: Floats, from_m: Floats) -> list[_Cluster]:
+        cfg = self._config
+        if len(points_m) < max(cfg.min_points, 2):
+            return []
+        labels = fcluster(linkage(points_m), cfg.apart_m, criterion="distance")
+        found = []
+        for label in range(1, labels.max() + 1):
+            rows = np.flatnonzero(labels == label)
+            members = points_m[rows]
+            width_m = float(np.hypot(*np.ptp(members, axis=0)))
+            if len(rows) < cfg.min_points or width_m > cfg.max_width_m:
+                continue
+            front_m = members.mean(axis=0)
+            range_m = max(math.dist(front_m, from_m), 0.1)
+            place_m = front_m + cfg.depth_m / 2 * (front_m - from_m) / range_m
+            noise = np.eye(2) * (cfg.std_m**2 + (cfg.range_std_ratio * range_m) ** 2)
+            found.append(_Cluster(place_m, noise, width_m / 2, rows))
+        return found
+
+    def _assigned(self, clusters: list[_Cluster]) -> list[tuple[_Cluster, MoverTrack | None]]:
+        """Return each cluster with the track that it belongs to."""
+        if not clusters or not self._tracks:
+            return [(cluster, None) for cluster in clusters]
+        costs = np.array(
+            [
+                [track.distance(cluster.place_m, cluster.noise) for track in self._tracks]
+                for cluster in clusters
+            ]
+        )
+        costs[costs > self._config.gate] = _FAR
+        owners: list[MoverTrack | None] = [None] * len(clusters)
+        for row, column in zip(*linear_sum_assignment(costs), strict=True):
+            if costs[row, column] < _FAR:
+                owners[row] = self._tracks[column]
+        return list(zip(clusters, owners, strict=True))

@@ -1,0 +1,262 @@
+"""What moves: sightings with the noise of depth and odometry, and exact views of the twin's lab."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from perception.mapping.mover_track import MoverConfig
+from perception.mapping.movers import MoverTracker
+from perception.mapping.site_mapper import SiteMapper
+from perception.obstacles.contact_scan import scan_ground
+from sim_bridge.anafi import anafi_camera
+from uav_bt.classes import BOXES, CARPET
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import BodyVelocity, ClassMap, Frame
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.site_map import MapMover, SiteMap
+
+Floats = NDArray[np.float64]
+
+STEP_S = 0.1
+RADIUS_M = 0.2
+HERE_M = np.array([0.0, 0.0])
+STANDING_S = MoverConfig().stays_s
+
+
+def face(middle_m: Floats, rng: np.random.Generator, drift_m: float) -> Floats:
+    """Return the bases of a cylinder as they are seen from `HERE_M`, some centimetres off.
+
+    A view errs as a whole by the odometry's noise, each point by that of its pixel.
+    """
+    towards = math.atan2(*(HERE_M - middle_m)[::-1])
+    angles = towards + np.linspace(-1.2, 1.2, 9)
+    arc = middle_m + RADIUS_M * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return np.asarray(arc + rng.normal(0.0, drift_m, 2) + rng.normal(0.0, 0.03, arc.shape))
+
+
+def follow(
+    tracker: MoverTracker,
+    path: Callable[[float], tuple[float, float]],
+    *,
+    until_s: float,
+    from_s: float = 0.0,
+    drift_m: float = 0.03,
+    seed: int = 0,
+) -> Iterator[tuple[float, tuple[MapMover, ...], bool]]:
+    """Yield time, movers, and whether all of the thing's points stand, view by view."""
+    rng = np.random.default_rng(seed)
+    for step in range(round(from_s / STEP_S), round(until_s / STEP_S)):
+        time_s = step * STEP_S
+        points_m = face(np.array(path(time_s)), rng, drift_m)
+        stands = tracker.see(points_m, HERE_M, time_s)
+        yield time_s, tracker.movers(time_s), bool(stands.all())
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_box_seen_again_and_again_with_noise_is_no_mover(seed: int) -> None:
+    for _, movers, _ in follow(MoverTracker(), lambda _: (2.0, 0.5), until_s=60.0, seed=seed):
+        assert movers == ()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_box_that_the_maps_drift_carries_along_is_no_mover(seed: int) -> None:
+    """A correction of the drift moves all that is seen by a decimetre at once, again and again."""
+
+    def path(time_s: float) -> tuple[float, float]:
+        return 2.0 + 0.1 * (int(time_s) // 4 % 2), 0.5 + 0.01 * time_s
+
+    for _, movers, _ in follow(MoverTracker(), path, until_s=15.0, seed=seed):
+        assert movers == ()
+
+
+@pytest.mark.parametrize("speed_mps", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cart_that_crosses_is_a_mover_soon_with_its_velocity(speed_mps: float, seed: int) -> None:
+    tracker, confirmed_s = MoverTracker(), math.inf
+    until_s = min(2.4 / speed_mps, 6.0)
+    for time_s, movers, _ in follow(
+        tracker, lambda s: (2.0, -1.2 + speed_mps * s), until_s=until_s, seed=seed
+    ):
+        if movers:
+            confirmed_s = min(confirmed_s, time_s)
+    (mover,) = movers
+    assert confirmed_s <= 0.5 + 0.45 / speed_mps
+    assert math.hypot(mover.x_mps, mover.y_mps - speed_mps) < 0.12
+    assert math.dist((mover.x_m, mover.y_m), (2.0, -1.2 + speed_mps * time_s)) < 0.2
+    assert mover.speed_mps == pytest.approx(speed_mps, abs=0.12)
+    ahead = mover.at(np.array([0.0, 2.0]))
+    assert math.dist(ahead[1], ahead[0]) == pytest.approx(2.0 * mover.speed_mps)
+
+
+def test_out_of_view_a_mover_goes_on_less_and_less_surely_and_is_forgotten() -> None:
+    tracker = MoverTracker()
+    time_s, seen, _ = list(follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=3.0))[-1]
+    unseen_s, stds = time_s, [seen[0].std_m]
+    while tracker.movers(unseen_s):
+        unseen_s += STEP_S
+        tracker.see(np.empty((0, 2)), HERE_M, unseen_s)
+        stds += [mover.std_m for mover in tracker.movers(unseen_s)]
+    assert unseen_s - time_s == pytest.approx(MoverConfig().life_s, abs=0.15)
+    assert stds == sorted(stds)
+    assert stds[-1] > stds[0] + 0.3
+
+
+def stop_and_go(time_s: float) -> tuple[float, float]:
+    """Return a place on a path: 2 s at 0.6 m/s, 7 s of standing, and on."""
+    return 2.0, -1.2 + 0.6 * (min(time_s, 2.0) + max(time_s - 9.0, 0.0))
+
+
+def test_a_mover_that_stops_stands_after_some_seconds_and_moves_again() -> None:
+    moving, standing = [], []
+    for time_s, movers, stands in follow(MoverTracker(), stop_and_go, until_s=11.0):
+        moving += [time_s] * bool(movers)
+        standing += [time_s] * stands
+    assert min(moving) < 1.3
+    pause = [time_s for time_s in moving if 2.0 < time_s < 9.0]
+    assert 2.0 + STANDING_S - 0.5 < max(pause) < 2.0 + STANDING_S + 1.0
+    assert min(standing) == pytest.approx(max(pause) + STEP_S)
+    assert not [time_s for time_s in standing if time_s > 10.0]
+    assert max(moving) > 10.8
+
+
+def test_two_that_cross_keep_their_numbers() -> None:
+    tracker, rng = MoverTracker(), np.random.default_rng(3)
+    for step in range(40):
+        time_s = step * STEP_S
+        one, other = (2.6, -1.0 + 0.5 * time_s), (1.6, 1.0 - 0.5 * time_s)
+        points = np.vstack([face(np.array(place), rng, 0.02) for place in (one, other)])
+        tracker.see(points, HERE_M, time_s)
+        if step == 15:
+            before = {mover.id: mover.x_m for mover in tracker.movers(time_s)}
+    after = {mover.id: mover.x_m for mover in tracker.movers(time_s)}
+    assert set(before) == set(after)
+    assert len(after) == 2
+    for number, x_m in after.items():
+        assert x_m == pytest.approx(before[number], abs=0.2)
+
+
+def test_a_wall_and_a_speck_are_nothing() -> None:
+    wall = np.column_stack([np.full(40, 2.0), np.linspace(-1.5, 1.5, 40)])
+    tracker = MoverTracker()
+    for step in range(20):
+        shifted = wall + np.array([0.0, 0.05 * step])
+        tracker.see(np.vstack([shifted, [[0.5, 0.05 * step]]]), HERE_M, step * STEP_S)
+        assert not len(tracker.places_m())
+
+
+def test_what_is_seen_not_to_be_there_is_forgotten() -> None:
+    tracker = MoverTracker()
+    views = list(follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0))
+    time_s, movers, _ = views[-1]
+    assert len(movers) == 1
+    for step in range(1, 6):
+        tracker.see_free(np.ones(len(tracker.places_m()), dtype=bool), time_s + step * STEP_S)
+    assert tracker.movers(time_s) == ()
+
+
+def test_speeds_in_the_wrong_order_are_refused() -> None:
+    with pytest.raises(ValueRangeError, match="in order"):
+        MoverConfig(least_mps=2.0)
+
+
+# --- on exact views -------------------------------------------------------------------------------
+
+CAMERA = anafi_camera(640, 360).resized(224, 112)
+PITCH_RAD = math.radians(-42)
+HEIGHT_M = 1.5
+SIDE_M = 0.4
+BOX_M, BOX_ID = (1.6, -1.0), BOXES[2]
+CART_ID = BOXES[4]
+
+
+def class_ids(cart_m: tuple[float, float] | None) -> NDArray[np.uint8]:
+    """Return what a drone at (-1, 0) sees: ground without end, a box and the cart."""
+    rows, columns = np.indices((112, 224))
+    right = (columns - CAMERA.cx_px) / CAMERA.fx_px
+    below = (rows - CAMERA.cy_px) / CAMERA.fy_px
+    forward = math.cos(PITCH_RAD) + math.sin(PITCH_RAD) * below
+    down = math.cos(PITCH_RAD) * below - math.sin(PITCH_RAD)
+    lens = np.array([-1.0 + CAMERA.forward_offset_m, 0.0, 0.0])
+    rays = np.stack([forward, right, down], axis=-1)
+    nearest = np.where(down > 0.0, HEIGHT_M / np.maximum(down, 1e-9), math.inf)
+    ids = np.where(down > 0.0, CARPET, 0).astype(np.uint8)
+    things = [(BOX_M, BOX_ID)] + ([] if cart_m is None else [(cart_m, CART_ID)])
+    for (x_m, y_m), class_id in things:
+        low = np.array([x_m - SIDE_M / 2, y_m - SIDE_M / 2, 0.0]) - lens
+        high = np.array([x_m + SIDE_M / 2, y_m + SIDE_M / 2, HEIGHT_M]) - lens
+        with np.errstate(divide="ignore"):
+            ends = np.stack([low / rays, high / rays])
+        enters, leaves = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
+        hit = (enters <= leaves) & (leaves > 0.0) & (enters < nearest)
+        ids[hit], nearest[hit] = class_id, enters[hit]
+    return ids
+
+
+def mapped(places: list[tuple[float, float] | None], mapper: SiteMapper) -> Iterator[SiteMap]:
+    """Yield the map after each view of a drone that hovers, 0.1 s apart."""
+    for index, place in enumerate(places):
+        time_s = index * STEP_S
+        pose = OdometryPose(time_s=time_s, x_m=-1.0, y_m=0.0, yaw_rad=0.0)
+        still = BodyVelocity()
+        mapper.follow(
+            MotionEstimate(pose=pose, seen=pose, velocity=still, error=still, tracked_s=time_s)
+        )
+        frame = Frame(
+            image=np.zeros((4, 8, 3), dtype=np.uint8),
+            index=index,
+            captured_s=time_s,
+            gimbal_pitch_rad=PITCH_RAD,
+            height_above_carpet_m=HEIGHT_M,
+        )
+        class_map = ClassMap(ids=class_ids(place), captured_s=time_s)
+        mapper.see(scan_ground(class_map, frame, CAMERA), frame, CAMERA)
+        yield mapper.map()
+
+
+def crossing(speed_mps: float = 0.5) -> list[tuple[float, float] | None]:
+    return [(0.8, -1.1 + speed_mps * STEP_S * step) for step in range(36)]
+
+
+def near(points_m: Floats, x_m: float, y_m: float, reach_m: float = 0.35) -> int:
+    """Return how many points of a map lie around a place."""
+    return int((np.hypot(*(points_m - (x_m, y_m)).T) < reach_m).sum())
+
+
+def test_a_cart_that_crosses_the_view_is_a_mover_and_not_in_the_map() -> None:
+    """It comes out of nowhere onto ground that was seen: nothing of it stands, the box does."""
+    maps = list(mapped([None] * 4 + crossing(), SiteMapper()))
+    found = maps[-1]
+    (mover,) = found.movers
+    assert math.dist((mover.x_m, mover.y_m), (0.8, 0.65)) < 0.25
+    assert math.hypot(mover.x_mps, mover.y_mps - 0.5) < 0.15
+    assert near(found.obstacles_m, *BOX_M) >= 3
+    assert near(found.obstacles_m, 0.8, 0.0, 0.6) == 0
+    assert not [thing for thing in found.objects if thing.class_id == CART_ID]
+
+
+def test_what_stood_and_moves_off_leaves_the_map() -> None:
+    stands: list[tuple[float, float] | None] = [(0.8, -0.6)] * 25
+    maps = list(mapped(stands + [(0.8, -0.6 + 0.05 * step) for step in range(28)], SiteMapper()))
+    assert near(maps[24].obstacles_m, 0.8, -0.6) >= 4
+    assert not maps[24].movers
+    assert len(maps[-1].movers) == 1
+    assert near(maps[-1].obstacles_m, 0.8, -0.6) == 0
+
+
+def test_what_stops_on_ground_seen_before_stands_in_the_map() -> None:
+    arrives = [place for place in crossing() if place is not None and place[1] <= 0.0]
+    stays: list[tuple[float, float] | None] = [arrives[-1]] * 50
+    maps = list(mapped([None] * 4 + [*arrives, *stays], SiteMapper()))
+    assert max(len(found.movers) for found in maps) == 1
+    assert not maps[-1].movers
+    assert near(maps[-1].obstacles_m, *arrives[-1]) >= 4
+
+
+def test_a_place_without_movers_has_none() -> None:
+    for found in mapped([(0.8, -0.6)] * 40, SiteMapper()):
+        assert found.movers == ()
