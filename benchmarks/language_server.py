@@ -3,10 +3,11 @@
     python -m benchmarks.language_server
 
 Opens a file of 1,000 nodes, types letters into it, and measures until the diagnostics of that very
-text are back; then completion and hover. Then mutated files go through the server (open, complete,
-hover, outline, format) and through the formatter, and whole files with blanks and comments strewn
-in through the formatter alone. It must not change its own result, and what it has laid out is
-refused for the same reasons, or loads to the same nodes, which tick as before.
+text are back; then completion and hover, at rest and right behind a keystroke. Then mutated files
+go through the server (open, complete, hover, outline, format) and through the formatter, and whole
+files with blanks and comments strewn in through the formatter alone. It must not change its own
+result, and what it has laid out is refused for the same reasons, or loads to the same nodes, which
+tick as before.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ import random
 import re
 import statistics
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from lsprotocol import types
 
@@ -67,31 +70,48 @@ def told(what: str, seconds: list[float]) -> None:
 
 
 def time_typing(editor: Editor, text: str, times: int) -> None:
-    """Type letters into a policy's name, one by one, and measure."""
+    """Type letters into a node's name and into a policy's, one by one, and measure."""
     editor.open(URI, text)
     editor.diagnostics(URI)
     line = text[: text.index("look_500")].count("\n")
-    column = text.splitlines()[line].index("corridor")
-    keys, completions, hovers = [], [], []
-    for number in range(times):
-        start = types.Position(line, column + number)
+    words = text.splitlines()[line]
+    took: dict[str, list[float]] = {}
+
+    def clocked(what: str, answer: Callable[[], Any]) -> Any:
         began = time.perf_counter()
+        answered = answer()
+        took.setdefault(what, []).append(time.perf_counter() - began)
+        return answered
+
+    def typed(column: int) -> list[types.Diagnostic]:
+        start = types.Position(line, column)
         change = types.TextDocumentContentChangePartial(types.Range(start, start), "x")
         editor.change(URI, change)
-        found = editor.diagnostics(URI)
-        keys.append(time.perf_counter() - began)
+        return editor.diagnostics(URI)
+
+    name, policy = words.index("look_500"), words.index("corridor")
+    for number in range(times):
+        found = clocked("keystroke to no diagnostics", lambda at=name + number: typed(at))
+        expect(not found, text)
+    policy += times
+    for number in range(times):
+        found = clocked("keystroke to diagnostics", lambda at=policy + number: typed(at))
         expect(any("unknown" in one.message for one in found), text)
-        began = time.perf_counter()
-        expect(editor.complete(URI, line, column), text)
-        completions.append(time.perf_counter() - began)
-        began = time.perf_counter()
-        expect(editor.hover(URI, line, 9), text)
-        hovers.append(time.perf_counter() - began)
+        expect(clocked("completion of a value", lambda: editor.complete(URI, line, policy)), text)
+        expect(clocked("completion of a node", lambda: editor.complete(URI, line, 6)), text)
+        expect(clocked("hover", lambda: editor.hover(URI, line, 9)), text)
+    for _ in range(times):
+        start = types.Position(line, name)
+        change = types.TextDocumentContentChangePartial(types.Range(start, start), "x")
+        editor.change(URI, change)
+        behind = "completion behind a keystroke"
+        policy += 1
+        expect(clocked(behind, lambda at=policy: editor.complete(URI, line, at)), text)
+        editor.diagnostics(URI)
     editor.close_document(URI)
     editor.diagnostics(URI)
-    told("keystroke to diagnostics", keys)
-    told("completion of a value", completions)
-    told("hover", hovers)
+    for what, seconds in took.items():
+        told(what, seconds)
 
 
 def behaviour(source: bytes) -> list[object]:

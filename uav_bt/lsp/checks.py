@@ -12,6 +12,10 @@ from uav_bt.tree.loading.findings import WHOLE_FILE, Finding
 
 _log: Final = logging.getLogger(__name__)
 
+# Editors ask for completion right behind a keystroke: it is answered before the check takes its
+# share of the interpreter. Of several keystrokes that have come meanwhile the last is checked.
+_HEAD_START_S: Final = 0.005
+
 
 class Checks:
     """Checks documents in a thread, so that other requests are answered meanwhile.
@@ -44,6 +48,7 @@ class Checks:
 
     async def _run(self, uri: str) -> None:
         while uri in self._changed:
+            await asyncio.sleep(_HEAD_START_S)
             self._changed.discard(uri)
             page = self._page(uri)
             if page is None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from typing import Final
 
 from uav_bt.lsp.page import Page, node_id_of, tree_of
@@ -58,8 +59,17 @@ class _Text:
 
     def __init__(self, found: Attribute) -> None:
         self.attribute = found.name
-        self.text, places = resolve(found.value)
-        self.at = [found.value_start + place for place in places]
+        self.text, self._start = found.value, found.value_start
+        self._places: list[int] | None = None  # None: as they follow each other
+        if "&" in found.value:
+            self.text, self._places = resolve(found.value)
+
+    def place(self, start: int, end: int) -> tuple[int, int]:
+        """Return where a part of the text stands in the document."""
+        places = self._places
+        if places is None:
+            return self._start + start, self._start + end
+        return self._start + places[start], self._start + places[end]
 
 
 def node_of(branch: Branch, registry: NodeRegistry) -> type[Node] | None:
@@ -130,40 +140,46 @@ def is_script(node: type[Node] | None, attribute: str) -> bool:
 
 
 def _value(branch: Branch, node: type[Node] | None, value: _Text, tree: str) -> Iterator[Use]:
-    attribute, text, at = value.attribute, value.text, value.at
+    attribute, text = value.attribute, value.text
     ports = () if node is None else node.ports
     port = next((one for one in ports if one.name == attribute), None)
     match = _REFERENCE.fullmatch(text)
     if match is None:
         if node is not None and _NAMING.get(node.node_id) == attribute and text:
-            place = (at[0], at[-1])
+            place = value.place(0, len(text))
             yield Use(What.VARIABLE, text, tree, *place, branch, attribute, defines=True)
         return
     same = match[2] == "="
     name = attribute if same else match[2]
     what = What.KEY if match[1] else What.VARIABLE
     written = port is not None and port.direction != "input"
-    place = (at[match.start(2)], at[match.end(2)])
+    place = value.place(*match.span(2))
     yield Use(what, name, tree, *place, branch, attribute, defines=written, same=same)
 
 
 def _script(branch: Branch, value: _Text, tree: str) -> Iterator[Use]:
-    attribute, text, at = value.attribute, value.text, value.at
+    for name, start, on_board, written in _names_in(value.text):
+        what = What.KEY if on_board else What.VARIABLE
+        place = value.place(start, start + len(name))
+        yield Use(what, name, tree, *place, branch, value.attribute, defines=written)
+
+
+@lru_cache(maxsize=4096)  # of the scripts of a document, a keystroke changes one
+def _names_in(text: str) -> tuple[tuple[str, int, bool, bool], ...]:
+    """Return the names of a script: name, offset, whether on the board, whether written here."""
     try:
         tokens = tokenize(text)
     except ScriptError:
-        return
+        return ()
     written = _assigned(text)
+    found = []
     for token in tokens:
-        if token.kind != "name" or token.text in {"true", "false"}:
-            continue
-        on_board = token.text.startswith("@")
-        name = token.text.removeprefix("@")
-        start = token.column - 1 + on_board
-        place = (at[start], at[start + len(name)])
-        what = What.KEY if on_board else What.VARIABLE
-        defines = not on_board and name in written
-        yield Use(what, name, tree, *place, branch, attribute, defines=defines)
+        if token.kind == "name" and token.text not in {"true", "false"}:
+            on_board = token.text.startswith("@")
+            name = token.text.removeprefix("@")
+            defines = not on_board and name in written
+            found.append((name, token.column - 1 + on_board, on_board, defines))
+    return tuple(found)
 
 
 def _assigned(text: str) -> frozenset[str]:

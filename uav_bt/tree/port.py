@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Final, Generic, Literal, TypeVar
 
 from uav_bt.errors import InputError, did_you_mean
@@ -142,6 +143,15 @@ class Port(Generic[T]):
             f"{self.least:g} or more" if self.most is None else f"{self.least:g} to {self.most:g}"
         )
 
+    @cached_property
+    def bound_default(self) -> T | Reference:
+        """The default as `bind` has it: for most nodes of a file, and always the same.
+
+        Raises:
+            ValueError: it does not fit the port.
+        """
+        return self.bind(self.default)
+
     def bind(self, given: object) -> T | Reference:
         """Turn what a tree file or a Python caller gives into a checked value or a reference.
 
@@ -260,7 +270,7 @@ def bind_ports(
                 wrong[name] = f"attribute '{name}' is missing ({port.doc})"
             continue
         try:
-            bound[name] = port.bind(given.get(name, port.default))
+            bound[name] = port.bind(given[name]) if name in given else port.bound_default
         except ValueError as error:
             wrong[name] = f"attribute '{name}': {error}"
     return bound, wrong

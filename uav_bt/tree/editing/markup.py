@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final
+from typing import Final, NamedTuple
 
 
 class Kind(Enum):
@@ -24,8 +24,7 @@ class Kind(Enum):
     TEXT = "text"  # blanks, too
 
 
-@dataclass(frozen=True, slots=True)
-class Attribute:
+class Attribute(NamedTuple):
     """An attribute as it is written; all places are offsets in the text."""
 
     name: str
@@ -41,8 +40,7 @@ class Attribute:
         return self.value_start + len(self.value)
 
 
-@dataclass(frozen=True, slots=True)
-class Piece:
+class Piece(NamedTuple):
     """A tag, a comment, an instruction or a text; pieces follow each other without gaps."""
 
     kind: Kind
@@ -83,10 +81,11 @@ class Branch:
 _OTHER: Final = re.compile(
     r"(?P<comment><!--.*?(?:-->|\Z))"
     r"|(?P<instruction><\?.*?(?:\?>|\Z)|<!(?!\[CDATA\[)[^>]*>?)"
-    r"|(?P<text>(?:[^<]|<!\[CDATA\[.*?(?:\]\]>|\Z))+)"
+    r"|(?P<text>(?:[^<]++|<!\[CDATA\[.*?(?:\]\]>|\Z))+)"
     r"|(?P<tag></?)",
     re.DOTALL,
 )
+_KINDS: Final = {kind.value: kind for kind in Kind}
 _NAME: Final = re.compile(r"[^\s<>/=\"'!?]*")
 _BLANK: Final = re.compile(r"\s*")
 _CLOSE: Final = re.compile(r"\s*(/?)>")
@@ -94,6 +93,11 @@ _ATTRIBUTE: Final = re.compile(r"([^\s=<>/\"']+)(?:\s*=\s*)?")
 _EXACT: Final = re.compile(r"\"[^\"]*\"|'[^']*'")
 # While one types, a quote may be open: it does not reach over the beginning of the next tag.
 _TYPED: Final = re.compile(r"\"(?:[^\"<]|<(?![\w/!]))*\"|'(?:[^'<]|<(?![\w/!]))*'")
+# An attribute as it mostly is; what does not match is taken apart bit by bit.
+_WHOLE: Final = r"\s*+([^\s=<>/\"']++)\s*+=\s*+({})"
+_WHOLE_ATTRIBUTE: Final = {
+    quoted: re.compile(_WHOLE.format(quoted.pattern)) for quoted in (_EXACT, _TYPED)
+}
 _OPEN_VALUE: Final = re.compile(r"[\"'][^\"'<>\n]*")
 
 
@@ -111,7 +115,7 @@ def scan(text: str, *, typed: bool = False) -> Iterator[Piece]:
         if match is None or match.lastgroup == "tag":
             piece = _tag(text, at, _TYPED if typed else _EXACT)
         else:
-            piece = Piece(Kind(match.lastgroup), at, match.end())
+            piece = Piece(_KINDS[match.lastgroup or ""], at, match.end())
         yield piece
         at = piece.end
 
@@ -121,7 +125,14 @@ def _tag(text: str, start: int, quoted: re.Pattern[str]) -> Piece:
     name = _NAME.match(text, start + (2 if closing else 1))
     at = start + 1 if name is None else name.end()
     attributes: list[Attribute] = []
+    whole_attribute = _WHOLE_ATTRIBUTE[quoted]
     while True:
+        whole = whole_attribute.match(text, at)
+        if whole is not None:
+            at = whole.end()
+            place = whole.start(2) + 1
+            attributes.append(Attribute(whole[1], whole[2][1:-1], whole.start(1), place, at))
+            continue
         close = _CLOSE.match(text, at)
         if close is not None:
             kind = Kind.END if closing else Kind.EMPTY if close[1] else Kind.START
@@ -160,7 +171,7 @@ def branches(pieces: list[Piece]) -> list[Branch]:
     found: list[Branch] = []
     opened: list[Branch] = []
     for piece in pieces:
-        if piece.kind in {Kind.START, Kind.EMPTY} and piece.name:
+        if piece.kind in (Kind.START, Kind.EMPTY) and piece.name:
             parent = opened[-1] if opened else None
             branch = Branch(piece, parent, end=piece.end)
             (found if parent is None else parent.children).append(branch)

@@ -117,7 +117,7 @@ class Builder:
         return _Plan(element, name, path, self._document.entries(element), children)
 
     def _apply_by_id(self, by_id: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
-        for plan in plans:
+        for plan in plans if by_id else ():
             leaf, attributes = self._leaf_class(plan), by_id.get(_id_of(plan), {})
             if leaf is not None and attributes:
                 ports = {port.name for port in leaf.ports}
@@ -163,6 +163,8 @@ class Builder:
             )
 
     def _mock(self, mocks: Mapping[str, str], plans: list[_Plan]) -> None:
+        if not mocks:
+            return
         classes = {plan.path: leaf for plan in plans if (leaf := self._leaf_class(plan))}
         leaves = [plan for plan in plans if plan.path in classes]
         for names in (_id_of, lambda plan: plan.name, lambda plan: plan.path):

@@ -73,9 +73,9 @@ class Document:
         As in the engine, a subtree that shares all variables has no defaults.
         """
         given = node_attributes(subtree)
-        if autoremaps(subtree):
+        ports = self.subtree_ports.get(subtree.attributes.get("ID", ""))
+        if not ports or autoremaps(subtree):
             return given
-        ports = self.subtree_ports.get(subtree.attributes.get("ID", ""), {})
         defaults = {name: text for name, text in ports.items() if text is not None}
         return {**defaults, **given}
 

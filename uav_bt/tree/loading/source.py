@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Final
 from xml.parsers import expat
@@ -44,7 +45,8 @@ class Element:
     tag: str
     attributes: dict[str, str]
     position: Position
-    attribute_positions: dict[str, Position]
+    # Finds where each attribute stands, for messages: few elements are asked.
+    locate: Callable[[], dict[str, Position]] = field(repr=False, compare=False)
     children: list[Element] = field(default_factory=list)
     text: str = ""
     raw: tuple[Position, ...] = ()  # of a root: where attributes have a raw `&` or `<`
@@ -54,6 +56,11 @@ class Element:
         """How messages name the element."""
         name = self.attributes.get("name") or self.attributes.get("ID")
         return f"{self.tag} '{name}'" if name else self.tag
+
+    @cached_property
+    def attribute_positions(self) -> dict[str, Position]:
+        """Where each attribute stands, by name."""
+        return self.locate()
 
     def at(self, attribute: str) -> Position:
         """Return where an attribute stands, or where the element does when it has none such."""
@@ -100,35 +107,14 @@ class _Builder:
         for name, text in attributes.items():
             if len(text) > MAX_VALUE:
                 raise _RefusedError(f"attribute '{name}' is longer than {MAX_VALUE} characters")
-        positions = self._locate(attributes)
-        element = Element(self._path, tag, attributes, self.here(), positions)
+        here = self.here()
+        locate = partial(_locate, self._data, self.parser.CurrentByteIndex, here)
+        element = Element(self._path, tag, attributes, here, locate)
         if self._open:
             self._open[-1].children.append(element)
         else:
             self.root = element
         self._open.append(element)
-
-    def _locate(self, attributes: dict[str, str]) -> dict[str, Position]:
-        if not attributes:
-            return {}
-        here = self.here()
-        line, column = here.line, here.column
-        found: dict[str, Position] = {}
-        done = self.parser.CurrentByteIndex
-        match = _TAG.match(self._data, done)
-        while match is not None:
-            match = _ATTRIBUTE.match(self._data, match.end())
-            if match is None:
-                break
-            passed = self._data[done : match.start(1)]
-            newlines = passed.count(b"\n")
-            line += newlines
-            column = len(passed.rpartition(b"\n")[2].decode(errors="replace")) + (
-                1 if newlines else column
-            )
-            done = match.start(1)
-            found[match[1].decode(errors="replace")] = Position(line, column)
-        return found
 
     def _end(self, _tag: str) -> None:
         self._open.pop()
@@ -137,6 +123,33 @@ class _Builder:
         element, words = self._open[-1], text.strip()
         if words and len(element.text) < _MAX_TEXT:
             element.text += words[:_MAX_TEXT]
+
+
+def _locate(data: bytes, start: int, here: Position) -> dict[str, Position]:
+    """Return where each attribute of a tag stands, by name.
+
+    Args:
+        data: the document.
+        start: of the tag, in bytes.
+        here: the tag's place.
+    """
+    line, column = here.line, here.column
+    found: dict[str, Position] = {}
+    done = start
+    match = _TAG.match(data, done)
+    while match is not None:
+        match = _ATTRIBUTE.match(data, match.end())
+        if match is None:
+            break
+        passed = data[done : match.start(1)]
+        newlines = passed.count(b"\n")
+        line += newlines
+        column = len(passed.rpartition(b"\n")[2].decode(errors="replace")) + (
+            1 if newlines else column
+        )
+        done = match.start(1)
+        found[match[1].decode(errors="replace")] = Position(line, column)
+    return found
 
 
 def read_source(path: Path) -> bytes:
@@ -245,9 +258,11 @@ def check_no_text(element: Element, findings: Findings) -> None:
 
 def walk(element: Element) -> Iterator[Element]:
     """Iterate over everything below an element."""
-    for child in element.children:
+    waiting = element.children[::-1]
+    while waiting:
+        child = waiting.pop()
         yield child
-        yield from walk(child)
+        waiting += child.children[::-1]
 
 
 def node_id_of(element: Element) -> str:

@@ -17,7 +17,7 @@ from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import SCRIPTS, Script, ScriptError, parse_script
-from uav_bt.tree.script.expressions import Assignment, Literal, Name, certain_names, kind_of
+from uav_bt.tree.script.expressions import Assignment, Literal, Name, kind_of
 
 
 @dataclass(frozen=True)
@@ -199,12 +199,11 @@ class VariableUses:
             script = parse_script(text)
         except (ScriptError, InputError):
             return
-        certain = {id(name) for statement in script.statements for name in certain_names(statement)}
         for part in script.walk():
             if isinstance(part, Assignment):
                 self._assignment(part, scope, use)
             elif isinstance(part, Name) and not part.name.startswith("@"):
-                self._name(part, scope, use, needed=id(part) in certain)
+                self._name(part, scope, use, needed=id(part) in script.certain)
         self._changed(script, scope, use)
 
     def _name(self, name: Name, scope: Scope, use: Use, *, needed: bool) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Final
 
 from uav_bt.tree.script.expressions import (
@@ -21,6 +21,7 @@ from uav_bt.tree.script.expressions import (
     Literal,
     Name,
     Unary,
+    certain_names,
 )
 from uav_bt.tree.script.values import Environment, ScriptError, Value
 
@@ -64,10 +65,20 @@ class Script:
             raise ScriptError(f"script '{self.source}': {error}") from error
         return result
 
+    @cached_property
+    def parts(self) -> tuple[Expression, ...]:
+        """All parts."""
+        return tuple(part for statement in self.statements for part in statement.walk())
+
+    @cached_property
+    def certain(self) -> frozenset[int]:
+        """The ids of the parts that are names which every run reads."""
+        names = (name for statement in self.statements for name in certain_names(statement))
+        return frozenset(map(id, names))
+
     def walk(self) -> Iterator[Expression]:
         """Iterate over all parts."""
-        for statement in self.statements:
-            yield from statement.walk()
+        return iter(self.parts)
 
 
 @lru_cache(maxsize=4096)  # loading a file meets each script several times
