@@ -2,16 +2,16 @@
 
 The transform from the dead-reckoned frame to the map's (REP 105's `odom` to `map`) is the state of
 a Kalman filter. It grows uncertain with the odometry's drift. Each view is matched to the map by
-iterated closest points (Besl and McKay, 1992), point to line where the neighbours in the map form
-one (Chen and Medioni, 1992), with Cauchy weights, and held to the prediction by its covariance, so
-that an edge seen alone corrects across it only.
+iterated closest points of the same class (Besl and McKay, 1992), point to line where the neighbours
+in the map form one (Chen and Medioni, 1992), with Cauchy weights, and held to the prediction by its
+covariance, so that an edge seen alone corrects across it only.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from uav_bt.types import Pose2D
 
 Floats = NDArray[np.float64]
+_CLASSES_APART_M: Final = 1000.0  # more than any place is wide
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,13 +31,13 @@ class RegistrationConfig:
     # by a few centimetres in ten seconds while it follows the ground, by more on telemetry alone.
     walk_m: float = 0.015
     blind_walk_m: float = 0.04
-    walk_rad: float = 0.004  # of the heading, likewise
+    walk_rad: float = 0.008  # of the heading, likewise
     max_yaw_std_rad: float = 0.06  # telemetry's heading is not wrong by more
     point_std_m: float = 0.03  # of a point near by
     range_std_ratio: float = 0.02  # of its range besides: height and pitch are off a little
     gate_m: float = 0.35  # what is further from all known points is new
     # Neighbouring samples, and views a tenth of a second apart, err alike: so many count as one.
-    alike: float = 100.0
+    alike: float = 8.0
     mark_alike: float = 30.0  # of sightings of the landing mark
     rounds: int = 3
     settled_m: float = 1e-4  # a smaller step ends the rounds
@@ -46,11 +47,15 @@ class RegistrationConfig:
     min_points: int = 12  # matched; fewer say nothing
 
 
-class Agreement(NamedTuple):
-    """How a view agrees with the map."""
+class Points(NamedTuple):
+    """Points on the ground, and what stands there."""
 
-    share: float  # of its points that stand in the map
-    off_m: float  # the median distance of those from where they stand, across lines
+    xy_m: Floats  # (N, 2)
+    ids: NDArray[np.uint8]  # (N,) classes
+
+    def apart(self) -> Floats:
+        """Return (N, 3) places in which points of different classes are far from each other."""
+        return np.column_stack([self.xy_m, _CLASSES_APART_M * self.ids])
 
 
 class Registration:
@@ -90,32 +95,32 @@ class Registration:
             self._covariance += about @ walk @ about.T * (time_s - self._time_s)
         self._time_s = time_s
 
-    def match(self, seen: Floats, ranges_m: Floats, known: Floats) -> Agreement | None:
+    def match(self, seen: Points, ranges_m: Floats, known: Points) -> float | None:
         """Correct by points of a view that stand in the map.
 
         Args:
-            seen: (N, 2) points of a view, in the dead-reckoned frame.
+            seen: points of a view, N of them, in the dead-reckoned frame.
             ranges_m: (N,) their distances from the camera.
-            known: (M, 2) points of the map.
+            known: points of the map.
 
         Returns:
-            How the view agrees with the map; None when there are too few points to say.
+            The median distance of the view's points from where they stand in the map, across
+            lines; None when there are too few of them to say.
         """
         cfg = self._config
-        if min(len(seen), len(known)) < cfg.min_points:
+        if min(len(seen.ids), len(known.ids)) < cfg.min_points:
             return None
-        tree = cKDTree(known)
+        tree = cKDTree(known.apart())
         std_m = np.hypot(cfg.point_std_m, cfg.range_std_ratio * ranges_m)
         prior = np.linalg.inv(self._covariance + 1e-8 * np.eye(3))
-        state, hessian, share = self._state.copy(), prior, 0.0
+        state, hessian = self._state.copy(), prior
         for _ in range(cfg.rounds):
-            places = _pose(state).points_to_world(seen)
-            residual_m, normals, distance_m = _equations(places, tree, known, cfg)
+            places = seen._replace(xy_m=_pose(state).points_to_world(seen.xy_m))
+            residual_m, normals, distance_m = _equations(places, tree, known.xy_m, cfg)
             near = distance_m <= cfg.gate_m
-            share = float(near.mean())
             if np.count_nonzero(near) < cfg.min_points:
-                return Agreement(share, math.inf)
-            slopes = np.column_stack([normals, _turning(normals, places - state[:2])])
+                return None
+            slopes = np.column_stack([normals, _turning(normals, places.xy_m - state[:2])])
             weight = near / (1.0 + (residual_m / std_m) ** 2) / std_m**2 / cfg.alike
             hessian = prior + slopes.T @ (weight[:, None] * slopes)
             gradient = slopes.T @ (weight * residual_m) + prior @ (state - self._state)
@@ -124,11 +129,10 @@ class Registration:
             if np.abs(step).max() < cfg.settled_m:
                 break
         self._state, self._covariance = state, np.linalg.inv(hessian)
-        left_m = _equations(_pose(state).points_to_world(seen), tree, known, cfg)
-        near = left_m[2] <= cfg.gate_m
-        return Agreement(
-            share, float(np.median(np.abs(left_m[0][near]))) if near.any() else math.inf
-        )
+        places = seen._replace(xy_m=_pose(state).points_to_world(seen.xy_m))
+        residual_m, _, distance_m = _equations(places, tree, known.xy_m, cfg)
+        near = distance_m <= cfg.gate_m
+        return float(np.median(np.abs(residual_m[near]))) if near.any() else None
 
     def see_mark(self, seen_m: Floats, known_m: Floats, std_m: float) -> bool:
         """Correct by the landing mark, whose place in the map is known.
@@ -166,13 +170,13 @@ def _turning(normals: Floats, arms: Floats) -> Floats:
 
 
 def _equations(
-    places: Floats, tree: cKDTree, known: Floats, cfg: RegistrationConfig
+    places: Points, tree: cKDTree, known: Floats, cfg: RegistrationConfig
 ) -> tuple[Floats, Floats, Floats]:
     """Return for each place how far it is from the map, (N,), along which normal, (N, 2).
 
-    And its distance to the nearest known point, (N,).
+    And its distance to the nearest known point of its class, (N,).
     """
-    distances, indices = tree.query(places, k=min(cfg.neighbours, len(known)))
+    distances, indices = tree.query(places.apart(), k=min(cfg.neighbours, len(known)))
     around = known[indices]
     counted = (distances <= distances[:, :1] + cfg.line_reach_m)[..., None]
     number = counted.sum(axis=1)
@@ -180,8 +184,8 @@ def _equations(
     spread = (around - centre[:, None, :]) * counted
     values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", spread, spread))
     is_line = (values[:, 1] > cfg.line_ratio * np.maximum(values[:, 0], 1e-9))[:, None]
-    apart = places - around[:, 0]
+    apart = places.xy_m - around[:, 0]
     towards = apart / np.maximum(distances[:, :1], 1e-9)
     normals = np.where(is_line, vectors[:, :, 0], towards)
-    offset = np.where(is_line, places - centre, apart)
+    offset = np.where(is_line, places.xy_m - centre, apart)
     return np.einsum("ni,ni->n", offset, normals), normals, distances[:, 0]

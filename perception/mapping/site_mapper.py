@@ -12,16 +12,23 @@ from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.landmarks import (
     LandmarkConfig,
     Landmarks,
-    firm_bases,
+    Sighting,
     merged,
     seen_points,
-    without_ground,
+    shown_free,
+    sighting,
+    without_missed,
 )
 from perception.mapping.mover_track import MoverConfig
 from perception.mapping.movers import MoverTracker
 from perception.mapping.objects import objects_of
-from perception.mapping.registration import Agreement, Registration, RegistrationConfig
-from perception.obstacles.contact_scan import Bases, GroundScan, find_bases
+from perception.mapping.registration import (
+    Points,
+    Registration,
+    RegistrationConfig,
+)
+from perception.obstacles.contact_scan import GroundScan, find_bases
+from uav_bt.classes import BACKGROUND
 from uav_bt.errors import MissionError
 from uav_bt.types import CameraModel, Frame, HelipadFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate
@@ -35,7 +42,7 @@ class SiteMapperConfig:
     """How the map is kept."""
 
     tracked_s: float = 0.6  # without ground followed for longer, telemetry alone is flown by
-    displaced_m: float = 0.06  # a view further off the map adds nothing to it
+    displaced_m: float = 0.03  # a view further off the map adds nothing to it
     settled_s: float = 1.0  # points known for so long correct the drone's place
     objects_s: float = 0.5  # objects are made of points so often
     mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
@@ -47,8 +54,12 @@ class SiteMapperConfig:
     beside_mps: float = 0.09
     settles_s: float = 2.0  # a point on such ground counts only after so long
     shared_m: float = 0.2  # what is of a mover may be so much nearer
-    contradiction: float = 0.25  # a smaller share of a view's points in the map contradicts it;
-    restart_s: float = 5.0  # for so long, and the map begins anew
+    # Views contradict the map when they show nothing but ground at more than this share of its
+    # points that lie in them (heavy drift: a quarter); for so long, and the map begins anew.
+    contradiction: float = 0.4
+    judged_s: float = 3.0  # views so long ago count a third
+    judged_points: float = 80.0  # fewer points in all those views say nothing
+    restart_s: float = 2.0
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
     movers: MoverConfig = field(default_factory=MoverConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
@@ -72,7 +83,8 @@ class SiteMapper:
         self._movers = MoverTracker(cfg.movers)
         self._mark: MapMark | None = None
         self._objects: tuple[MapObject, ...] = ()
-        self._objects_s = self._captured_s = self._agreed_s = -math.inf
+        self._objects_s = self._captured_s = self._agreed_s = self._judged_s = -math.inf
+        self._judged = np.zeros(2)  # points of the map that lay in views, and were not there
 
     def follow(self, motion: MotionEstimate) -> None:
         """Follow the drone."""
@@ -102,13 +114,17 @@ class SiteMapper:
         reckoned = self._motion.seen
         if frame.gimbal_pitch_rad < cfg.landmarks.min_pitch_rad:
             return
-        bases = find_bases(scan)
-        agreement = self._match(bases, camera, reckoned, time_s)
+        seen = sighting(find_bases(scan), frame.height_above_carpet_m, cfg.landmarks)
+        off_m = self._match(seen, camera, reckoned, time_s)
         here = self._registration.corrected(reckoned)
         x_m, y_m = here.to_world(camera.forward_offset_m, 0.0)
         lens = replace(here, x_m=x_m, y_m=y_m)
-        adds = agreement is None or agreement.off_m <= cfg.displaced_m
-        self._add(scan, bases, lens, frame, camera, adds=adds)
+        if self._contradicts(scan, lens, frame, camera):
+            self._restarts += 1
+            self._begin()
+            self._captured_s = self._agreed_s = time_s
+            return
+        self._add(seen, lens, time_s, adds=off_m is None or off_m <= cfg.displaced_m)
         self._grid.see(scan, lens, time_s)
         self._movers.see_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
         if time_s - self._objects_s >= cfg.objects_s:
@@ -168,55 +184,47 @@ class SiteMapper:
         return max(0.0, self._captured_s - self._agreed_s) if self._agreed_s > -math.inf else 0.0
 
     def _match(
-        self, bases: Bases, camera: CameraModel, reckoned: Pose2D, time_s: float
-    ) -> Agreement | None:
-        """Match a view to the map; a map that views contradict for long begins anew."""
-        cfg = self._config
-        placed_m, _ = firm_bases(bases, cfg.landmarks)
-        edges_m = bases.edges_m[np.hypot(*bases.edges_m.T) <= cfg.landmarks.max_range_m]
-        seen_m = np.vstack([placed_m, edges_m])
-        offset = np.array([camera.forward_offset_m, 0.0])
-        known_m = np.vstack(
-            [
-                points.xy_m[time_s - points.first_s >= cfg.settled_s]
-                for points in (self._bases, self._edges)
-            ]
+        self, seen: Sighting, camera: CameraModel, reckoned: Pose2D, time_s: float
+    ) -> float | None:
+        """Match a view to the map; return how far it is off it, None where it says nothing."""
+        local_m = np.vstack([seen.bases_m, seen.edges_m])
+        places_m = reckoned.points_to_world(local_m + np.array([camera.forward_offset_m, 0.0]))
+        known = self._bases.with_rows(self._edges)
+        known = known.take(time_s - known.first_s >= self._config.settled_s)
+        return self._registration.match(
+            Points(places_m, np.concatenate([seen.ids, _edge_ids(seen)])),
+            np.hypot(*local_m.T),
+            Points(known.xy_m, known.ids),
         )
-        agreement = self._registration.match(
-            reckoned.points_to_world(seen_m + offset), np.hypot(*seen_m.T), known_m
-        )
-        if agreement is None or agreement.share >= cfg.contradiction:
-            self._agreed_s = time_s
-        elif self._contradicted_s > cfg.restart_s:
-            self._restarts += 1
-            self._begin()
-            self._captured_s = self._agreed_s = time_s
-        return agreement
 
-    def _add(
-        self,
-        scan: GroundScan,
-        bases: Bases,
-        lens: Pose2D,
-        frame: Frame,
-        camera: CameraModel,
-        *,
-        adds: bool,
-    ) -> None:
+    def _contradicts(
+        self, scan: GroundScan, lens: Pose2D, frame: Frame, camera: CameraModel
+    ) -> bool:
+        """Take from the map what a view shows not to be there; return whether it is too much."""
         cfg, time_s = self._config, frame.captured_s
-        self._bases, self._edges = (
-            without_ground(known, scan.image_groups, lens, frame, camera, config=cfg.landmarks)
-            for known in (self._bases, self._edges)
-        )
-        placed_m, ids = firm_bases(bases, cfg.landmarks)
-        seen = seen_points(placed_m, ids, lens, time_s)
+        self._judged *= math.exp(-(time_s - self._judged_s) / cfg.judged_s)
+        self._judged_s = time_s
+        kept: list[Landmarks] = []
+        for known in (self._bases, self._edges):
+            in_view, free = shown_free(
+                known, scan.image_groups, lens, frame, camera, config=cfg.landmarks
+            )
+            self._judged += (in_view.sum(), (in_view & free).sum())
+            kept.append(without_missed(known, free, cfg.landmarks))
+        self._bases, self._edges = kept
+        in_all, gone = self._judged
+        if in_all < cfg.judged_points or gone <= cfg.contradiction * in_all:
+            self._agreed_s = time_s
+        return self._contradicted_s > cfg.restart_s
+
+    def _add(self, seen: Sighting, lens: Pose2D, time_s: float, *, adds: bool) -> None:
+        config = self._config.landmarks
+        bases = seen_points(seen.bases_m, seen.ids, lens, time_s)
         if adds:
-            seen = self._standing(seen, lens, time_s)
-        self._bases = merged(self._bases, seen, cfg.landmarks, adds=adds)
-        edges_m = bases.edges_m[np.hypot(*bases.edges_m.T) <= cfg.landmarks.max_range_m]
-        none = np.zeros(len(edges_m), dtype=np.uint8)
-        ends = seen_points(edges_m, none, lens, time_s)
-        self._edges = merged(self._edges, ends, cfg.landmarks, adds=adds)
+            bases = self._standing(bases, lens, time_s)
+        self._bases = merged(self._bases, bases, config, adds=adds)
+        edges = seen_points(seen.edges_m, _edge_ids(seen), lens, time_s)
+        self._edges = merged(self._edges, edges, config, adds=adds)
 
     def _standing(self, seen: Landmarks, lens: Pose2D, time_s: float) -> Landmarks:
         """Return the points of a view that stand, and follow those that have just arrived."""
@@ -246,3 +254,7 @@ class SiteMapper:
         )
         apart_m = np.hypot(*np.moveaxis(places_m[:, None] - known.xy_m, -1, 0))
         return np.asarray((apart_m - reach_m).min(axis=1))
+
+
+def _edge_ids(seen: Sighting) -> NDArray[np.uint8]:
+    return np.full(len(seen.edges_m), BACKGROUND, dtype=np.uint8)

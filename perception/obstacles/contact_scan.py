@@ -105,12 +105,19 @@ def find_bases(scan: GroundScan) -> Bases:
     edge_rows, edge, edge_before = _first_runs(scan.groups, GROUP_BACKGROUND, scan.min_run)
     ends, ended = edge_before == GROUP_CARPET, edge_before == NO_CLASS
     return Bases(
-        placed_m=scan.level_m[rows[stands], first[stands]],
+        placed_m=_borders_m(scan, rows[stands], first[stands]),
         placed_ids=scan.ids[rows[stands], first[stands]],
         hidden_m=scan.level_m[rows[hides], first[hides]],
-        edges_m=scan.level_m[edge_rows[ends], edge[ends]],
+        edges_m=_borders_m(scan, edge_rows[ends], edge[ends]),
         hidden_edges_m=scan.level_m[edge_rows[ended], edge[ended]],
     )
+
+
+def _borders_m(
+    scan: GroundScan, rows: NDArray[np.intp], first: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Return where runs begin: half-way between their first samples and those before."""
+    return np.asarray((scan.level_m[rows, first] + scan.level_m[rows, first - 1]) / 2)
 
 
 def _first_runs(

@@ -242,7 +242,7 @@ def test_far_bases_are_not_remembered() -> None:
     """Beyond the range a pixel is worth too many centimetres."""
     memory = ObstacleMemory(ObstacleMemoryConfig(max_range_m=2.0))
     memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    look(memory, draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
 
     assert len(memory.points().points_m) == 0
 
@@ -334,7 +334,7 @@ def test_the_pad_is_no_obstacle() -> None:
 def test_before_telemetry_nothing_is_known() -> None:
     """A class map without a pose cannot be placed."""
     memory = ObstacleMemory()
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    look(memory, draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
 
     assert len(memory.points().points_m) == 0
 
