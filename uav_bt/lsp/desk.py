@@ -20,7 +20,7 @@ from uav_bt.tree.node import Node
 from uav_bt.tree.registry import NodeRegistry
 
 _KEPT: Final = 200  # pages of files that are not open
-_MAX_FAMILY: Final = 200  # files that a renaming looks through
+MAX_FAMILY: Final = 200  # files that a renaming looks through
 
 
 @dataclass(frozen=True)
@@ -158,11 +158,12 @@ class Desk:
     def family(self, page: Page) -> list[Page]:
         """Return a page, the files whose trees it uses or includes, and those that use its trees.
 
-        Each is followed further, as a variable may be shared through all of them.
+        Each is followed further, as a variable may be shared through all of them; after
+        `MAX_FAMILY` of them no more are looked for.
         """
         found: dict[Path, Page] = {}
         waiting = [page]
-        while waiting and len(found) < _MAX_FAMILY:
+        while waiting and len(found) < MAX_FAMILY:
             one = waiting.pop(0)
             if key_of(one) in found:
                 continue
@@ -175,10 +176,10 @@ class Desk:
                 waiting += self._users(one, tree_id)
         return [*found.values()]
 
-    def named(self, page: Page) -> list[Named]:
-        """Return all names of a page's family, each with the file whose tree it belongs to."""
+    def named(self, pages: list[Page]) -> list[Named]:
+        """Return all names of a family of pages, each with the file whose tree it belongs to."""
         found = []
-        for one in self.family(page):
+        for one in pages:
             homes: dict[str, Path] = {}
             for use in self.uses(one):
                 tree = use.name if use.what is What.TREE else use.tree

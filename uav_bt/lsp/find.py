@@ -57,7 +57,7 @@ def references(
 
 
 def _same(desk: Desk, page: Page, use: Use) -> list[Named]:
-    named = desk.named(page)
+    named = desk.named(desk.family(page))
     (here,) = [one for one in named if one.page is page and one.use is use]
     return [one for one in named if one.same(here)]
 

@@ -10,7 +10,7 @@ from typing import Final
 from lsprotocol import types
 
 from uav_bt.errors import InputError
-from uav_bt.lsp.desk import Desk, Named, key_of
+from uav_bt.lsp.desk import MAX_FAMILY, Desk, Named, key_of
 from uav_bt.lsp.find import use_at
 from uav_bt.lsp.names import SUBTREE, What
 from uav_bt.lsp.page import Page, tree_of
@@ -37,7 +37,10 @@ def renamed(desk: Desk, page: Page, offset: int, new: str) -> types.WorkspaceEdi
     use = use_at(desk, page, offset)
     if use is None or use.what is What.KEY:
         raise InputError("only trees and variables can be renamed")
-    found = desk.named(page)
+    pages = desk.family(page)
+    if len(pages) >= MAX_FAMILY:
+        raise InputError(f"{MAX_FAMILY} files or more share this: open a smaller folder to rename")
+    found = desk.named(pages)
     (here,) = [one for one in found if one.page is page and one.use is use]
     if use.what is What.TREE:
         chosen = list(_tree(desk, found, here, new))

@@ -10,10 +10,15 @@ from lsprotocol import types
 from pygls.exceptions import JsonRpcException
 
 from tests.uav_bt.lsp.editor import Editor, applied
-from uav_bt.errors import FileError
+from uav_bt.errors import FileError, InputError
+from uav_bt.lsp.desk import Desk
+from uav_bt.lsp.page import Page
+from uav_bt.lsp.rename import renamed
+from uav_bt.lsp.workspace import Folders
 from uav_bt.tree.loading.findings import errors_of
 from uav_bt.tree.loading.loader import check_file
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+from uav_bt.tree.registry import NodeRegistry
 
 MAIN = """\
 <root BTCPP_format="4" main_tree_to_execute="Main">
@@ -286,6 +291,23 @@ def test_a_palette_that_is_no_xml_is_shown_and_the_server_lives(tmp_path: Path) 
     assert editor.diagnostics(palette.as_uri()) == []
     assert editor.diagnostics(mission.as_uri()) == []
     assert editor.close() == 0
+
+
+def test_a_renaming_that_would_miss_files_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, text in (("main.xml", MAIN), ("parts.xml", PARTS), ("other.xml", OTHER)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    page = Page(MAIN, tmp_path / "main.xml")
+    folders, registry = Folders(), NodeRegistry.installed()
+    folders.take([tmp_path])
+    assert folders.check(page, registry) == ()
+    desk = Desk(registry, lambda: [page], folders.around)
+    at = MAIN.index('"Round"') + 1
+    assert len(renamed(desk, page, at, "Lap").changes) == 3
+    monkeypatch.setattr("uav_bt.lsp.rename.MAX_FAMILY", 3)
+    with pytest.raises(InputError, match="3 files or more share this"):
+        renamed(desk, page, at, "Lap")
 
 
 def test_files_of_a_check_are_bounded_in_bytes(
