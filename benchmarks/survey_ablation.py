@@ -1,6 +1,7 @@
 """What each part of the survey is worth: the same flights without it.
 
     python benchmarks/survey_ablation.py --scenes val-a,val-b --flights 4 --out runs/survey
+    python benchmarks/survey_ablation.py --variants survey --movers 2 --out runs/movers
 
 Exact masks at 320x180 and no depth, so that only mapping, planning and holding differ. Flights are
 kept as lines in DIR/flights.jsonl, and those that are there are not flown again.
@@ -79,6 +80,7 @@ class Variant:
 
     def tree(self) -> str:
         """Return the mission as the text of a tree file."""
+        yields = "false" if self.explore in {"segmentation", "random"} else "true"
         return f"""
 <root BTCPP_format="4">
   <BehaviorTree ID="Survey">
@@ -93,15 +95,17 @@ class Variant:
             <Timeout msec="{SURVEY_S * 1000}">
               <RetryUntilSuccessful num_attempts="-1">
                 <Fallback>
-                  <Explore policy="{self.explore}"/>
-                  <ForceFailure><Avoid policy="{self.explore}"/></ForceFailure>
+                  <Explore policy="{self.explore}" gives_way="{yields}"/>
+                  <ForceFailure>
+                    <Avoid policy="{self.explore}" gives_way="{yields}"/>
+                  </ForceFailure>
                 </Fallback>
               </RetryUntilSuccessful>
             </Timeout>
           </ForceSuccess>
           <RetryUntilSuccessful num_attempts="5">
             <Sequence>
-              <ReturnToBase/>
+              <ReturnToBase gives_way="{yields}"/>
               <HelipadCenter/>
             </Sequence>
           </RetryUntilSuccessful>
@@ -124,7 +128,7 @@ VARIANTS = {
 }
 
 
-def fly(name: str, scene: str, seed: int, profile: str) -> dict[str, object]:
+def fly(name: str, scene: str, seed: int, profile: str, movers: int) -> dict[str, object]:
     """Fly one variant and return its line."""
     variant, text = VARIANTS[name], VARIANTS[name].tree()
     policy = variant.policies(seed).get(variant.explore)
@@ -134,6 +138,7 @@ def fly(name: str, scene: str, seed: int, profile: str) -> dict[str, object]:
         scene=scene,
         seed=seed,
         profile=profile,
+        movers=movers,
         exact_masks=True,
         image_size_px=(320, 180),
         policies={} if policy is None else {"Explore": policy, "Avoid": policy},
@@ -146,7 +151,10 @@ def fly(name: str, scene: str, seed: int, profile: str) -> dict[str, object]:
         "scene": scene,
         "seed": seed,
         "profile": profile,
+        "movers": movers,
         "outcome": report.outcome,
+        "reason": report.reason,
+        "duration_s": report.duration_s,
         "passed_90s": report.coverage_passed_90s,
         "seen_90s": report.coverage_seen_90s,
         "passed": next(
@@ -167,7 +175,10 @@ def lines(file: Path) -> Iterator[dict[str, object]]:
 
 def table(file: Path) -> None:
     """Print a row for each variant."""
-    print("variant    flights success  passed 90 s (5 %)  180 s  seen 90 s  nearest m  flown m")
+    print(
+        "variant    flights success  passed 90 s (5 %)  180 s  seen 90 s  nearest m  flown m  "
+        "contacts/h"
+    )
     flights = list(lines(file))
     for name in VARIANTS:
         mine = [flight for flight in flights if flight["variant"] == name]
@@ -178,12 +189,14 @@ def table(file: Path) -> None:
         def column(key: str, mine: list[dict[str, object]] = mine) -> list[float]:
             return [float(str(flight[key])) for flight in mine if flight[key] is not None]
 
+        contacts = sum(flight["outcome"] == "collision" for flight in mine)
         early = column("passed_90s") or [float("nan")]
         print(
             f"{name:10s} {len(mine):7d} {good:7d} {np.mean(early):9.2f} "
             f"({np.percentile(early, 5):.2f}) {np.mean(column('passed')):10.2f} "
             f"{np.mean(column('seen_90s') or [float('nan')]):10.2f} "
-            f"{np.mean(column('clearance_m')):10.2f} {np.mean(column('flown_m')):8.1f}"
+            f"{np.mean(column('clearance_m')):10.2f} {np.mean(column('flown_m')):8.1f} "
+            f"{3600 * contacts / max(sum(column('duration_s')), 1.0):10.1f}"
         )
 
 
@@ -194,19 +207,20 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=4)
     parser.add_argument("--seed-from", type=int, default=0)
     parser.add_argument("--profile", default="lab")
+    parser.add_argument("--movers", type=int, default=0, help="in each scene")
     parser.add_argument("--variants", default=",".join(VARIANTS))
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     file = given.out / FLIGHTS
-    done = {(f["variant"], f["scene"], f["seed"], f["profile"]) for f in lines(file)}
+    done = {(f["variant"], f["scene"], f["seed"], f["profile"], f["movers"]) for f in lines(file)}
     for seed in range(given.seed_from, given.seed_from + given.flights):
         for scene in given.scenes.split(","):
             for name in given.variants.split(","):
-                if (name, scene, seed, given.profile) in done:
+                if (name, scene, seed, given.profile, given.movers) in done:
                     continue
                 try:
-                    line = fly(name, scene, seed, given.profile)
+                    line = fly(name, scene, seed, given.profile, given.movers)
                 except UavBtError as error:
                     parser.exit(2, f"{error}\n")
                 with file.open("a", encoding="utf-8") as kept:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from behaviours.fly.giving_way import GIVES_WAY, GivingWay
 from behaviours.fly.steering import SteeringLeaf
+from uav_bt.board.context import MissionContext
 from uav_bt.tree import Status
 from uav_bt.types import DroneState
 
@@ -13,13 +15,20 @@ class Avoid(SteeringLeaf):
     SUCCESS, too, when a look round has left the policy nothing to do.
     """
 
+    ports = (*SteeringLeaf.ports, GIVES_WAY)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Find the policy, and watch what moves."""
+        super().on_setup(mission)
+        self._giving_way = GivingWay(self)
+
     def initialise(self) -> None:
         """Forget the last turn."""
         self.restart_view()
 
     def work(self, state: DroneState) -> Status:
         """Go on turning until the policy finds the path free."""
-        if self.moving(state):
+        if self._giving_way.work() or self.moving(state):
             return Status.RUNNING
         decision = self.decide()
         if decision is not None and decision.done:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from behaviours.fly.giving_way import GIVES_WAY, GivingWay
 from behaviours.fly.steering import FLOWING, SteeringLeaf
 from uav_bt.board import PHASE
+from uav_bt.board.context import MissionContext
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, MissionPhase
 
@@ -14,7 +16,12 @@ class Explore(SteeringLeaf):
     SUCCESS when the policy finds nothing left to explore.
     """
 
-    ports = (*SteeringLeaf.ports, FLOWING)
+    ports = (*SteeringLeaf.ports, FLOWING, GIVES_WAY)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Find the policy, and watch what moves."""
+        super().on_setup(mission)
+        self._giving_way = GivingWay(self)
 
     def initialise(self) -> None:
         """Write the mission's phase; only views from now on count."""
@@ -23,7 +30,7 @@ class Explore(SteeringLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Go on with a step in progress, or begin the next if the policy finds the path free."""
-        if self.flow(state) or self.moving(state):
+        if self._giving_way.work() or self.flow(state) or self.moving(state):
             return Status.RUNNING
         decision = self.decide()
         if decision is not None and decision.done:

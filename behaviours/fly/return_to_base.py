@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from behaviours.fly.giving_way import GIVES_WAY, GivingWay
 from behaviours.fly.pad_approach import PadApproach
 from behaviours.fly.pad_search import PadSearch
 from behaviours.fly.steering import FLOWING, POLICY, SteeringLeaf
@@ -26,6 +27,7 @@ class ReturnToBase(SteeringLeaf):
     ports = (
         POLICY,
         FLOWING,
+        GIVES_WAY,
         Port(
             "gimbal_deg",
             float,
@@ -71,6 +73,7 @@ class ReturnToBase(SteeringLeaf):
             arrive_m=self.port_value("arrive_m"),
             by_policy=by_policy,
         )
+        self._giving_way = GivingWay(self)
         self._searching = True
 
     def initialise(self) -> None:
@@ -81,6 +84,8 @@ class ReturnToBase(SteeringLeaf):
 
     def work(self, state: DroneState) -> Status:
         """Search until the pad is found, then approach it until it is reached or lost."""
+        if self._giving_way.work():
+            return Status.RUNNING
         if self._searching:
             if self._search.work(state) is not Status.SUCCESS:
                 return Status.RUNNING

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from behaviours.path.moving import MovingConfig, yielding_mps
 from behaviours.path.survey import Floats, Leg, SurveyConfig
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
-from uav_bt.types.site_map import SiteMap
+from uav_bt.types.site_map import MapMover, SiteMap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +27,7 @@ class FollowConfig:
     near_m: float = 0.35
     reaction_s: float = 0.45  # from a frame to its effect
     brake_mps2: float = 0.8
+    moving: MovingConfig = field(default_factory=MovingConfig)
 
 
 def around(obstacles: ObstaclePoints | None, site_map: SiteMap) -> tuple[Floats, Floats]:
@@ -47,9 +50,12 @@ def follow(
     *,
     survey: SurveyConfig,
     config: FollowConfig,
+    movers: Sequence[MapMover] = (),
     reason: str = "",
 ) -> Decision | None:
     """Return heading and speed along a leg; the drone only turns until it faces the way.
+
+    It flies slower, or waits, where something that moves would come too near.
 
     Args:
         leg: from where the drone is.
@@ -57,6 +63,7 @@ def follow(
         corridor: what it shows ahead; None without depth.
         survey: how fast legs are flown.
         config: how they are followed.
+        movers: of the map.
         reason: for the status line.
 
     Returns:
@@ -68,6 +75,8 @@ def follow(
         speed_mps = min(speed_mps * math.cos(bearing_rad), _by_corridor(corridor, config))
         if speed_mps == 0.0:
             return None
+        speed_mps = yielding_mps(movers, leg.path_m, speed_mps, config.moving)
+        reason = reason if speed_mps > 0.0 else "waits"
     return Decision(
         forward_m=max(float(np.hypot(*(leg.path_m[-1] - leg.path_m[0]))), 0.1),
         yaw_rad=bearing_rad,

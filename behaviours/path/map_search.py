@@ -191,7 +191,15 @@ class MapSearch:
         self, leg: Leg, room: Room, corridor: Corridor | None, reason: str
     ) -> Decision | None:
         pose, config = room.map.pose, self.config.follow
-        return follow(leg, pose, corridor, survey=room.config, config=config, reason=reason)
+        return follow(
+            leg,
+            pose,
+            corridor,
+            survey=room.config,
+            config=config,
+            movers=room.map.movers,
+            reason=reason,
+        )
 
     def _is_settled(self, view: View, room: Room, sight: Sight) -> bool:
         """Return whether a view has shown most of what it can, or cannot be reached any more."""

@@ -1,4 +1,4 @@
-"""Where what moves will be, for plans around it."""
+"""Where what moves will be, and how near a course comes to it."""
 
 from __future__ import annotations
 
@@ -23,25 +23,17 @@ class MovingConfig:
     ahead_s: float = 3.0
     step_s: float = 0.2
     # They turn and stop: what their velocity errs by counts for so long only.
-    sure_s: float = 1.5
+    doubted_s: float = 1.5
     taken_s: float = 1.0  # no leg is planned over where a mover is within so long
+    body_m: float = 0.2  # half of the body's diagonal
+    spare_m: float = 0.2  # beside that, between body and mover
+    yields_by: float = 0.5  # the speeds that are tried: each that share of the one before,
+    least_mps: float = 0.12  # down to this; then the drone waits
 
     @property
     def times_s(self) -> Floats:
-        """The times of a prediction."""
+        """The times of a prediction, (T,)."""
         return np.arange(0.0, self.ahead_s + self.step_s / 2, self.step_s)
-
-
-def predicted_m(mover: MapMover, times_s: Floats, config: MovingConfig) -> tuple[Floats, Floats]:
-    """Return where a mover will be, (T, 2), and the radius that it may fill then, (T,).
-
-    Args:
-        mover: of the map.
-        times_s: (T,) from now on.
-        config: how its uncertainty counts.
-    """
-    doubt_m = np.hypot(mover.std_m, mover.std_mps * np.minimum(times_s, config.sure_s))
-    return mover.at(times_s), mover.radius_m + doubt_m
 
 
 def taken_m(movers: Sequence[MapMover], config: MovingConfig | None = None) -> Floats:
@@ -56,3 +48,48 @@ def taken_m(movers: Sequence[MapMover], config: MovingConfig | None = None) -> F
         for share in (0.5, 1.0)
     ]
     return np.array(points).reshape(-1, 2)
+
+
+def room_m(movers: Sequence[MapMover], places_m: Floats, config: MovingConfig) -> Floats:
+    """Return how much room is left between the body and the movers, beside what they err by.
+
+    Args:
+        movers: of the map.
+        places_m: (..., T, 2) where the drone is at `config.times_s`, in the map's frame.
+        config: how movers are predicted.
+
+    Returns:
+        (...) the least over the time; infinite without movers.
+    """
+    times_s = config.times_s
+    least_m = np.full(places_m.shape[:-2], math.inf)
+    for mover in movers:
+        doubt_m = np.hypot(mover.std_m, mover.std_mps * np.minimum(times_s, config.doubted_s))
+        apart_m = np.linalg.norm(places_m - mover.at(times_s), axis=-1)
+        left_m = apart_m - mover.radius_m - doubt_m - config.body_m
+        least_m = np.minimum(least_m, left_m.min(axis=-1))
+    return least_m
+
+
+def yielding_mps(
+    movers: Sequence[MapMover], path_m: Floats, speed_mps: float, config: MovingConfig
+) -> float:
+    """Return the speed along a path at which nothing that moves comes too near; 0 waits.
+
+    Args:
+        movers: of the map.
+        path_m: (N, 2) from the drone on, in the map's frame.
+        speed_mps: at most.
+        config: how much room movers get.
+    """
+    if not movers or speed_mps <= 0.0:
+        return speed_mps
+    along_m = np.concatenate([[0.0], np.hypot(*np.diff(path_m, axis=0).T).cumsum()])
+    tried_mps = speed_mps
+    while tried_mps >= config.least_mps:
+        flown_m = tried_mps * config.times_s
+        places_m = np.stack([np.interp(flown_m, along_m, axis) for axis in path_m.T], axis=-1)
+        if float(room_m(movers, places_m, config)) >= config.spare_m:
+            return tried_mps
+        tried_mps *= config.yields_by
+    return 0.0

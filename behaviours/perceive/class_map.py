@@ -188,6 +188,9 @@ class RememberObstacles(Leaf):
             self._mapper.follow(motion)
             if scan is not None:
                 self._mapper.see(scan, frame, camera)
+                # What moves is remembered for as long as the map carries it, not as what stands.
+                until_s = frame.captured_s + self._mapper.config.movers.life_s
+                self._memory.forget_by(until_s, self._mapper.trails_m())
             fix = self.read(HELIPAD).value
             if fix is not None and fix.detected:
                 self._mapper.see_mark(fix)

@@ -58,6 +58,12 @@ class Coverage:
             return Decision(done=True, reason="covered") if covered else turn
         reason = f"{leg.new_m2:.1f} m2 in {leg.time_s:.0f} s"
         way = follow(
-            leg, site_map.pose, view.corridor, survey=cfg.survey, config=cfg.follow, reason=reason
+            leg,
+            site_map.pose,
+            view.corridor,
+            survey=cfg.survey,
+            config=cfg.follow,
+            movers=site_map.movers,
+            reason=reason,
         )
         return way or turn

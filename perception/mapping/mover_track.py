@@ -25,8 +25,9 @@ class MoverConfig:
     max_width_m: float = 1.2  # wider ones are walls that a displaced view shows
     depth_m: float = 0.4  # of a thing; its base is seen from one side, its middle lies behind
     least_radius_m: float = 0.25
-    # Of a cluster's middle, and of its range besides: what comes into view shows a part at first.
+    # Of a cluster's middle, and of its range besides.
     std_m: float = 0.06
+    cut_std_m: float = 0.3  # where the end of the view cuts it off
     range_std_ratio: float = 0.02
     accel_mps2: float = 0.5  # movers start and stop
     start_mps: float = 0.5  # one standard deviation of a new cluster's velocity
@@ -70,16 +71,21 @@ class MoverTrack:
         self.number, self._config = number, config
         self.filter = KalmanFilter(dim_x=4, dim_z=2)  # x, its velocity, y, its velocity
         self.filter.H = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-        self.filter.x = np.array([[place_m[0]], [0.0], [place_m[1]], [0.0]])
-        self.filter.P = np.diag([0.0, config.start_mps**2, 0.0, config.start_mps**2])
-        self.filter.P[np.ix_([0, 2], [0, 2])] = noise
         self.first_s = self.seen_s = self.time_s = self.anchor_s = time_s
-        self.begin_m = self.anchor_m = place_m
+        self._begin(place_m, noise)
         self.free_since_s: float | None = None
         self.radius_m = config.least_radius_m
         self.sightings = 1
         self.moves = self.stands = False
+        self.is_whole = True  # it was seen as a whole
         self.trail: list[tuple[float, float, float]] = []  # s, x, y
+
+    def _begin(self, place_m: Floats, noise: Floats) -> None:
+        start_mps = self._config.start_mps
+        self.filter.x = np.array([[place_m[0]], [0.0], [place_m[1]], [0.0]])
+        self.filter.P = np.diag([0.0, start_mps**2, 0.0, start_mps**2])
+        self.filter.P[np.ix_([0, 2], [0, 2])] = noise
+        self.begin_m = self.anchor_m = place_m
 
     @property
     def place_m(self) -> Floats:
@@ -119,16 +125,21 @@ class MoverTrack:
         spread = self.filter.P[np.ix_([0, 2], [0, 2])] + noise
         return float(residual @ np.linalg.solve(spread, residual))
 
-    def sight(self, place_m: Floats, noise: Floats, radius_m: float) -> None:
+    def sight(self, place_m: Floats, noise: Floats, radius_m: float, *, whole: bool = True) -> None:
         """Take in a sighting, at the time that it was predicted to.
 
         Args:
             place_m: (2,) of its middle.
             noise: (2, 2) covariance of that.
             radius_m: of what was seen of it.
+            whole: whether that is all of it.
         """
         cfg = self._config
-        self.filter.update(place_m.reshape(2, 1), R=noise)
+        if whole and not self.is_whole and not self.moves:  # it begins here, not at a part of it
+            self._begin(place_m, noise)
+        else:
+            self.filter.update(place_m.reshape(2, 1), R=noise)
+        self.is_whole |= whole
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
         # What is seen of it grows and shrinks with its place in the view.
         self.radius_m = max(cfg.least_radius_m, radius_m, 0.98 * self.radius_m)

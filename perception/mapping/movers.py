@@ -31,6 +31,7 @@ class _Cluster:
     noise: Floats  # (2, 2) covariance of that
     radius_m: float
     rows: NDArray[np.intp]  # its points
+    whole: bool  # not cut off by the end of the view
 
 
 class MoverTracker:
@@ -60,37 +61,41 @@ class MoverTracker:
                 owned |= track.holds(points_m, margin_m)
         return owned
 
-    def see(self, points_m: Floats, from_m: Floats, time_s: float) -> Flags:
+    def see(
+        self, points_m: Floats, from_m: Floats, time_s: float, *, cut: Flags | None = None
+    ) -> Flags:
         """Take in the points of a view that have arrived on free ground.
 
         Args:
             points_m: (N, 2) in the map's frame.
             from_m: (2,) where the camera was.
             time_s: when.
+            cut: (N,) which of them lie where the view ends: more may stand beside them.
 
         Returns:
             Which of them stand: what they belong to has stayed for so long.
         """
         cfg = self._config
-        for track in self._tracks:
-            track.predict(time_s)
-        stands = np.zeros(len(points_m), dtype=bool)
-        for cluster, owner in self._assigned(self._clusters(points_m, from_m)):
-            if owner is not None:
-                owner.sight(cluster.place_m, cluster.noise, cluster.radius_m)
-                stands[cluster.rows] = owner.stands
-            elif not any(
-                math.dist(cluster.place_m, other.place_m) < cfg.same_m for other in self._tracks
-            ):
-                self._count += 1
-                self._tracks.append(
-                    MoverTrack(self._count, cluster.place_m, cluster.noise, time_s, cfg)
-                )
         self._tracks = [
             track
             for track in self._tracks
             if time_s - track.seen_s <= (cfg.life_s if track.moves else cfg.doubt_s)
         ]
+        for track in self._tracks:
+            track.predict(time_s)
+        stands = np.zeros(len(points_m), dtype=bool)
+        cut = np.zeros(len(points_m), dtype=bool) if cut is None else cut
+        for cluster, owner in self._assigned(self._clusters(points_m, from_m, cut)):
+            if owner is not None:
+                owner.sight(cluster.place_m, cluster.noise, cluster.radius_m, whole=cluster.whole)
+                stands[cluster.rows] = owner.stands
+            elif not any(
+                math.dist(cluster.place_m, other.place_m) < cfg.same_m for other in self._tracks
+            ):
+                self._count += 1
+                track = MoverTrack(self._count, cluster.place_m, cluster.noise, time_s, cfg)
+                track.is_whole = cluster.whole
+                self._tracks.append(track)
         return stands
 
     def places_m(self) -> Floats:
@@ -170,7 +175,7 @@ class MoverTracker:
             )
         return tuple(found)
 
-    def _clusters(self, points_m: Floats, from_m: Floats) -> list[_Cluster]:
+    def _clusters(self, points_m: Floats, from_m: Floats, cut: Flags) -> list[_Cluster]:
         cfg = self._config
         if len(points_m) < max(cfg.min_points, 2):
             return []
@@ -185,8 +190,10 @@ class MoverTracker:
             front_m = members.mean(axis=0)
             range_m = max(math.dist(front_m, from_m), 0.1)
             place_m = front_m + cfg.depth_m / 2 * (front_m - from_m) / range_m
-            noise = np.eye(2) * (cfg.std_m**2 + (cfg.range_std_ratio * range_m) ** 2)
-            found.append(_Cluster(place_m, noise, width_m / 2, rows))
+            whole = not cut[rows].any()
+            std_m = cfg.std_m if whole else cfg.cut_std_m
+            noise = np.eye(2) * (std_m**2 + (cfg.range_std_ratio * range_m) ** 2)
+            found.append(_Cluster(place_m, noise, width_m / 2, rows, whole))
         return found
 
     def _assigned(self, clusters: list[_Cluster]) -> list[tuple[_Cluster, MoverTrack | None]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.mapping.arrivals import ArrivalConfig, is_cut, standing
 from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
 from perception.mapping.landmarks import (
     LandmarkConfig,
@@ -43,17 +44,11 @@ class SiteMapperConfig:
 
     tracked_s: float = 0.6  # without ground followed for longer, telemetry alone is flown by
     displaced_m: float = 0.03  # a view further off the map adds nothing to it
+    lost_m: float = 0.1  # and in one still further off, nothing that moves is followed
     settled_s: float = 1.0  # points known for so long correct the drone's place
     objects_s: float = 0.5  # objects are made of points so often
     mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
     mark_std_ratio: float = 0.05  # and of its range besides
-    # What is seen on ground that was seen before has arrived, unless it is so near to a point that
-    # stands. How near depends on for how long that has been known.
-    beside_m: float = 0.3
-    beside_new_m: float = 0.12
-    beside_mps: float = 0.09
-    settles_s: float = 2.0  # a point on such ground counts only after so long
-    shared_m: float = 0.2  # what is of a mover may be so much nearer
     # Views contradict the map when they show nothing but ground at more than this share of its
     # points that lie in them (heavy drift: a quarter); for so long, and the map begins anew.
     contradiction: float = 0.4
@@ -61,6 +56,7 @@ class SiteMapperConfig:
     judged_points: float = 80.0  # fewer points in all those views say nothing
     restart_s: float = 2.0
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
+    arrivals: ArrivalConfig = field(default_factory=ArrivalConfig)
     movers: MoverConfig = field(default_factory=MoverConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
@@ -70,13 +66,13 @@ class SiteMapper:
     """Makes one map of the views of a mission."""
 
     def __init__(self, config: SiteMapperConfig | None = None) -> None:
-        self._config = config or SiteMapperConfig()
+        self.config = config or SiteMapperConfig()
         self._restarts = 0
         self._motion: MotionEstimate | None = None
         self._begin()
 
     def _begin(self) -> None:
-        cfg = self._config
+        cfg = self.config
         self._grid = GroundGrid(cfg.grid)
         self._registration = Registration(cfg.registration)
         self._bases, self._edges = Landmarks.none(), Landmarks.none()
@@ -88,7 +84,7 @@ class SiteMapper:
 
     def follow(self, motion: MotionEstimate) -> None:
         """Follow the drone."""
-        tracked = motion.untracked_s <= self._config.tracked_s
+        tracked = motion.untracked_s <= self.config.tracked_s
         self._registration.predict(motion.pose, motion.pose.time_s, tracked=tracked)
         self._motion = motion
         here = self._registration.corrected(motion.pose)
@@ -107,7 +103,7 @@ class SiteMapper:
             frame: that it was made from.
             camera: intrinsics at that size.
         """
-        cfg, time_s = self._config, frame.captured_s
+        cfg, time_s = self.config, frame.captured_s
         self._captured_s = time_s
         if self._motion is None:
             return
@@ -124,7 +120,8 @@ class SiteMapper:
             self._begin()
             self._captured_s = self._agreed_s = time_s
             return
-        self._add(seen, lens, time_s, adds=off_m is None or off_m <= cfg.displaced_m)
+        cut = is_cut(seen.bases_m, frame, camera)
+        self._add(seen, lens, time_s, cut=cut, off_m=0.0 if off_m is None else off_m)
         self._grid.see(scan, lens, time_s)
         self._movers.see_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
         if time_s - self._objects_s >= cfg.objects_s:
@@ -132,7 +129,7 @@ class SiteMapper:
 
     def see_mark(self, fix: HelipadFix) -> None:
         """Take in a sighting of the landing mark, given from where the drone is now."""
-        cfg = self._config
+        cfg = self.config
         if self._motion is None:
             return
         reckoned = self._motion.pose
@@ -149,6 +146,12 @@ class SiteMapper:
             self._mark = MapMark(x_m=x_m, y_m=y_m, std_m=std_m, seen_s=fix.captured_s)
         else:
             self._mark = replace(known, seen_s=fix.captured_s)
+
+    def trails_m(self) -> Floats:
+        """Return where movers were lately, in the dead-reckoned frame, and their radius, (K, 3)."""
+        trails_m = self._movers.trails_m()
+        trails_m[:, :2] = self._registration.correction.points_to_body(trails_m[:, :2])
+        return trails_m
 
     def map(self) -> SiteMap:
         """Return the map as it is known now.
@@ -190,7 +193,7 @@ class SiteMapper:
         local_m = np.vstack([seen.bases_m, seen.edges_m])
         places_m = reckoned.points_to_world(local_m + np.array([camera.forward_offset_m, 0.0]))
         known = self._bases.with_rows(self._edges)
-        known = known.take(time_s - known.first_s >= self._config.settled_s)
+        known = known.take(time_s - known.first_s >= self.config.settled_s)
         return self._registration.match(
             Points(places_m, np.concatenate([seen.ids, _edge_ids(seen)])),
             np.hypot(*local_m.T),
@@ -201,7 +204,7 @@ class SiteMapper:
         self, scan: GroundScan, lens: Pose2D, frame: Frame, camera: CameraModel
     ) -> bool:
         """Take from the map what a view shows not to be there; return whether it is too much."""
-        cfg, time_s = self._config, frame.captured_s
+        cfg, time_s = self.config, frame.captured_s
         self._judged *= math.exp(-(time_s - self._judged_s) / cfg.judged_s)
         self._judged_s = time_s
         kept: list[Landmarks] = []
@@ -217,43 +220,21 @@ class SiteMapper:
             self._agreed_s = time_s
         return self._contradicted_s > cfg.restart_s
 
-    def _add(self, seen: Sighting, lens: Pose2D, time_s: float, *, adds: bool) -> None:
-        config = self._config.landmarks
+    def _add(
+        self, seen: Sighting, lens: Pose2D, time_s: float, *, cut: NDArray[np.bool_], off_m: float
+    ) -> None:
+        cfg = self.config
+        adds = off_m <= cfg.displaced_m
         bases = seen_points(seen.bases_m, seen.ids, lens, time_s)
-        if adds:
-            bases = self._standing(bases, lens, time_s)
-        self._bases = merged(self._bases, bases, config, adds=adds)
+        if off_m <= cfg.lost_m:
+            bases = standing(
+                bases, self._bases, self._grid, self._movers, cut=cut, config=cfg.arrivals
+            )
+            known = self._bases
+            self._bases = known.take(~self._movers.passed_over(known.xy_m, known.first_s))
+        self._bases = merged(self._bases, bases, cfg.landmarks, adds=adds)
         edges = seen_points(seen.edges_m, _edge_ids(seen), lens, time_s)
-        self._edges = merged(self._edges, edges, config, adds=adds)
-
-    def _standing(self, seen: Landmarks, lens: Pose2D, time_s: float) -> Landmarks:
-        """Return the points of a view that stand, and follow those that have just arrived."""
-        cfg, places_m = self._config, seen.xy_m
-        on_ground = self._grid.was_ground(places_m)
-        beside_m = self._off_standing_m(places_m, time_s)
-        owned = self._movers.owns(places_m, time_s) & (beside_m > -cfg.shared_m)
-        arrived = (on_ground & (beside_m > 0.0)) | owned
-        stands = ~arrived
-        lens_m = np.array([lens.x_m, lens.y_m])
-        stands[arrived] = self._movers.see(places_m[arrived], lens_m, time_s)
-        seen.settled_s[on_ground] += cfg.settles_s
-        known = self._bases
-        self._bases = known.take(~self._movers.passed_over(known.xy_m, known.first_s))
-        return seen.take(stands)
-
-    def _off_standing_m(self, places_m: Floats, time_s: float) -> Floats:
-        """Return how far places are from the circles around what is known to stand.
-
-        A circle grows with how long the point has been known.
-        """
-        cfg, known = self._config, self._bases.take(self._bases.settled_s <= time_s)
-        if not len(known) or not len(places_m):
-            return np.full(len(places_m), math.inf)
-        reach_m = np.minimum(
-            cfg.beside_m, cfg.beside_new_m + cfg.beside_mps * (time_s - known.settled_s)
-        )
-        apart_m = np.hypot(*np.moveaxis(places_m[:, None] - known.xy_m, -1, 0))
-        return np.asarray((apart_m - reach_m).min(axis=1))
+        self._edges = merged(self._edges, edges, cfg.landmarks, adds=adds)
 
 
 def _edge_ids(seen: Sighting) -> NDArray[np.uint8]:

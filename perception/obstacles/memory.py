@@ -119,6 +119,19 @@ class ObstacleMemory:
         )
         return scan
 
+    def forget_by(self, until_s: float, trails_m: NDArray[np.float64]) -> None:
+        """Keep bases on the trails of what moves no longer than until a time.
+
+        Args:
+            until_s: the time.
+            trails_m: (K, 3) places in the dead-reckoned frame, and the reach around each.
+        """
+        if not len(trails_m) or not len(self._points):
+            return
+        apart_m = np.hypot(*np.moveaxis(self._points[:, None] - trails_m[:, :2], -1, 0))
+        on_trail = (apart_m <= trails_m[:, 2]).any(axis=1) & (self._kinds == _Kind.BASE)
+        self._until_s[on_trail] = np.minimum(self._until_s[on_trail], until_s)
+
     def points(self) -> ObstaclePoints:
         """Return what is remembered, from where the drone is now."""
         pose = self._odometry.now

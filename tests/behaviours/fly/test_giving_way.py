@@ -1,0 +1,103 @@
+"""Leaves give way: what moves at the drone comes before the mission, where the tree says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from behaviours.fly.avoid import Avoid
+from behaviours.fly.explore import Explore
+from behaviours.fly.return_to_base import ReturnToBase
+from behaviours.fly.steering import SteeringLeaf
+from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, Says, show, steering_bench
+from tests.behaviours.path.test_giving_way import mover
+from tests.behaviours.path.test_survey import drawn_map
+from uav_bt.board import ODOMETRY, SITE_MAP
+from uav_bt.testing import LeafBench
+from uav_bt.tree import Status
+from uav_bt.types import BodyVelocity, MoveBy, Velocity
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
+from uav_bt.types.site_map import MapMover
+
+LEAVES = [Explore, Avoid, ReturnToBase]
+COMES = mover(1.6, 0.0, -0.6)
+CROSSES = mover(0.9, -0.9, 0.0, 0.5)
+
+
+def flown(
+    leaf: type[SteeringLeaf],
+    *movers: MapMover,
+    gives_way: bool = True,
+    yaw_rad: float = 0.0,
+    forward_mps: float = 0.0,
+) -> LeafBench:
+    """Return a bench whose leaf has worked for half a second, with movers from the last tick on."""
+    policy = Says(TURN_RIGHT if leaf is Avoid else ADVANCE)
+    bench = steering_bench(leaf, policy, gives_way=gives_way)
+    for step in range(5):
+        show(bench)
+        now_s = bench.clock.now()
+        bench.board[SITE_MAP] = replace(
+            drawn_map(pose=(0.0, 0.0, yaw_rad)),
+            captured_s=now_s,
+            movers=movers if step == 4 else (),
+        )
+        pose = OdometryPose(time_s=now_s, x_m=0.0, y_m=0.0, yaw_rad=yaw_rad)
+        bench.board[ODOMETRY] = MotionEstimate(
+            pose=pose,
+            seen=pose,
+            velocity=BodyVelocity(forward_mps=forward_mps),
+            error=BodyVelocity(),
+            tracked_s=now_s,
+        )
+        assert bench.tick() is Status.RUNNING
+    return bench
+
+
+@pytest.mark.parametrize("leaf", LEAVES)
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
+def test_it_leaves_the_way_of_what_comes(leaf: type[SteeringLeaf], yaw_rad: float) -> None:
+    """Across its course mostly, wherever the nose points."""
+    bench = flown(leaf, COMES, yaw_rad=yaw_rad)
+    way = bench.proposed
+    assert isinstance(way, Velocity)
+    assert bench.feedback == "gives way"
+    x_mps = math.cos(yaw_rad) * way.forward_mps - math.sin(yaw_rad) * way.right_mps
+    y_mps = math.sin(yaw_rad) * way.forward_mps + math.cos(yaw_rad) * way.right_mps
+    assert math.hypot(x_mps, y_mps) > 0.25
+    assert abs(y_mps) > 0.2
+    assert x_mps < 0.3
+
+
+@pytest.mark.parametrize("leaf", LEAVES)
+def test_it_stops_before_it_flies_into_the_way_of_something(leaf: type[SteeringLeaf]) -> None:
+    assert flown(leaf, CROSSES, forward_mps=0.5).proposed == Velocity()
+    assert flown(leaf, CROSSES).feedback != "gives way"
+
+
+@pytest.mark.parametrize("leaf", LEAVES)
+def test_what_passes_changes_nothing(leaf: type[SteeringLeaf]) -> None:
+    passing = flown(leaf, mover(1.7, 1.4, -0.5), forward_mps=0.3)
+    assert passing.feedback != "gives way"
+    assert passing.proposed == flown(leaf, forward_mps=0.3).proposed
+
+
+def test_without_the_port_nobody_gives_way() -> None:
+    """The rules of the paper stay as they are."""
+    bench = flown(Explore, COMES, gives_way=False)
+    assert isinstance(bench.proposed, MoveBy)
+
+
+def test_between_two_maps_the_way_is_held_and_afterwards_the_mission_goes_on() -> None:
+    bench = flown(Explore, COMES)
+    way = bench.proposed
+    bench.clock.advance(0.1)
+    bench.tick()
+    assert bench.proposed == way
+    for _ in range(6):
+        show(bench)
+        bench.board[SITE_MAP] = replace(drawn_map(), captured_s=bench.clock.now())
+        bench.tick()
+    assert isinstance(bench.proposed, MoveBy)
