@@ -49,6 +49,7 @@ class Completer:
         self._page = page
         self._at = offset
         self._snippets = snippets
+        self._ranges: dict[_Part, types.Range] = {}
 
     def items(self) -> list[types.CompletionItem]:
         """Return everything that could stand here."""
@@ -79,10 +80,12 @@ class Completer:
         **more: Any,
     ) -> types.CompletionItem:
         plain = re.sub(r"\$\d", "", new)
+        if part not in self._ranges:  # all items of an answer replace one or two parts
+            self._ranges[part] = self._page.range(*part)
         return types.CompletionItem(
             label=label,
             kind=kind,
-            text_edit=types.TextEdit(self._page.range(*part), new if self._snippets else plain),
+            text_edit=types.TextEdit(self._ranges[part], new if self._snippets else plain),
             insert_text_format=types.InsertTextFormat.Snippet
             if self._snippets and plain != new
             else types.InsertTextFormat.PlainText,
