@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,50 @@ class FastestPaths:
     start: Cell
     time_s: Floats  # to each cell; inf where no path leads
     before: NDArray[np.int64]  # the cell that comes before each, flat; -1: none
+
+    @cached_property
+    def reached(self) -> NDArray[np.intp]:
+        """(N,) the cells that paths lead to, flat."""
+        return np.flatnonzero(np.isfinite(self.time_s))
+
+    @cached_property
+    def parents(self) -> NDArray[np.intp]:
+        """(N,) which of the reached cells comes before each; the start comes before itself."""
+        number = np.full(self.time_s.size, -1)
+        number[self.reached] = np.arange(len(self.reached))
+        before = self.before.reshape(-1)[self.reached]
+        return np.where(before >= 0, number[np.maximum(before, 0)], np.arange(len(before)))
+
+    def summed(self, values: Floats) -> Floats:
+        """Return for each cell the sum of (N,) values over the path to it; 0 where none leads.
+
+        The start's value counts once.
+        """
+        total, parents = values.copy(), self.parents
+        start = parents == np.arange(len(parents))
+        total[start] = 0.0
+        # Each round doubles the length of path that is summed (pointer jumping).
+        while not start[parents].all():
+            total, parents = total + total[parents], parents[parents]
+        found = np.zeros(self.time_s.shape)
+        found.reshape(-1)[self.reached] = total + values[start].sum()
+        return found
+
+    def after(self, steps: int) -> NDArray[np.intp]:
+        """Return the cell that the path to each reached cell passes after so many steps.
+
+        Args:
+            steps: from the start; of a shorter path it is the end.
+
+        Returns:
+            (N, 2) rows and columns.
+        """
+        own = np.arange(len(self.parents))
+        depth = self.summed((self.parents != own).astype(np.float64)).reshape(-1)[self.reached]
+        ancestor = np.where(depth <= steps, own, self.parents)
+        while (depth[ancestor] > steps).any():
+            ancestor = ancestor[ancestor]
+        return np.stack(np.divmod(self.reached[ancestor], self.time_s.shape[1]), axis=1)
 
     def to(self, end: Cell) -> list[Cell]:
         """Return the cells from the start to a cell that a path leads to, both included."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from behaviours.path.moving import MovingConfig, yielding_mps
-from behaviours.path.survey import Floats, Leg, SurveyConfig
+from behaviours.path.survey import Lately, Leg, SurveyConfig
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import MapMover, SiteMap
@@ -30,16 +30,18 @@ class FollowConfig:
     moving: MovingConfig = field(default_factory=MovingConfig)
 
 
-def around(obstacles: ObstaclePoints | None, site_map: SiteMap) -> tuple[Floats, Floats]:
-    """Return where obstacles were seen lately, and are assumed, around the drone, on the map.
+def around(obstacles: ObstaclePoints | None, site_map: SiteMap) -> Lately:
+    """Return what was seen lately around the drone, on the map.
 
     Where the map is off by some centimetres, what was seen lately is right about the drone.
     """
     if obstacles is None:
-        return np.empty((0, 2)), np.empty((0, 2))
-    return (
-        site_map.pose.points_to_world(obstacles.points_m),
-        site_map.pose.points_to_world(obstacles.assumed_m),
+        return Lately()
+    to_map = site_map.pose.points_to_world
+    return Lately(
+        seen_m=to_map(obstacles.points_m),
+        assumed_m=to_map(obstacles.assumed_m),
+        edges_m=to_map(obstacles.edges_m),
     )
 
 

@@ -110,7 +110,7 @@ class MapSearch:
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
         rooms = [
-            Room(site_map, *around(obstacles, site_map), config=survey)
+            Room(site_map, around(obstacles, site_map), config=survey)
             for survey in (self.config.survey, self.config.tight)
         ]
         mark = self.mark_of(site_map)

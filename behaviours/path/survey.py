@@ -10,19 +10,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
 from behaviours.path.moving import taken_m
+from behaviours.path.new_ground import passed_for_the_first_time
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.site_map import SiteMap
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+
+_AHEAD_CELLS: Final = 4  # on a path: where it leads to at first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +36,7 @@ class SurveyConfig:
     Distances are from the body's centre, half of whose diagonal is 0.2 m.
     """
 
-    touch_m: float = 0.42  # no leg passes an obstacle nearer: a decimetre is the map's drift
+    touch_m: float = 0.40  # no leg passes an obstacle nearer: half a decimetre is the map's drift
     wide_m: float = 0.75  # from here on the full speed
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
     unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
@@ -48,8 +52,6 @@ class SurveyConfig:
     unseen_worth: float = 0.5  # of a cell that may be ground, beside one that is
     yaw_rate_radps: float = 0.8  # of the first turn
     leg_s: float = 1.0  # lost at the end of each leg
-    grid_step: int = 3  # of the ends that are tried, cells
-    stamp_step: int = 3  # of the places on a path whose surroundings are counted, cells
     least_m2: float = 0.06  # a leg that passes less new ground is not worth it
     ahead_m: float = 0.6  # on the path: where the drone steers to
 
@@ -63,6 +65,10 @@ class SurveyConfig:
         return np.asarray(self.slow_mps + share * (self.fast_mps - self.slow_mps))
 
 
+def _nothing() -> Floats:
+    return np.empty((0, 2))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Leg:
     """A path to fly, and what it is worth."""
@@ -73,30 +79,38 @@ class Leg:
     new_m2: float  # ground that it passes for the first time
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lately:
+    """What was seen lately around the drone, in the map's frame."""
+
+    seen_m: Floats = field(default_factory=_nothing)  # (N, 2) obstacles
+    assumed_m: Floats = field(default_factory=_nothing)  # (M, 2) where they are assumed
+    edges_m: Floats = field(default_factory=_nothing)  # (K, 2) where the ground ends
+
+
 class Room:
     """What of a map can be flown, and how far everything is from obstacles and edges.
 
     Args:
         site_map: as it is known now.
-        seen_m: (N, 2) where obstacles were seen lately besides, in the map's frame.
-        assumed_m: (M, 2) where they are assumed.
+        lately: what was seen besides.
         config: how near legs may pass.
     """
 
     def __init__(
         self,
         site_map: SiteMap,
-        seen_m: Floats,
-        assumed_m: Floats,
+        lately: Lately,
         *,
         config: SurveyConfig | None = None,
     ) -> None:
         config = config or SurveyConfig()
         self.map, self.config = site_map, config
-        standing = np.vstack([site_map.obstacles_m, taken_m(site_map.movers), seen_m])
+        standing = np.vstack([site_map.obstacles_m, taken_m(site_map.movers), lately.seen_m])
         self.obstacle_m = self._distance_m(standing)
-        doubt_m = self._distance_m(assumed_m)
-        edge_m = np.minimum(self._distance_m(site_map.edges_m), self._distance_of(site_map.outside))
+        doubt_m = self._distance_m(lately.assumed_m)
+        ends_m = self._distance_m(np.vstack([site_map.edges_m, lately.edges_m]))
+        edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
         # In one measure: what may be passed nearer counts as so much further away.
         room = np.minimum(self.obstacle_m, doubt_m + config.touch_m - config.doubt_m)
         room = np.minimum(room, self._unknown_m() + config.touch_m - config.unknown_m)
@@ -177,70 +191,36 @@ class Room:
         return self.map.cell_m * cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
 
 
-def new_ground_per_second(new_m2: float, time_s: float) -> float:
-    """Return what a leg is worth: the ground that it passes for the first time, in a second."""
+def new_ground_per_second(new_m2: Floats, time_s: Floats) -> Floats:
+    """Return what legs are worth: the ground that they pass for the first time, in a second."""
     return new_m2 / time_s
 
 
 def best_leg(
-    room: Room, value: Callable[[float, float], float] = new_ground_per_second
+    room: Room, value: Callable[[Floats, Floats], Floats] = new_ground_per_second
 ) -> Leg | None:
     """Return the leg of the greatest value; None when none is worth it.
 
     Args:
         room: what can be flown.
-        value: of new ground, m2, for a time, s; it falls with time.
+        value: of legs, by the new ground that each passes, m2, and the time it takes, s.
     """
-    cfg, site_map = room.config, room.map
-    time_s = room.fastest.time_s
-    worth = room.worth()
-    ends = np.zeros(time_s.shape, dtype=bool)
-    ends[:: cfg.grid_step, :: cfg.grid_step] = True
-    ends &= np.isfinite(time_s)
-    ends[room.start] = False
-    disc = _disc(cfg.reach_m / site_map.cell_m)
-    cell_m2 = site_map.cell_m**2
-    best: tuple[float, list[Cell], float, float] | None = None
-    # No leg gains more than all there is: what takes too long for that is not tried.
-    most_m2 = float(worth.sum()) * cell_m2
-    order = np.argwhere(ends)[np.argsort(time_s[ends], kind="stable")]
-    for row, column in order:
-        end = (int(row), int(column))
-        spent_s = float(time_s[end]) + cfg.leg_s
-        if best is not None and value(most_m2, spent_s) <= best[0]:
-            break
-        path = room.fastest.to(end)
-        new_m2 = cell_m2 * _new_ground(path, worth, disc, cfg.stamp_step)
-        if new_m2 < cfg.least_m2:
-            continue
-        spent_s += _first_turn_s(path, room)
-        worth_of_leg = value(new_m2, spent_s)
-        if best is None or worth_of_leg > best[0]:
-            best = (worth_of_leg, path, spent_s, new_m2)
-    if best is None:
+    cfg, cell_m, paths = room.config, room.map.cell_m, room.fastest
+    passed = passed_for_the_first_time(paths, room.worth(), cfg.reach_m / cell_m)
+    new_m2 = cell_m**2 * passed.reshape(-1)[paths.reached]
+    spent_s = paths.time_s.reshape(-1)[paths.reached] + cfg.leg_s + _first_turns_s(room)
+    worth_it = (new_m2 >= cfg.least_m2) & (paths.parents != np.arange(len(new_m2)))
+    if not worth_it.any():
         return None
-    _, path, spent_s, new_m2 = best
-    return room.leg(path, time_s=spent_s, new_m2=new_m2)
+    best = int(np.where(worth_it, value(new_m2, spent_s), -math.inf).argmax())
+    row, column = divmod(int(paths.reached[best]), paths.time_s.shape[1])
+    path = paths.to((row, column))
+    return room.leg(path, time_s=float(spent_s[best]), new_m2=float(new_m2[best]))
 
 
-def _new_ground(path: list[Cell], worth: Floats, disc: Flags, step: int) -> float:
-    """Return what the ground around a path is worth, in cells."""
-    reach = disc.shape[0] // 2
-    framed = np.zeros((worth.shape[0] + 2 * reach, worth.shape[1] + 2 * reach), dtype=bool)
-    for row, column in {*path[::-step], path[-1]}:
-        framed[row : row + disc.shape[0], column : column + disc.shape[1]] |= disc
-    return float(worth[framed[reach:-reach, reach:-reach]].sum())
-
-
-def _first_turn_s(path: list[Cell], room: Room) -> float:
-    """Return how long the drone turns before it can fly along a path."""
-    ahead = path[min(len(path) - 1, 4)]
-    azimuth = math.atan2(ahead[1] - path[0][1], ahead[0] - path[0][0])
-    turn_rad = abs(math.remainder(azimuth - room.map.pose.yaw_rad, 2.0 * math.pi))
-    return turn_rad / room.config.yaw_rate_radps
-
-
-def _disc(radius_cells: float) -> Flags:
-    reach = int(radius_cells)
-    down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    return np.asarray(np.hypot(down, right) <= radius_cells)
+def _first_turns_s(room: Room) -> Floats:
+    """Return how long the drone turns before it can fly along the path to each reached cell."""
+    apart = room.fastest.after(_AHEAD_CELLS) - np.array(room.start)
+    azimuth = np.arctan2(apart[:, 1], apart[:, 0])
+    turn_rad = np.abs(np.angle(np.exp(1j * (azimuth - room.map.pose.yaw_rad))))
+    return np.asarray(turn_rad / room.config.yaw_rate_radps)

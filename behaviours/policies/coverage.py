@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.survey import Room, SurveyConfig, best_leg, new_ground_per_second
+from behaviours.path.survey import Floats, Room, SurveyConfig, best_leg, new_ground_per_second
 from uav_bt.protocols import Decision, PolicyView
 
 
@@ -18,7 +18,7 @@ class CoverageConfig:
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     # When legs with all that room bring less new ground than this, narrower ones are tried.
     little_m2ps: float = 0.03
-    tight_m: float = 0.38  # from obstacles
+    tight_m: float = 0.34  # from obstacles
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     follow: FollowConfig = field(default_factory=FollowConfig)
 
@@ -28,13 +28,13 @@ class Coverage:
 
     Args:
         config: how legs are flown.
-        value: of a leg: of the new ground that it passes, m2, for its time, s.
+        value: of legs, by the new ground that each passes, m2, and the time it takes, s.
     """
 
     def __init__(
         self,
         config: CoverageConfig | None = None,
-        value: Callable[[float, float], float] = new_ground_per_second,
+        value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
     ) -> None:
         self.config = config or CoverageConfig()
         self._value = value
@@ -47,11 +47,11 @@ class Coverage:
         )
         if site_map is None:
             return turn
-        room = Room(site_map, *around(view.obstacles, site_map), config=cfg.survey)
+        room = Room(site_map, around(view.obstacles, site_map), config=cfg.survey)
         leg = best_leg(room, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
             narrow = replace(cfg.survey, touch_m=cfg.tight_m)
-            room = Room(site_map, *around(view.obstacles, site_map), config=narrow)
+            room = Room(site_map, around(view.obstacles, site_map), config=narrow)
             leg = best_leg(room, self._value) or leg
         if leg is None:
             covered = view.full_turns > 0 and not room.shut_in

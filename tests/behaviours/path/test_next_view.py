@@ -16,8 +16,8 @@ from behaviours.path.next_view import (
     still_shows_m2,
     unseen,
 )
-from behaviours.path.survey import Room
-from tests.behaviours.path.test_survey import NOTHING, drawn_map, where
+from behaviours.path.survey import Lately, Room
+from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types import CameraModel
 from uav_bt.types.site_map import SiteMap
 
@@ -27,7 +27,7 @@ WALL = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, 0.5)])
 
 
 def room_of(site_map: SiteMap) -> Room:
-    return Room(site_map, NOTHING, NOTHING)
+    return Room(site_map, Lately())
 
 
 def test_the_sight_follows_from_camera_pitch_and_height() -> None:

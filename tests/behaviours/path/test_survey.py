@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from behaviours.path.survey import Leg, Room, SurveyConfig, best_leg
+from behaviours.path.survey import Lately, Leg, Room, SurveyConfig, best_leg
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import SiteMap
@@ -50,7 +50,7 @@ def where(condition: str) -> NDArray[np.bool_]:
 
 
 def leg(site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING) -> Leg | None:
-    return best_leg(Room(site_map, NOTHING, assumed, config=CONFIG))
+    return best_leg(Room(site_map, Lately(assumed_m=assumed), config=CONFIG))
 
 
 def test_the_leg_leads_to_the_half_that_was_not_passed() -> None:
@@ -111,8 +111,8 @@ def test_a_drone_too_near_to_a_box_flies_on_as_near_and_away() -> None:
 
 def test_walls_all_round_shut_in() -> None:
     ring = [(0.8 * math.cos(a), 0.8 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 120)]
-    assert Room(drawn_map(obstacles=np.array(ring)), NOTHING, NOTHING).shut_in
-    assert not Room(drawn_map(), NOTHING, NOTHING).shut_in
+    assert Room(drawn_map(obstacles=np.array(ring)), Lately()).shut_in
+    assert not Room(drawn_map(), Lately()).shut_in
 
 
 def test_the_speed_rises_with_the_room() -> None:
@@ -129,3 +129,12 @@ def test_a_drone_off_the_grid_plans_from_its_edge() -> None:
 def test_speeds_in_the_wrong_order_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="in order"):
         SurveyConfig(slow_mps=1.0, fast_mps=0.5)
+
+
+def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
+    """The map's edge may be off by its drift; what was just seen is right about the drone."""
+    site_map = drawn_map()
+    ahead_m = np.array([[0.6, y_m] for y_m in np.arange(-0.5, 0.55, 0.05)])
+    row, column = site_map.cell_of(0.5, 0.0)
+    assert Room(site_map, Lately()).open[row, column]
+    assert not Room(site_map, Lately(edges_m=ahead_m)).open[row, column]
