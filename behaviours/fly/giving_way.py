@@ -64,7 +64,7 @@ class GivingWay:
         leaf, cfg = self._leaf, self._config
         if is_threatened(site_map, cfg):
             near = around(leaf.read(OBSTACLES).value, site_map)
-            return way_out(Room(site_map, *near, config=self._survey), cfg, before=self._way)
+            return way_out(Room(site_map, near, config=self._survey), cfg, before=self._way)
         motion = leaf.read(ODOMETRY).value
         if motion is None:
             return None

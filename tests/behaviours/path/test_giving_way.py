@@ -18,8 +18,8 @@ from behaviours.path.giving_way import (
     way_out,
 )
 from behaviours.path.moving import MovingConfig, room_m, taken_m, yielding_mps
-from behaviours.path.survey import Room, best_leg
-from tests.behaviours.path.test_survey import NOTHING, drawn_map, where
+from behaviours.path.survey import Lately, Room, best_leg
+from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types.site_map import MapMover, SiteMap
 
 CONFIG, MOVING = GiveWayConfig(), MovingConfig()
@@ -46,7 +46,7 @@ def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
 
 
 def escape(site_map: SiteMap, before: Way | None = None) -> Way:
-    return way_out(Room(site_map, NOTHING, NOTHING), CONFIG, before=before)
+    return way_out(Room(site_map, Lately()), CONFIG, before=before)
 
 
 def least_room_m(way: Way, site_map: SiteMap) -> float:
@@ -96,7 +96,7 @@ def test_a_leg_leads_round_what_stands_in_the_way_for_now() -> None:
     """A person who has stopped for a moment is passed at a distance."""
     halted = mover(0.0, 0.7)
     site_map = with_movers(halted, passed=where("left"), pose=(0.0, -0.4, math.pi / 2))
-    leg = best_leg(Room(site_map, NOTHING, NOTHING))
+    leg = best_leg(Room(site_map, Lately()))
     assert leg is not None
     apart_m = np.hypot(*(leg.path_m - (halted.x_m, halted.y_m)).T)
     assert apart_m.min() > halted.radius_m + 0.3
