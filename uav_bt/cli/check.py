@@ -19,6 +19,7 @@ from uav_bt.tree.loading.findings import Finding, Findings, errors_of
 from uav_bt.tree.loading.loader import check_file, findings_of
 from uav_bt.tree.loading.lookup import Library, Lookup, files_in
 from uav_bt.tree.loading.palette import read_palette, with_palette
+from uav_bt.tree.loading.sarif import sarif_log
 from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
 
 
@@ -117,7 +118,12 @@ def lookup_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @tree_option
 @palette_option
 @lookup_options
-@format_option("text", "json", help_="json: one object a line and file, with its findings.")
+@format_option(
+    "text",
+    "json",
+    "sarif",
+    help_="json: one object a line and file, with its findings. sarif: for code review tools.",
+)
 @click.pass_context
 def check(
     ctx: click.Context,
@@ -138,23 +144,25 @@ def check(
     As JSON, each line is an object with
       file      the file's path
       ok        true or false
-      findings  objects with path, line, column, node, message and severity
-                (error or warning); path is another one than the file's in
-                what it includes, line and column count from 1 and are null
-                for the file as a whole
+      findings  objects with path, line, column, node, message, severity
+                (error or warning) and rule, a name that stays; path is
+                another one than the file's in what it includes, line and
+                column count from 1 and are null for the file as a whole
+
+    sarif is one log of SARIF 2.1.0 with a run for all files; their paths are relative to the folder
+    in which the command is called.
     """  # noqa: D301  (click needs the backspace)
-    refused = 0
+    reports = []
     for tree in trees:
         for path, findings in _reports(tree, registry, tree_id, lookup):
-            refused += bool(errors_of(findings))
+            reports.append((path, findings))
             if format_ == "json":
                 click.echo(_as_json(path, findings))
-                continue
-            for finding in findings:
-                click.echo(str(finding), err=True)
-            if not errors_of(findings):
-                click.echo(f"{path}: good")
-    if refused:
+            elif format_ == "text":
+                _print(path, findings)
+    if format_ == "sarif":
+        click.echo(sarif_log(reports, Path.cwd()))
+    if any(errors_of(findings) for _, findings in reports):
         ctx.exit(InputError.exit_code)
 
 
@@ -176,6 +184,13 @@ def _reports(
         yield path, tuple(each for each in found if others.get(each.path, path) == path)
 
 
+def _print(path: Path, findings: tuple[Finding, ...]) -> None:
+    for finding in findings:
+        click.echo(str(finding), err=True)
+    if not errors_of(findings):
+        click.echo(f"{path}: good")
+
+
 def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
     return json.dumps(
         {
@@ -190,6 +205,7 @@ def _as_json(path: Path, findings: tuple[Finding, ...]) -> str:
                     "node": finding.node,
                     "message": finding.message,
                     "severity": finding.severity,
+                    "rule": finding.rule.id,
                 }
                 for finding in findings
             ],

@@ -13,6 +13,7 @@ from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import Finding, Findings, Position, errors_of
 from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of
 from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
@@ -200,7 +201,9 @@ class Builder:
             if parse_reference(name, POLICY_PORT) is None and registered not in known:
                 message = str(UnknownNameError("policy", registered, known))
                 where = plan.element.at(POLICY_PORT)
-                self._findings.add(plan.element.path, where, message, plan.path)
+                self._findings.add(
+                    plan.element.path, where, message, plan.path, rule=Rule.NOT_INSTALLED
+                )
 
     def _leaf_class(self, plan: _Plan) -> type[Leaf] | None:
         if plan.element.tag == NodeKind.SUBTREE.value:

@@ -10,6 +10,7 @@ from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.loading.document import Document, autoremaps
 from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, node_attributes, node_id_of, walk
 from uav_bt.tree.loading.structure import check_structure
 from uav_bt.tree.loading.variable_checker import check_variables, key_fits
@@ -68,8 +69,10 @@ class Checker:
             for element in walk(tree):
                 self.check_element(element)
 
-    def _note(self, element: Element, message: str, attribute: str = "") -> None:
-        self._findings.note(element, message, attribute)
+    def _note(
+        self, element: Element, message: str, attribute: str = "", rule: Rule = Rule.ATTRIBUTE
+    ) -> None:
+        self._findings.note(element, message, attribute, rule=rule)
 
     def check_element(self, element: Element) -> None:
         """Check the attributes of one node, which is known and has its place."""
@@ -88,8 +91,9 @@ class Checker:
             else:
                 given[name] = text
         bound, wrong = bind_ports(node.ports, given, CONDITION_ATTRIBUTES)
+        scripts = {port.name for port in node.ports if port.check in SCRIPTS}
         for name, message in wrong.items():
-            self._note(element, message, name)
+            self._note(element, message, name, Rule.SCRIPT if name in scripts else Rule.ATTRIBUTE)
         for port in node.ports:
             value = bound.get(port.name)
             if isinstance(value, Reference) and value.on_board:
@@ -100,14 +104,15 @@ class Checker:
     def _check_condition(self, element: Element, name: str, text: str) -> None:
         message = check_condition(text)
         if message is not None:
-            self._note(element, f"attribute '{name}': {message}", name)
+            self._note(element, f"attribute '{name}': {message}", name, Rule.SCRIPT)
         else:
             self._check_script_names(element, name, text)
 
     def _check_script_names(self, element: Element, attribute: str, text: str) -> None:
         script = parse_script(text)
         for odd in script.oddities:
-            self._findings.warn(element, f"attribute '{attribute}': {odd}", attribute)
+            message = f"attribute '{attribute}': {odd}"
+            self._findings.warn(element, message, attribute, rule=Rule.SCRIPT)
         for part in script.walk():
             if not isinstance(part, Name) or not part.name.startswith("@"):
                 continue
@@ -120,20 +125,23 @@ class Checker:
                 message = f"board key '{key.name}' holds {key.type.__name__}, no number and no text"
             else:
                 continue
-            self._note(element, f"attribute '{attribute}': {message}", attribute)
+            whole = f"attribute '{attribute}': {message}"
+            self._note(element, whole, attribute, Rule.BOARD_KEY)
 
     def _check_board_reference(self, element: Element, port: Port[Any], at: Reference) -> None:
         key = self._board_keys.get(at.key)
         if key is None and self._registry.foreign_board:
             return
         if key is None:
-            self._note(element, f"attribute '{port.name}': {self._no_key(at.key)}", port.name)
+            message = f"attribute '{port.name}': {self._no_key(at.key)}"
+            self._note(element, message, port.name, Rule.BOARD_KEY)
         elif not key_fits(port, key):
             self._note(
                 element,
                 f"attribute '{port.name}' takes {port.type.__name__}, "
                 f"but board key '{at.key}' holds {key.type.__name__}",
                 port.name,
+                Rule.BOARD_KEY,
             )
 
     def _no_key(self, key: str) -> str:
@@ -146,7 +154,8 @@ class Checker:
         tree_id = element.attributes.get("ID", "")
         if tree_id and tree_id not in trees and tree_id not in self._registry:
             hint = f"{did_you_mean(tree_id, trees)}{self._document.unread}"
-            self._note(element, f"there is no tree '{tree_id}'{hint}", "ID")
+            message = f"there is no tree '{tree_id}'{hint}"
+            self._note(element, message, "ID", Rule.UNKNOWN_TREE)
         if "_autoremap" in element.attributes:
             try:
                 SubTree.AUTOREMAP.convert(element.attributes["_autoremap"])
@@ -176,9 +185,8 @@ class Checker:
             self._note(element, f"'{name}' cannot be a variable's name", name)
         elif described is not None and name not in described:
             hint = did_you_mean(name, described)
-            self._findings.warn(
-                element, f"the tree is described without a port '{name}'{hint}", name
-            )
+            message = f"the tree is described without a port '{name}'{hint}"
+            self._findings.warn(element, message, name, rule=Rule.NODE_MODEL)
         try:
             reference = parse_reference(text, name)
         except ValueError as error:
@@ -186,7 +194,8 @@ class Checker:
             return
         unknown = reference is not None and reference.key not in self._board_keys
         if reference and reference.on_board and unknown and not self._registry.foreign_board:
-            self._note(element, f"attribute '{name}': {self._no_key(reference.key)}", name)
+            message = f"attribute '{name}': {self._no_key(reference.key)}"
+            self._note(element, message, name, Rule.BOARD_KEY)
 
     def _check_recursion(self) -> None:
         uses = {
@@ -212,6 +221,7 @@ class Checker:
             if inner in chain:
                 names = [*chain]
                 loop = " > ".join([*names[names.index(inner) :], inner])
-                self._note(node, f"the tree contains itself: {loop}", "ID")
+                message = f"the tree contains itself: {loop}"
+                self._note(node, message, "ID", Rule.UNKNOWN_TREE)
             elif inner not in done and inner in uses:
                 chain[inner] = iter(uses[inner])

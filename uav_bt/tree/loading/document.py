@@ -11,6 +11,7 @@ from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.findings import WARNING, Findings
 from uav_bt.tree.loading.lookup import Includes, Lookup
 from uav_bt.tree.loading.models import read_models
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import (
     Element,
     check_attributes,
@@ -128,19 +129,21 @@ def outline(
 def _check_root(root: Element, findings: Findings) -> bool:
     path = root.path
     if root.tag != "root":
-        findings.add(path, root.position, f"expected the element <root>, got <{root.tag}>")
+        message = f"expected the element <root>, got <{root.tag}>"
+        findings.add(path, root.position, message, rule=Rule.ROOT)
         return False
     check_attributes(root, _ROOT_ATTRIBUTES, findings)
     check_no_text(root, findings)
     for position in root.raw:
         message = "a raw '&' or '<' in an attribute is no XML: write &amp; or &lt;"
-        findings.add(path, position, message, severity=WARNING)
+        findings.add(path, position, message, severity=WARNING, rule=Rule.FILE)
     version = root.attributes.get("BTCPP_format")
     expected = 'expected BTCPP_format="4", got'
     if version is None:
-        findings.warn(root, f"{expected} nothing")
+        findings.warn(root, f"{expected} nothing", rule=Rule.ROOT)
     elif version != "4":
-        findings.add(path, root.at("BTCPP_format"), f"{expected} '{version}'", "root")
+        where = root.at("BTCPP_format")
+        findings.add(path, where, f"{expected} '{version}'", "root", rule=Rule.ROOT)
     return True
 
 
@@ -159,7 +162,8 @@ def _read_parts(
         _read_tree(tree, document, registry, findings, alone=len(trees) == 1)
     for number, models in enumerate(parts["TreeNodesModel"]):
         if number:
-            findings.note(models, "a file has one <TreeNodesModel>: move its content to the first")
+            message = "a file has one <TreeNodesModel>: move its content to the first"
+            findings.note(models, message, rule=Rule.NODE_MODEL)
         _read_models(models, document, registry, findings)
 
 
@@ -178,16 +182,16 @@ def _read_tree(
     if not tree_id and alone:
         tree_id = f"BehaviorTree_{len(document.trees)}"  # as the engine calls it
     if not tree_id:
-        findings.add(path, element.position, "attribute 'ID' is missing", "BehaviorTree")
+        message = "attribute 'ID' is missing"
+        findings.add(path, element.position, message, "BehaviorTree", rule=Rule.TREE_ID)
         return
     if len(element.children) != 1:
         count = len(element.children)
-        findings.note(element, f"needs exactly one child, has {count}")
+        findings.note(element, f"needs exactly one child, has {count}", rule=Rule.CHILDREN)
     if tree_id in document.trees:
         first = document.trees[tree_id]
-        findings.note(
-            element, f"this ID is taken by the tree at {first.path}:{first.position}", "ID"
-        )
+        message = f"this ID is taken by the tree at {first.path}:{first.position}"
+        findings.note(element, message, "ID", rule=Rule.TREE_ID)
         return
     _check_id(element, tree_id, registry, findings)
     document.trees[tree_id] = element
@@ -196,15 +200,13 @@ def _read_tree(
 def _check_id(element: Element, tree_id: str, registry: NodeRegistry, findings: Findings) -> None:
     forbidden = next((letter for letter in tree_id if letter in _NOT_IN_AN_ID), None)
     if forbidden is not None:
-        findings.note(
-            element,
-            f"a tree's ID cannot have '{forbidden}' (the engine refuses it since 4.8.4); write "
-            f"'{''.join('_' if letter in _NOT_IN_AN_ID else letter for letter in tree_id)}'",
-            "ID",
-        )
+        better = "".join("_" if letter in _NOT_IN_AN_ID else letter for letter in tree_id)
+        message = f"a tree's ID cannot have '{forbidden}' (the engine refuses it since 4.8.4)"
+        findings.note(element, f"{message}; write '{better}'", "ID", rule=Rule.TREE_ID)
     elif tree_id == "root" or tree_id in registry:
         what = "is reserved" if tree_id == "root" else "is the name of a node"
-        findings.note(element, f"'{tree_id}' {what}: choose another ID", "ID")
+        message = f"'{tree_id}' {what}: choose another ID"
+        findings.note(element, message, "ID", rule=Rule.TREE_ID)
 
 
 def _fetch(document: Document, lookup: Lookup, registry: NodeRegistry, findings: Findings) -> None:
@@ -218,7 +220,8 @@ def _fetch(document: Document, lookup: Lookup, registry: NodeRegistry, findings:
             continue
         if len(found) > 1:
             places = " and ".join(f"{each.path}:{each.position}" for each, _ in found)
-            findings.note(node, f"tree '{tree_id}' stands in several files: {places}", "ID")
+            message = f"tree '{tree_id}' stands in several files: {places}"
+            findings.note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
         tree, file = found[0]
         _read_tree(tree, document, registry, findings, alone=False)
         document.included[tree.path] = file.source
@@ -258,7 +261,7 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
             f"which of these trees is meant: {', '.join(unused or document.own)}? Choose one with "
             "--tree ID (in Python: tree_id=...), or write it to main_tree_to_execute in <root>"
         )
-    findings.add(document.path, where, reason, "root")
+    findings.add(document.path, where, reason, "root", rule=Rule.ROOT)
 
 
 def _read_models(
@@ -278,15 +281,11 @@ def _compare_model(
 ) -> None:
     path = model.path
     if node.kind.value != model.tag:
-        findings.warn(model, f"described as {model.tag}, but the node is of kind {node.kind.value}")
+        message = f"described as {model.tag}, but the node is of kind {node.kind.value}"
+        findings.warn(model, message, rule=Rule.NODE_MODEL)
     known = [port.name for port in node.ports]
     for name, element in ports.items():
         if name not in known:
             hint = did_you_mean(name, known)
-            findings.add(
-                path,
-                element.at("name"),
-                f"the node has no port '{name}'{hint}",
-                model.label,
-                severity=WARNING,
-            )
+            where, message = element.at("name"), f"the node has no port '{name}'{hint}"
+            findings.add(path, where, message, model.label, severity=WARNING, rule=Rule.NODE_MODEL)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from uav_bt.errors import TreeError
+from uav_bt.tree.loading.rules import Rule
 
 if TYPE_CHECKING:
     from uav_bt.tree.loading.source import Element
@@ -42,6 +43,7 @@ class Finding:
     message: str
     node: str = ""  # the node concerned, as `Tag 'name'`
     severity: str = ERROR  # or WARNING: the file is taken all the same
+    rule: Rule = field(default=Rule.OTHER, compare=False)
 
     def __str__(self) -> str:
         """Return the finding as compilers write theirs."""
@@ -70,6 +72,7 @@ class Findings:
         node: str = "",
         *,
         severity: str = ERROR,
+        rule: Rule = Rule.OTHER,
     ) -> None:
         """Note a finding.
 
@@ -79,11 +82,12 @@ class Findings:
             message: what is wrong.
             node: the node concerned, as `Tag 'name'`.
             severity: ERROR, or WARNING for what the file is taken with.
+            rule: what it is about.
 
         Raises:
             TreeError: there are too many.
         """
-        self._add(Finding(str(path), position, message, node, severity))
+        self._add(Finding(str(path), position, message, node, severity, rule))
 
     def _add(self, finding: Finding) -> None:
         if finding.severity == WARNING:
@@ -96,29 +100,35 @@ class Findings:
             last = Finding(finding.path, WHOLE_FILE, more)
             raise TreeError(finding.path, [*sorted(self._errors), last])
 
-    def note(self, element: Element, message: str, attribute: str = "") -> None:
+    def note(
+        self, element: Element, message: str, attribute: str = "", *, rule: Rule = Rule.OTHER
+    ) -> None:
         """Note what is wrong with an element.
 
         Args:
             element: of a tree file.
             message: what is wrong.
             attribute: the attribute concerned; default: the whole element.
+            rule: what it is about.
 
         Raises:
             TreeError: there are too many findings.
         """
-        self.add(element.path, element.at(attribute), message, element.label)
+        self.add(element.path, element.at(attribute), message, element.label, rule=rule)
 
-    def warn(self, element: Element, message: str, attribute: str = "") -> None:
+    def warn(
+        self, element: Element, message: str, attribute: str = "", *, rule: Rule = Rule.NO_MEANING
+    ) -> None:
         """Note what is odd about an element, but no reason to refuse the file.
 
         Args:
             element: of a tree file.
             message: what is odd.
             attribute: the attribute concerned; default: the whole element.
+            rule: what it is about.
         """
         where = element.at(attribute)
-        self.add(element.path, where, message, element.label, severity=WARNING)
+        self.add(element.path, where, message, element.label, severity=WARNING, rule=rule)
 
     def take_as_warnings(self, other: Findings) -> None:
         """Note what was found elsewhere, all of it as warnings."""

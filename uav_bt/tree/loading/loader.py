@@ -14,6 +14,7 @@ from uav_bt.tree.loading.document import find_main, outline
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position, errors_of
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.registry import NodeRegistry
@@ -227,7 +228,13 @@ def _absent(tree: MissionTree) -> Iterator[Finding]:
             except InputError as error:
                 place = tree.places[leaf.path]
                 message = f"attribute '{port.name}': {error}"
-                yield Finding(str(place.path), place.position, message, leaf.path)
+                yield Finding(
+                    str(place.path),
+                    place.position,
+                    message,
+                    leaf.path,
+                    rule=Rule.NOT_INSTALLED,
+                )
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
@@ -241,7 +248,7 @@ def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
         position = WHOLE_FILE if error.line is None else Position(error.line, 1)
         where = error.path if error.line is None else f"{error.path}:{error.line}"
         message = str(error).removeprefix(f"{where}: ")
-        return (Finding(str(error.path), position, message),)
+        return (Finding(str(error.path), position, message, rule=Rule.FILE),)
     details = error.details if isinstance(error, TreeError) else (error,)
     return tuple(
         detail if isinstance(detail, Finding) else Finding(str(path), WHOLE_FILE, str(detail))

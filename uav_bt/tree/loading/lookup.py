@@ -11,6 +11,7 @@ from typing import Final
 
 from uav_bt.errors import FileError, TreeError
 from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import MAX_BYTES, Element, parse_source, read_source
 
 MAX_INCLUDES: Final = 50
@@ -178,7 +179,7 @@ class Includes:
         else:
             start = include.path.parent if package is None else self._packages[package]
             return self._read(include, findings, start)
-        findings.add(include.path, include.at("path"), message, "include")
+        findings.add(include.path, include.at("path"), message, "include", rule=Rule.INCLUDE)
         return []
 
     def _read(self, include: Element, findings: Findings, start: Path) -> list[Element]:
@@ -201,5 +202,5 @@ class Includes:
             else:
                 self.sources[target] = read_source(target)
                 return [parse_source(self.sources[target], target)]
-        findings.add(include.path, include.at("path"), message, "include")
+        findings.add(include.path, include.at("path"), message, "include", rule=Rule.INCLUDE)
         return []

@@ -7,6 +7,7 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.findings import ERROR, WARNING, Findings
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, check_attributes
 from uav_bt.tree.node import NodeKind
 
@@ -54,7 +55,7 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
         if not node_id:
             _note(model, model, "attribute 'ID' is missing", findings)
         elif node_id in found:
-            findings.warn(model, "described twice; the first counts", "ID")
+            findings.warn(model, "described twice; the first counts", "ID", rule=Rule.NODE_MODEL)
         else:
             found[node_id] = NodeModel(model, kind, node_id, _read_ports(model, findings))
     return list(found.values())
@@ -82,9 +83,11 @@ def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:
 
 
 def _warn(model: Element, part: Element, message: str, findings: Findings) -> None:
-    findings.add(model.path, part.at("name"), message, model.label, severity=WARNING)
+    where, label = part.at("name"), model.label
+    findings.add(model.path, where, message, label, severity=WARNING, rule=Rule.NODE_MODEL)
 
 
 def _note(model: Element, part: Element, message: str, findings: Findings) -> None:
     severity = ERROR if model.tag == NodeKind.SUBTREE.value else WARNING
-    findings.add(model.path, part.position, message, model.label, severity=severity)
+    where, label = part.position, model.label
+    findings.add(model.path, where, message, label, severity=severity, rule=Rule.NODE_MODEL)

@@ -17,6 +17,7 @@ from uav_bt.errors import MissionError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import WARNING, Findings
 from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_models
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import BUILTIN_NODES
@@ -102,7 +103,7 @@ def read_palette(path: Path, odd: Findings | None = None) -> tuple[type[Node], .
     models = [element for element in candidates if element.tag == "TreeNodesModel"]
     if not models:
         expected = f"expected a <TreeNodesModel>, or a <root> that holds one; got <{root.tag}>"
-        findings.add(path, root.position, expected)
+        findings.add(path, root.position, expected, rule=Rule.NODE_MODEL)
     nodes: dict[str, type[Node]] = {}
     for element in models:
         for model in read_models(element, findings):
@@ -158,7 +159,8 @@ def _warn(
     model: NodeModel, element: Element, attribute: str, message: str, findings: Findings
 ) -> None:
     where = element.at(attribute)
-    findings.add(element.path, where, message, model.element.label, severity=WARNING)
+    label = model.element.label
+    findings.add(element.path, where, message, label, severity=WARNING, rule=Rule.NODE_MODEL)
 
 
 def _type_of(name: str) -> tuple[type, tuple[str, ...]]:

@@ -21,6 +21,7 @@ from uav_bt.files import read_bounded
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
 from uav_bt.tree.loading.raw_text import Escaped, escape_raw
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.node import NodeKind
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
@@ -220,7 +221,7 @@ def _check_utf8(data: bytes, path: Path) -> None:
 
 
 def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeError:
-    return TreeError(path, [Finding(str(path), position, message)])
+    return TreeError(path, [Finding(str(path), position, message, rule=Rule.FILE)])
 
 
 KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)

@@ -7,6 +7,7 @@ from typing import Final
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document, subtrees
 from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import (
     KIND_TAGS,
     Element,
@@ -58,9 +59,10 @@ def _check_subtree(element: Element, registry: NodeRegistry, findings: Findings)
     _check_children(element, 0, 0, findings)
     tree_id = element.attributes.get("ID", "")
     if not tree_id:
-        findings.note(element, "attribute 'ID' is missing")
+        findings.note(element, "attribute 'ID' is missing", rule=Rule.ATTRIBUTE)
     elif tree_id in registry:
-        findings.note(element, f"'{tree_id}' is a node, no tree: write <{tree_id}/>", "ID")
+        message = f"'{tree_id}' is a node, no tree: write <{tree_id}/>"
+        findings.note(element, message, "ID", rule=Rule.UNKNOWN_TREE)
 
 
 def _check_node(
@@ -68,7 +70,7 @@ def _check_node(
 ) -> None:
     node_id = node_id_of(element)
     if not node_id:
-        findings.note(element, f"<{element.tag}> needs an attribute 'ID'")
+        findings.note(element, f"<{element.tag}> needs an attribute 'ID'", rule=Rule.ATTRIBUTE)
         return
     if node_id not in registry:
         _note_unknown(element, node_id, document, registry, findings)
@@ -76,9 +78,10 @@ def _check_node(
     node = registry[node_id]
     if element.tag in KIND_TAGS and element.tag != node.kind.value:
         message = f"'{node_id}' is of kind {node.kind.value}, not {element.tag}"
-        findings.warn(element, message, "ID")
+        findings.warn(element, message, "ID", rule=Rule.UNKNOWN_NODE)
     elif element.tag not in KIND_TAGS and "ID" in element.attributes:
-        findings.note(element, "unknown attribute 'ID': the tag says which node it is", "ID")
+        message = "unknown attribute 'ID': the tag says which node it is"
+        findings.note(element, message, "ID", rule=Rule.ATTRIBUTE)
     _check_children(element, node.min_children, node.max_children, findings)
     if node is ReactiveSequence:
         running = [child for child in element.children if child.tag == _ASYNCHRONOUS]
@@ -87,6 +90,7 @@ def _check_node(
                 child,
                 f"a ReactiveSequence can have one {_ASYNCHRONOUS}: each stops the others when it "
                 "runs",
+                rule=Rule.CHILDREN,
             )
 
 
@@ -105,7 +109,7 @@ def _note_unknown(
         hint = did_you_mean(node_id, registry)
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
     attribute = "ID" if element.tag in KIND_TAGS else ""
-    findings.note(element, f"unknown node '{node_id}'{hint}", attribute)
+    findings.note(element, f"unknown node '{node_id}'{hint}", attribute, rule=Rule.UNKNOWN_NODE)
 
 
 def _check_children(
@@ -122,7 +126,7 @@ def _check_children(
         needed = {0: "no children", 1: "exactly one child"}.get(
             min_count, f"exactly {min_count} children"
         )
-    findings.note(element, f"needs {needed}, has {count}")
+    findings.note(element, f"needs {needed}, has {count}", rule=Rule.CHILDREN)
 
 
 def _check_names(tree: Element, findings: Findings) -> None:
@@ -136,4 +140,5 @@ def _check_names(tree: Element, findings: Findings) -> None:
                 f"the SubTree at {first[name].path}:{first[name].position} has this name, too: "
                 "names of SubTrees are unique in a tree; leave it out, or choose another",
                 "name",
+                rule=Rule.TREE_ID,
             )

@@ -15,6 +15,7 @@ from uav_bt.board.blackboard import Key
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
 from uav_bt.tree.loading.variable_uses import BoardUse, VariableUses
 from uav_bt.tree.port import Port
@@ -58,7 +59,8 @@ class _VariableChecker:
 
     def _note(self, use: Use, message: str) -> None:
         element = use.element
-        self._findings.note(element, f"attribute '{use.attribute}'{message}", use.attribute)
+        whole = f"attribute '{use.attribute}'{message}"
+        self._findings.note(element, whole, use.attribute, rule=Rule.VARIABLE)
 
     def _check_ports(self, slot: Slot) -> None:
         """Refuse ports of two types, as the engine does: the first that is made gives the type.
@@ -107,6 +109,7 @@ class _VariableChecker:
                     f"entry '{name}' is used by no node of tree '{tree}'"
                     f"{did_you_mean(name, [slot.name])}",
                     name,
+                    rule=Rule.VARIABLE,
                 )
 
     # --- board keys by another name ---------------------------------------------------------------
