@@ -1,17 +1,19 @@
-"""`uav-bt tree format`: tree files as text."""
+"""`uav-bt tree format` and `diff`: tree files as text, and what two of them differ in."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 import click
 
 from uav_bt.cli.command import Command
 from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import write_whole
+from uav_bt.tree.editing.difference import Change, Difference, differences
 from uav_bt.tree.editing.layout import format_source
-from uav_bt.tree.loading.source import read_source
-from uav_bt.tree.shipped import tree_files
+from uav_bt.tree.loading.source import parse_source, read_source
+from uav_bt.tree.shipped import resolve_tree, tree_files
 
 
 @click.command("format", cls=Command)
@@ -69,3 +71,41 @@ def _format(path: Path, *, write: bool, check: bool) -> int:
         click.echo(f"{path}: {'formatted' if write else 'would be formatted'}")
         return 0 if write else UavBtError.exit_code
     return 0
+
+
+_COLOURS: Final = {
+    Change.ADDED: "green",
+    Change.REMOVED: "red",
+    Change.MOVED: "cyan",
+    Change.CHANGED: "yellow",
+}
+
+
+@click.command(cls=Command)
+@click.argument("before")
+@click.argument("after")
+@click.pass_context
+def diff(ctx: click.Context, *, before: str, after: str) -> None:
+    """Say what two tree files differ in, node by node.
+
+    BEFORE and AFTER are files, or names of missions that ship with uav-bt. Layout, comments, the
+    order of trees and what editors write for themselves (_uid and the like) are no difference;
+    included files are not read. Exits with 0 when the files are the same, 1 when they differ, 2
+    when one cannot be read.
+    """
+    paths = [resolve_tree(before), resolve_tree(after)]
+    roots = [parse_source(read_source(path), path) for path in paths]
+    found = differences(*roots)
+    if found:
+        click.echo(f"--- {paths[0]}\n+++ {paths[1]}")
+    for difference in found:
+        click.secho(_line(difference), fg=_COLOURS[difference.change])
+    ctx.exit(UavBtError.exit_code if found else 0)
+
+
+def _line(difference: Difference) -> str:
+    lines = [
+        str(place.line) for place in (difference.before, difference.after) if place is not None
+    ]
+    line = f"{difference.change.value:8} {difference.path} (line {' -> '.join(lines)})"
+    return ": ".join(filter(None, (line, ", ".join(difference.details))))
