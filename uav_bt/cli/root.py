@@ -127,6 +127,7 @@ _TREE: Final = LazyGroup(
         "render": ("uav_bt.cli.tree:render", "Draw a tree file, with its subtrees in place."),
         "schema": ("uav_bt.cli.tree:schema", "Write an XML Schema of tree files."),
         "format": ("uav_bt.cli.tree_text:format_trees", "Lay tree files out."),
+        "migrate": ("uav_bt.cli.tree_text:migrate", "Make a file of version 3 one of version 4."),
         "diff": ("uav_bt.cli.tree_text:diff", "Say what two tree files differ in."),
     },
 )

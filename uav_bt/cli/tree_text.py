@@ -1,4 +1,4 @@
-"""`uav-bt tree format` and `diff`: tree files as text, and what two of them differ in."""
+"""`uav-bt tree format`, `migrate` and `diff`: tree files as text."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from typing import Final
 
 import click
 
-from uav_bt.cli.command import Command
+from uav_bt.cli.command import Command, OutputFile
+from uav_bt.cli.options import INPUT
 from uav_bt.errors import FileError, InputError, UavBtError
-from uav_bt.files import write_whole
+from uav_bt.files import write_whole, writing
 from uav_bt.tree.editing.difference import Change, Difference, differences
 from uav_bt.tree.editing.layout import format_source
+from uav_bt.tree.editing.migration import migrate_source
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.shipped import resolve_tree, tree_files
 
@@ -71,6 +73,44 @@ def _format(path: Path, *, write: bool, check: bool) -> int:
         click.echo(f"{path}: {'formatted' if write else 'would be formatted'}")
         return 0 if write else UavBtError.exit_code
     return 0
+
+
+@click.command(cls=Command)
+@click.argument("file", type=INPUT)
+@click.option(
+    "-o",
+    "--out",
+    metavar="FILE",
+    type=OutputFile(),
+    help="Write the new file there; it is printed if not given. A file that exists stays.",
+)
+@click.pass_context
+def migrate(ctx: click.Context, *, file: Path, out: Path | None) -> None:
+    """Make a tree file of BehaviorTree.CPP 3 one of version 4.
+
+    Names and attributes are changed as the engine's migration guide has it; comments and layout
+    stay. What has no equal in version 4, or ticks otherwise there, is listed with its line in FILE,
+    and the exit code is 1 then. FILE itself is never changed.
+    """
+    migrated = migrate_source(read_source(file), file)
+    if out is None:
+        click.echo(migrated.data, nl=False)
+    else:
+        _write_new(out, migrated.data)
+        click.echo(f"written: {out} (what is wrong with it: uav-bt check {out})")
+    for finding in migrated.findings:
+        click.echo(str(finding), err=True)
+    ctx.exit(UavBtError.exit_code if migrated.findings else 0)
+
+
+def _write_new(path: Path, data: bytes) -> None:
+    with writing(path):
+        try:
+            with path.open("xb") as file:
+                file.write(data)
+        except FileExistsError as error:
+            message = "there is such a file, and it is not overwritten; choose another name"
+            raise FileError(path, message) from error
 
 
 _COLOURS: Final = {
