@@ -9,6 +9,7 @@ from typing import ClassVar
 from behaviours.fly.movement import MovingLeaf, camera_points_at
 from behaviours.fly.mover import Progress
 from uav_bt.board import FLIGHT_HEIGHT, FRAME, PHASE, STATE
+from uav_bt.mission.safety import Limits
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
 from uav_bt.types import TakeOff as TakeOffCommand
@@ -19,6 +20,17 @@ class TakeOffConfig:
     """When the flight height is reached."""
 
     height_slack_m: float = 0.1  # a smaller error is left to the mission's first advance
+
+
+def _above_ceiling(height_m: float) -> str | None:
+    """Return what is odd about a flight height; a site may have another ceiling."""
+    ceiling_m = Limits().ceiling_m
+    if height_m <= ceiling_m:
+        return None
+    return (
+        f"{height_m:g} m lies above the ceiling of {ceiling_m:g} m: it flies only at a site whose "
+        "limit ceiling_m is higher"
+    )
 
 
 class TakeOff(MovingLeaf):
@@ -33,6 +45,7 @@ class TakeOff(MovingLeaf):
             least=0.3,
             most=20,
             doc="flight height above the carpet, m",
+            caution=_above_ceiling,
         ),
         Port(
             "gimbal_deg",

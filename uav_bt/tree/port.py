@@ -100,6 +100,8 @@ class Port(Generic[T]):
         check: returns normally or raises ValueError (or an InputError) saying what was expected.
         look_up: likewise, where what the value names (a file, a network) is not there. `uav-bt
             check` asks; dry runs and benches, which load nothing, do not.
+        caution: returns what is odd about a value though it is none to refuse, such as one beyond
+            the usual limits; None where nothing is. `uav-bt check` warns of it.
 
     Raises:
         ValueError: the name cannot be an attribute's, or what has a range is no number.
@@ -117,6 +119,7 @@ class Port(Generic[T]):
     most: float | None = None
     check: Callable[[T], object] | None = None
     look_up: Callable[[T], object] | None = None
+    caution: Callable[[T], str | None] | None = None
 
     def __post_init__(self) -> None:
         if not _PORT_NAME.fullmatch(self.name) or self.name in RESERVED_ATTRIBUTES:

@@ -337,6 +337,22 @@ def test_a_warning_is_no_reason_to_refuse(tmp_path: Path) -> None:
     assert report["findings"][0]["severity"] == "warning"
 
 
+def test_a_height_above_the_ceiling_is_a_warning(tmp_path: Path) -> None:
+    """A site may have another ceiling; without one the flight is refused."""
+    path = tree_file(tmp_path, '<Sequence>\n<TakeOff height_m="15"/>\n<Land/>\n</Sequence>')
+    result = run("check", path)
+    assert (result.exit_code, result.stdout) == (0, f"{path}: good\n")
+    assert result.stderr.startswith(f"{path}:4:1: warning: Main/Sequence/TakeOff: ")
+    assert "attribute 'height_m': 15 m lies above the ceiling of 2.4 m" in result.stderr
+    report = json.loads(run("check", path, "--format", "json").stdout)
+    assert (report["ok"], report["findings"][0]["rule"]) == (True, "limit")
+    assert_refused(run("fly", path), "above the ceiling of 2.4 m")
+    at_it = tree_file(tmp_path, '<Sequence><TakeOff height_m="2.4"/><Land/></Sequence>')
+    assert run("check", at_it).stderr == ""
+    variable = '<Sequence><Script code="h:=15"/><TakeOff height_m="{h}"/></Sequence>'
+    assert run("check", tree_file(tmp_path, variable)).stderr == ""
+
+
 def test_a_folder_is_one_workspace(tmp_path: Path) -> None:
     """Trees of other files are found, and what is wrong with one is in its own report only."""
     used = tree_file(tmp_path, '<Land hight="1"/>', "used.xml")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from uav_bt import plugins
@@ -11,7 +12,14 @@ from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import find_main, outline
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position, errors_of
+from uav_bt.tree.loading.findings import (
+    WARNING,
+    WHOLE_FILE,
+    Finding,
+    Findings,
+    Position,
+    errors_of,
+)
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.rules import Rule
@@ -210,31 +218,30 @@ def _check(
     Checker(document, registry, findings).check(roots)
     if errors_of(findings):
         return tuple(findings)
-    absent: list[Finding] = []
+    remarks: list[Finding] = []
     for document.main in roots:
-        absent += _absent(read.build({}, by_id={}, mocks={}))
-    return (*findings, *absent)
+        remarks += _remarks(read.build({}, by_id={}, mocks={}))
+    return (*findings, *remarks)
 
 
-def _absent(tree: MissionTree) -> Iterator[Finding]:
-    """Yield what the leaves of a tree name and will not find when they are set up."""
+def _remarks(tree: MissionTree) -> Iterator[Finding]:
+    """Yield what the leaves of a tree name and will not find when set up, and odd values."""
     for leaf in tree.leaves():
         for port in leaf.ports:
-            look_up = plugins.look_up_policy if port.name == POLICY_PORT else port.look_up
-            if look_up is None or isinstance(port, PalettePort) or port.name not in leaf.literals:
+            if isinstance(port, PalettePort) or port.name not in leaf.literals:
                 continue
-            try:
-                look_up(leaf.literals[port.name])
-            except InputError as error:
-                place = tree.places[leaf.path]
-                message = f"attribute '{port.name}': {error}"
-                yield Finding(
-                    str(place.path),
-                    place.position,
-                    message,
-                    leaf.path,
-                    rule=Rule.NOT_INSTALLED,
-                )
+            place, value = tree.places[leaf.path], leaf.literals[port.name]
+            finding = partial(Finding, str(place.path), place.position, node=leaf.path)
+            lead = f"attribute '{port.name}': "
+            look_up = plugins.look_up_policy if port.name == POLICY_PORT else port.look_up
+            if look_up is not None:
+                try:
+                    look_up(value)
+                except InputError as error:
+                    yield finding(message=f"{lead}{error}", rule=Rule.NOT_INSTALLED)
+            odd = None if port.caution is None else port.caution(value)
+            if odd is not None:
+                yield finding(message=f"{lead}{odd}", severity=WARNING, rule=Rule.LIMIT)
 
 
 def findings_of(error: InputError, path: Path) -> tuple[Finding, ...]:
