@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from behaviours.path.following import around
-from behaviours.path.giving_way import GiveWayConfig, Way, is_threatened, runs_into, way_out
+from behaviours.path.giving_way import (
+    GiveWayConfig,
+    Way,
+    is_of_movers,
+    is_threatened,
+    runs_into,
+    standing_alone,
+    way_out,
+)
 from behaviours.path.survey import Room, SurveyConfig
 from uav_bt.board import OBSTACLES, ODOMETRY, SITE_MAP
 from uav_bt.tree import Port
@@ -23,6 +32,10 @@ GIVES_WAY: Final = Port(
 )
 # To give way the drone may come a little nearer to what stands than a leg is planned.
 _TOUCH_M: Final = 0.38
+# Meanwhile it turns to what moves, so that it sees where that goes on to.
+_IN_VIEW_RAD: Final = math.radians(12)
+_WATCH_PER_S: Final = 1.5
+_WATCH_RADPS: Final = 0.8
 
 
 class GivingWay:
@@ -35,7 +48,7 @@ class GivingWay:
 
     def __init__(self, leaf: SteeringLeaf, config: GiveWayConfig | None = None) -> None:
         self._leaf, self._config = leaf, config or GiveWayConfig()
-        self._survey = SurveyConfig(touch_m=_TOUCH_M)
+        self._survey = SurveyConfig(touch_m=_TOUCH_M, least_start_m=_TOUCH_M)
         self._decided_s = -math.inf  # on the map of then
         self._way: Way | None = None
 
@@ -56,15 +69,31 @@ class GivingWay:
         cos, sin = math.cos(site_map.pose.yaw_rad), math.sin(site_map.pose.yaw_rad)
         x_mps, y_mps = self._way.x_mps, self._way.y_mps
         leaf.propose(
-            Velocity(forward_mps=cos * x_mps + sin * y_mps, right_mps=cos * y_mps - sin * x_mps)
+            Velocity(
+                forward_mps=cos * x_mps + sin * y_mps,
+                right_mps=cos * y_mps - sin * x_mps,
+                yaw_rate_radps=self._watching_radps(site_map),
+            )
         )
         return True
+
+    def _watching_radps(self, site_map: SiteMap) -> float:
+        """Return the turn that keeps the nearest thing that moves in view."""
+        places_m = [site_map.pose.to_body(mover.x_m, mover.y_m) for mover in site_map.movers]
+        forward_m, right_m = min(places_m, key=lambda place_m: math.hypot(*place_m))
+        bearing_rad = math.atan2(right_m, forward_m)
+        if abs(bearing_rad) < _IN_VIEW_RAD:
+            return 0.0
+        return max(-_WATCH_RADPS, min(_WATCH_RADPS, _WATCH_PER_S * bearing_rad))
 
     def _decide(self, site_map: SiteMap) -> Way | None:
         leaf, cfg = self._leaf, self._config
         if is_threatened(site_map, cfg):
             near = around(leaf.read(OBSTACLES).value, site_map)
-            return way_out(Room(site_map, near, config=self._survey), cfg, before=self._way)
+            standing_m = near.seen_m[~is_of_movers(site_map.movers, near.seen_m)]
+            near = replace(near, seen_m=standing_m)
+            room = Room(standing_alone(site_map), near, config=self._survey)
+            return way_out(room, site_map.movers, cfg, before=self._way)
         motion = leaf.read(ODOMETRY).value
         if motion is None:
             return None

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
 from behaviours.path.moving import Floats, MovingConfig, room_m
-from behaviours.path.survey import Room
-from uav_bt.types.site_map import SiteMap
+from behaviours.path.survey import Flags, Room
+from uav_bt.types.site_map import MapMover, SiteMap
+
+_AROUND_M: Final = 0.15  # of a mover's circle: so far off its points may be
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +25,7 @@ class GiveWayConfig:
     speeds_mps: tuple[float, ...] = (0.3, 0.6)
     reaction_s: float = 0.4  # from a decision until it flies
     furthest_m: float = 1.2
+    brake_mps2: float = 0.8
     enough_m: float = 0.5  # of room; more is not worth a longer way
     per_m: float = 0.08  # of room that a metre of way has to bring
     kept_m: float = 0.1  # of room that another direction than the present one has to bring
@@ -56,13 +61,40 @@ def runs_into(site_map: SiteMap, velocity_mps: Floats, config: GiveWayConfig) ->
     return bool(room_m(site_map.movers, places_m, moving) < moving.spare_m)
 
 
-def way_out(room: Room, config: GiveWayConfig, *, before: Way | None = None) -> Way:
-    """Return the velocity that leaves the most room to what moves; to stay is one, too.
+def standing_alone(site_map: SiteMap) -> SiteMap:
+    """Return a map of what stands, as if nothing moved."""
+    return replace(site_map, movers=(), lanes_m=np.empty((0, 2)))
 
-    Only ground that is known to be free and away from what stands is flown over.
+
+def is_of_movers(movers: Sequence[MapMover], points_m: Floats) -> Flags:
+    """Return which points are where something moves now.
 
     Args:
-        room: what can be flown.
+        movers: of the map.
+        points_m: (N, 2) in the map's frame.
+    """
+    found = np.zeros(len(points_m), dtype=bool)
+    for mover in movers:
+        apart_m = np.hypot(*(points_m - (mover.x_m, mover.y_m)).T)
+        found |= apart_m <= mover.radius_m + _AROUND_M
+    return found
+
+
+def way_out(
+    room: Room,
+    movers: Sequence[MapMover],
+    config: GiveWayConfig,
+    *,
+    before: Way | None = None,
+) -> Way:
+    """Return the velocity that leaves the most room to what moves; to stay is one, too.
+
+    Only ground that is known to be free and away from what stands is flown over, and the drone can
+    stop before it ends.
+
+    Args:
+        room: what can be flown, of the map of what stands.
+        movers: what moves there.
         config: how far and how fast.
         before: the way that is being flown.
     """
@@ -73,17 +105,21 @@ def way_out(room: Room, config: GiveWayConfig, *, before: Way | None = None) -> 
     reaches_m = _open_m(room, here_m, headings, config.furthest_m)
     speeds_mps = np.array(config.speeds_mps)
     flown_m = speeds_mps[:, None] * np.maximum(times_s - config.reaction_s, 0.0)
-    flown_m = np.minimum(flown_m, reaches_m[:, None, None])  # (directions, speeds, T)
+    stops_m = speeds_mps**2 / (2.0 * config.brake_mps2)
+    reaches_m = np.maximum(reaches_m[:, None] - stops_m, 0.0)  # (directions, speeds)
+    flown_m = np.minimum(flown_m, reaches_m[..., None])  # (directions, speeds, T)
     places_m = here_m + flown_m[..., None] * headings[:, None, None]
-    left_m = room_m(room.map.movers, places_m, config.moving)
+    left_m = room_m(movers, places_m, config.moving)
     worth = np.minimum(left_m, config.enough_m) - config.per_m * flown_m[..., -1]
     if before is not None and math.hypot(before.x_mps, before.y_mps) > 0.0:
         worth += config.kept_m * np.cos(azimuths - math.atan2(before.y_mps, before.x_mps))[:, None]
-    stays_m = float(
-        room_m(room.map.movers, np.broadcast_to(here_m, (len(times_s), 2)), config.moving)
-    )
+    stays = np.broadcast_to(here_m, (len(times_s), 2))
+    stays_m = float(room_m(movers, stays, config.moving))
     direction, speed = np.unravel_index(int(worth.argmax()), worth.shape)
-    if worth[direction, speed] <= min(stays_m, config.enough_m) or reaches_m[direction] <= 0.0:
+    if (
+        worth[direction, speed] <= min(stays_m, config.enough_m)
+        or reaches_m[direction, speed] <= 0.0
+    ):
         return Way()
     x_mps, y_mps = map(float, speeds_mps[speed] * headings[direction])
     return Way(x_mps=x_mps, y_mps=y_mps)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -109,9 +109,11 @@ class MapSearch:
         if site_map.restarts != self._restarts:  # its frame is another one
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
+        # Where there is no other way, it leads through where something moved, too.
+        crossing = replace(site_map, lanes_m=np.empty((0, 2)))
         rooms = [
-            Room(site_map, around(obstacles, site_map), config=survey)
-            for survey in (self.config.survey, self.config.tight)
+            Room(known, around(obstacles, site_map), config=survey)
+            for known, survey in ((site_map, self.config.survey), (crossing, self.config.tight))
         ]
         mark = self.mark_of(site_map)
         if mark is not None:

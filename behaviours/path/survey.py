@@ -40,6 +40,7 @@ class SurveyConfig:
     wide_m: float = 0.75  # from here on the full speed
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
     unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
+    lane_m: float = 0.9  # where something moved and may come back while nobody looks
     edge_m: float = 0.30  # no leg passes the edge of the ground nearer
     slow_mps: float = 0.3  # at the smallest distance
     fast_mps: float = 0.6
@@ -113,6 +114,8 @@ class Room:
         edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
         # In one measure: what may be passed nearer counts as so much further away.
         room = np.minimum(self.obstacle_m, doubt_m + config.touch_m - config.doubt_m)
+        lane_m = self._distance_m(site_map.lanes_m)
+        room = np.minimum(room, lane_m + config.touch_m - config.lane_m)
         room = np.minimum(room, self._unknown_m() + config.touch_m - config.unknown_m)
         self.clear_m = np.minimum(room, edge_m + config.touch_m - config.edge_m)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))

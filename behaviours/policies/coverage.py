@@ -54,7 +54,9 @@ class Coverage:
             room = Room(site_map, around(view.obstacles, site_map), config=narrow)
             leg = best_leg(room, self._value) or leg
         if leg is None:
-            covered = view.full_turns > 0 and not room.shut_in
+            # What moves is in the way of ground for a while only.
+            still = not site_map.movers and not len(site_map.lanes_m)
+            covered = view.full_turns > 0 and not room.shut_in and still
             return Decision(done=True, reason="covered") if covered else turn
         reason = f"{leg.new_m2:.1f} m2 in {leg.time_s:.0f} s"
         way = follow(

@@ -28,6 +28,10 @@ class GroundGridConfig:
     near_bearings: int = 3  # every so many bearings
     passed_m: float = 0.5  # a cell this near to the flown path was passed
     around_m: float = 0.1  # of a place, seen to be ground: far ground is placed so far off
+    # Where something moved it may come back, for so long, unless the ground was seen since.
+    lane_s: float = 15.0
+    looked_s: float = 0.4  # so long ago at most
+    lane_m: float = 0.2  # around the middle of what moved
     body_m: float = 0.35  # around the drone itself nothing can stand
 
     def __post_init__(self) -> None:
@@ -48,6 +52,9 @@ class GroundGrid:
         self._disc = _disc(config.passed_m / config.cell_m)
         self._around = np.argwhere(_disc(config.around_m / config.cell_m))
         self._around -= self._around.max(axis=0) // 2
+        self._moved_s = np.full((side, side), -np.inf, dtype=np.float32)  # something moved there
+        self._lane = np.argwhere(_disc(config.lane_m / config.cell_m))
+        self._lane -= self._lane.max(axis=0) // 2
         self._body = _disc(config.body_m / config.cell_m)
         self._low, self._high = np.full(2, side // 2), np.full(2, side // 2)  # cells in use
         self.full = False  # something lay outside the grid
@@ -107,6 +114,25 @@ class GroundGrid:
         shown = np.zeros(len(places_m), dtype=bool)
         shown[inside] = self.seen_s[tuple(cells[inside].T)] == np.float32(captured_s)
         return shown
+
+    def note_moving(self, places_m: Floats, captured_s: float) -> None:
+        """Note where something moves.
+
+        Args:
+            places_m: (K, 2) of their middles, in the map's frame.
+            captured_s: of the view that shows them.
+        """
+        cells = (self._cells(places_m)[:, None, :] + self._lane).reshape(-1, 2)
+        inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
+        self._moved_s[tuple(cells[inside].T)] = captured_s
+
+    def lanes_m(self, now_s: float) -> Floats:
+        """Return where something moved lately and may come back unseen, (K, 2)."""
+        cfg = self.config
+        lately = self._moved_s >= now_s - cfg.lane_s
+        unseen = self.seen_s < now_s - cfg.looked_s
+        cells = np.argwhere(lately & unseen)
+        return np.asarray((cells - self.seen_s.shape[0] // 2) * cfg.cell_m)
 
     @property
     def outside(self) -> NDArray[np.bool_]:

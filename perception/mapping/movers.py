@@ -102,6 +102,15 @@ class MoverTracker:
         """Return where everything that is followed should be, (K, 2) in the map's frame."""
         return np.array([track.place_m for track in self._tracks]).reshape(-1, 2)
 
+    def in_view_m(self, time_s: float) -> Floats:
+        """Return where the movers are that a view shows, (K, 2) in the map's frame.
+
+        Args:
+            time_s: of the view.
+        """
+        shown = [one.place_m for one in self._tracks if one.moves and one.seen_s == time_s]
+        return np.array(shown).reshape(-1, 2)
+
     def see_free(self, free: Flags, time_s: float) -> None:
         """Forget what was seen not to be where it should be.
 

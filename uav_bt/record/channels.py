@@ -162,6 +162,7 @@ class SiteMapNote:
     edges_m: NDArray[np.float64]
     captured_s: float
     movers: tuple[MapMover, ...] = ()
+    lanes_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None
     correction: Pose2D

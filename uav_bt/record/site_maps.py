@@ -41,6 +41,7 @@ def note_of(site_map: SiteMap) -> SiteMapNote:
         edges_m=site_map.edges_m.round(_DECIMALS),
         captured_s=site_map.captured_s,
         movers=site_map.movers,
+        lanes_m=site_map.lanes_m.round(_DECIMALS),
         objects=site_map.objects,
         mark=site_map.mark,
         correction=site_map.correction,
@@ -83,6 +84,7 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
         edges_m=note.edges_m,
         captured_s=note.captured_s,
         movers=note.movers,
+        lanes_m=note.lanes_m,
         objects=note.objects,
         mark=note.mark,
         correction=note.correction,
@@ -96,13 +98,13 @@ def _check(note: SiteMapNote) -> None:
     """Refuse what could not be drawn."""
     if len(note.corner_m) != 2 or not 0.0 < note.cell_m < _FAR_M:
         raise InputError(f"a site map of cells of {note.cell_m} m at {note.corner_m} is none")
-    for points_m in (note.obstacles_m, note.edges_m):
+    for points_m in (note.obstacles_m, note.edges_m, note.lanes_m):
         if points_m.ndim != 2 or points_m.shape[1] != 2:
             raise InputError(f"expected (N, 2) points of a site map, got {points_m.shape}")
     things: list[Pose2D | MapObject | MapMark | MapMover] = [note.pose, *note.objects, *note.movers]
     things += [] if note.mark is None else [note.mark]
     places_m = np.array([note.corner_m, *((thing.x_m, thing.y_m) for thing in things)])
-    for some_m in (places_m, note.obstacles_m, note.edges_m):
+    for some_m in (places_m, note.obstacles_m, note.edges_m, note.lanes_m):
         if not (np.abs(some_m) < _FAR_M).all():
             raise InputError("a place of a site map is not finite, or too far away")
     for item in note.objects:

@@ -88,6 +88,8 @@ class SiteMap:
     edges_m: Floats  # (K, 2) points where the ground ends
     captured_s: float  # of the newest frame that went in
     movers: tuple[MapMover, ...] = ()  # what moves; none of it is among the obstacles
+    # (L, 2) where something moved lately and may come back: nobody has looked since
+    lanes_m: Floats = field(default_factory=lambda: np.empty((0, 2)))
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None
     correction: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))

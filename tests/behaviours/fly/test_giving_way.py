@@ -73,7 +73,10 @@ def test_it_leaves_the_way_of_what_comes(leaf: type[SteeringLeaf], yaw_rad: floa
 
 @pytest.mark.parametrize("leaf", LEAVES)
 def test_it_stops_before_it_flies_into_the_way_of_something(leaf: type[SteeringLeaf]) -> None:
-    assert flown(leaf, CROSSES, forward_mps=0.5).proposed == Velocity()
+    stopped = flown(leaf, CROSSES, forward_mps=0.5).proposed
+    assert isinstance(stopped, Velocity)
+    assert (stopped.forward_mps, stopped.right_mps) == (0.0, 0.0)
+    assert stopped.yaw_rate_radps < -0.3  # it watches what crosses from the left
     assert flown(leaf, CROSSES).feedback != "gives way"
 
 

@@ -15,6 +15,7 @@ from behaviours.path.giving_way import (
     Way,
     is_threatened,
     runs_into,
+    standing_alone,
     way_out,
 )
 from behaviours.path.moving import MovingConfig, room_m, taken_m, yielding_mps
@@ -46,7 +47,8 @@ def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
 
 
 def escape(site_map: SiteMap, before: Way | None = None) -> Way:
-    return way_out(Room(site_map, Lately()), CONFIG, before=before)
+    room = Room(standing_alone(site_map), Lately())
+    return way_out(room, site_map.movers, CONFIG, before=before)
 
 
 def least_room_m(way: Way, site_map: SiteMap) -> float:
@@ -150,6 +152,22 @@ def test_beyond_the_edge_and_over_unknown_ground_is_no_way_out() -> None:
     unknown = with_movers(mover(1.6, 0.0, -0.6), known=where("left"), pose=(0.0, -0.6, 0.0))
     unknown = replace(unknown, movers=(mover(1.6, -0.55, -0.6),))
     assert escape(unknown).y_mps <= 0.0
+
+
+def test_it_can_stop_before_what_stands() -> None:
+    """The faster it gives way, the more room it needs before a wall."""
+    wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42 + 0.15)])
+    way = escape(with_movers(mover(1.0, -1.2, -0.5, 0.6), obstacles=wall))
+    assert way.y_mps < 0.31
+
+
+def test_ground_where_something_moved_is_not_flown_over_unseen() -> None:
+    """It may come back; where nobody has looked since, no leg leads there."""
+    lane = np.column_stack([np.arange(-2.0, 2.0, 0.1), np.full(40, 1.2)])
+    crossed = drawn_map(passed=where("left") | where("near"))
+    assert best_leg(Room(crossed, Lately())) is not None
+    leg = best_leg(Room(replace(crossed, lanes_m=lane), Lately()))
+    assert leg is None or leg.path_m[:, 1].max() < 1.2 - 0.8
 
 
 def test_shut_in_it_stays() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,6 +67,12 @@ def test_covered_after_a_full_turn_without_a_leg() -> None:
     assert decide(covered).blocked
     assert not decide(covered).done
     assert decide(covered, full_turns=1).done
+
+
+def test_while_something_moves_nothing_is_covered_for_good() -> None:
+    lane = replace(drawn_map(passed=ALL), lanes_m=np.array([[1.0, 1.0]]))
+    assert not decide(lane, full_turns=1).done
+    assert decide(lane, full_turns=1).blocked
 
 
 def test_the_same_view_gives_the_same_decision() -> None:

@@ -257,6 +257,17 @@ def test_what_stops_on_ground_seen_before_stands_in_the_map() -> None:
     assert near(maps[-1].obstacles_m, *arrives[-1]) >= 4
 
 
+def test_where_something_moved_is_known_until_the_ground_there_is_seen_again() -> None:
+    """It left the view at the side: beyond that nobody has looked, before it everything is seen."""
+    leaves = [(0.8, -0.4 + 0.05 * step) for step in range(36)]
+    maps = list(mapped([None] * 4 + leaves + [None] * 10, SiteMapper()))
+    lane_m = maps[-1].lanes_m
+    assert len(lane_m)
+    assert lane_m[:, 1].min() > 0.4
+    assert np.abs(lane_m[:, 0] - 0.8).max() < 0.4
+
+
 def test_a_place_without_movers_has_none() -> None:
     for found in mapped([(0.8, -0.6)] * 40, SiteMapper()):
         assert found.movers == ()
+        assert not len(found.lanes_m)
