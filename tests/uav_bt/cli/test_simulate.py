@@ -95,3 +95,31 @@ def test_a_node_that_raises_ends_it_with_a_message(tmp_path: Path) -> None:
     assert "    1     0.00  RUNNING  Land R" in result.stdout
     assert "Error: node 'Main/Sequence/Script' failed" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_all_unset_variables_are_named_at_once(tmp_path: Path) -> None:
+    body = (
+        "<Sequence>"
+        '<Script code="set := 1; twice := set * given"/>'
+        '<ScriptCondition code="charge &gt; least"/>'
+        '<SubTree ID="Inner" _autoremap="true"/>'
+        "</Sequence>"
+    )
+    tree = tree_file(tmp_path, body)
+    inner = '<BehaviorTree ID="Inner"><AlwaysSuccess _skipIf="mode == 2"/></BehaviorTree></root>'
+    tree.write_text(tree.read_text().replace("</root>", inner).replace("<root ", MAIN))
+    script = tmp_path / "answers.yaml"
+    script.write_text("default: S\nvariables: {given: 2}\n")
+    result = run("simulate", tree, "--script", script)
+    assert result.exit_code == 1
+    assert "nothing in the tree file sets charge, least, mode" in result.stderr
+    assert "variables: {charge: 0, least: 0, mode: 0}" in result.stderr
+    script.write_text("default: S\nvariables: {given: 2, charge: 3, least: 1, mode: 2}\n")
+    assert run("simulate", tree, "--script", script).exit_code == 0
+    script.write_text("default: S\nvariables: {given: a, charge: 3, least: 1, mode: 2}\n")
+    failed = run("simulate", tree, "--script", script)
+    assert failed.exit_code == 1
+    assert "nothing in the tree file sets" not in failed.stderr
+
+
+MAIN = '<root main_tree_to_execute="Main" '

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,9 +18,10 @@ from uav_bt.board import ELAPSED, MISSION_KEYS
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
-from uav_bt.errors import BoardAccessError, FileError, ValueRangeError
+from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, ValueRangeError
 from uav_bt.tree import MissionTree, Node, NodeRegistry, Status
 from uav_bt.tree.dry_run.script_file import SimulationScript, scripted_tree
+from uav_bt.tree.loading.loader import unset_variables
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.observer import NodeEvent, observe
@@ -85,6 +87,7 @@ class Simulation:
             raise ValueRangeError(f"ticks come one after another, got {tick_s} s between them")
         self.tree: Final = scripted_tree(tree, script, registry, tree_id=tree_id, lookup=lookup)
         self._script = script
+        self._find_unset = partial(unset_variables, tree, registry, tree_id=tree_id, lookup=lookup)
         self._tick_s = tick_s
         self._clock = ManualClock()
         self._board = Blackboard(self._clock, MISSION_KEYS)
@@ -111,7 +114,11 @@ class Simulation:
             self._write_board()
             self._answers.clear()
             self._halted.clear()
-            status = self.tree.tick()
+            try:
+                status = self.tree.tick()
+            except NodeFailedError as error:
+                self._name_unset(error)
+                raise
             now = self._values()
             yield SimulatedTick(
                 tick=tick,
@@ -133,6 +140,16 @@ class Simulation:
             self._halted.append(name)
         elif event in _ANSWERS:
             self._answers.append(Answer(name, _ANSWERS[event]))
+
+    def _name_unset(self, error: NodeFailedError) -> None:
+        """Add all variables that the script has yet to give, as the first may not be the last."""
+        unset = [name for name in self._find_unset() if name not in self._script.variables]
+        if unset:
+            values = ", ".join(f"{name}: 0" for name in unset)
+            error.add_note(
+                f"nothing in the tree file sets {', '.join(unset)}: give them values in "
+                f"{self._script.path}, as in variables: {{{values}}}"
+            )
 
     # --- values -----------------------------------------------------------------------------------
 

@@ -24,6 +24,7 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import parse_source, read_source
+from uav_bt.tree.loading.variable_uses import VariableUses
 from uav_bt.tree.mission_tree import MissionTree
 from uav_bt.tree.registry import NodeRegistry
 
@@ -222,6 +223,37 @@ def _check(
     for document.main in roots:
         remarks += _remarks(read.build({}, by_id={}, mocks={}))
     return (*findings, *remarks)
+
+
+def unset_variables(
+    path: Path,
+    registry: NodeRegistry | None = None,
+    *,
+    tree_id: str | None = None,
+    lookup: Lookup | None = None,
+) -> tuple[str, ...]:
+    """Return the main tree's variables that are read, and that nothing in the file gives a value.
+
+    Args:
+        path: a file that loads.
+        registry: the nodes that may occur; default: all installed.
+        tree_id: which of the file's trees; see `load_tree`.
+        lookup: where to look for trees and included files; see `load_tree`.
+
+    Raises:
+        TreeError: the file cannot be read or is no XML.
+    """
+    registry = registry or NodeRegistry.installed()
+    findings = Findings()
+    read = _Read(read_source(path), path, registry, findings, lookup)
+    find_main(read.document, read.root, findings, tree_id)
+    return tuple(
+        slot.name
+        for scope in VariableUses(read.document, registry).find(read.roots)
+        if scope.door is None
+        for slot in scope.slots()
+        if not slot.created and any(use.needed for use in slot.reads)
+    )
 
 
 def _remarks(tree: MissionTree) -> Iterator[Finding]:
