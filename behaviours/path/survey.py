@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -38,6 +38,11 @@ class SurveyConfig:
 
     touch_m: float = 0.40  # no leg passes an obstacle nearer: half a decimetre is the map's drift
     wide_m: float = 0.75  # from here on the full speed
+    # Views of a drone that knows well where it is and how high are off the map by so much; what they
+    # are off more is added, so many times, to the distance from obstacles and edges.
+    sure_m: float = 0.025
+    unsure_times: float = 3.0
+    unsure_m: float = 0.09  # no more is added
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
     unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
     lane_m: float = 0.9  # where something moved and may come back while nobody looks
@@ -59,6 +64,17 @@ class SurveyConfig:
     def __post_init__(self) -> None:
         if not 0.0 < self.slow_mps <= self.fast_mps or not self.touch_m < self.wide_m:
             raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
+
+    def by(self, residual_m: float) -> SurveyConfig:
+        """Return how near legs may pass with views that are so far off the map."""
+        more_m = min(self.unsure_times * max(residual_m - self.sure_m, 0.0), self.unsure_m)
+        return replace(
+            self,
+            touch_m=self.touch_m + more_m,
+            wide_m=self.wide_m + more_m,
+            doubt_m=self.doubt_m + more_m,
+            edge_m=self.edge_m + more_m,
+        )
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return how fast the drone flies with so much room around it."""
@@ -105,7 +121,7 @@ class Room:
         *,
         config: SurveyConfig | None = None,
     ) -> None:
-        config = config or SurveyConfig()
+        config = (config or SurveyConfig()).by(site_map.residual_m)
         self.map, self.config = site_map, config
         standing = np.vstack([site_map.obstacles_m, taken_m(site_map.movers), lately.seen_m])
         self.obstacle_m = self._distance_m(standing)

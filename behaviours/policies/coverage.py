@@ -18,7 +18,7 @@ class CoverageConfig:
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     # When legs with all that room bring less new ground than this, narrower ones are tried.
     little_m2ps: float = 0.03
-    tight_m: float = 0.34  # from obstacles
+    tight_m: float = 0.36  # from obstacles
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     follow: FollowConfig = field(default_factory=FollowConfig)
 
@@ -63,7 +63,7 @@ class Coverage:
             leg,
             site_map.pose,
             view.corridor,
-            survey=cfg.survey,
+            survey=cfg.survey.by(site_map.residual_m),
             config=cfg.follow,
             movers=site_map.movers,
             reason=reason,

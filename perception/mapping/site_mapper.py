@@ -46,6 +46,7 @@ class SiteMapperConfig:
     displaced_m: float = 0.03  # a view further off the map adds nothing to it
     lost_m: float = 0.1  # and in one still further off, nothing that moves is followed
     settled_s: float = 1.0  # points known for so long correct the drone's place
+    residual_views: int = 200  # of so many views is the mean of how far they are off the map
     objects_s: float = 0.5  # objects are made of points so often
     mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
     mark_std_ratio: float = 0.05  # and of its range besides
@@ -80,6 +81,7 @@ class SiteMapper:
         self._mark: MapMark | None = None
         self._objects: tuple[MapObject, ...] = ()
         self._objects_s = self._captured_s = self._agreed_s = self._judged_s = -math.inf
+        self._residual_m, self._matched = 0.0, 0
         self._judged = np.zeros(2)  # points of the map that lay in views, and were not there
 
     def follow(self, motion: MotionEstimate) -> None:
@@ -112,6 +114,9 @@ class SiteMapper:
             return
         seen = sighting(find_bases(scan), frame.height_above_carpet_m, cfg.landmarks)
         off_m = self._match(seen, camera, reckoned, time_s)
+        if off_m is not None:
+            self._matched = min(self._matched + 1, cfg.residual_views)
+            self._residual_m += (off_m - self._residual_m) / self._matched
         here = self._registration.corrected(reckoned)
         x_m, y_m = here.to_world(camera.forward_offset_m, 0.0)
         lens = replace(here, x_m=x_m, y_m=y_m)
@@ -179,6 +184,7 @@ class SiteMapper:
             objects=self._objects,
             mark=self._mark,
             correction=self._registration.correction,
+            residual_m=self._residual_m,
             contradicted_s=self._contradicted_s,
             restarts=self._restarts,
             full=grid.full,

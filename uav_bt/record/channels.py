@@ -166,6 +166,7 @@ class SiteMapNote:
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None
     correction: Pose2D
+    residual_m: float = 0.0
     contradicted_s: float = 0.0
     restarts: int = 0
     full: bool = False

@@ -93,6 +93,7 @@ class SiteMap:
     objects: tuple[MapObject, ...] = ()
     mark: MapMark | None = None
     correction: Pose2D = field(default_factory=lambda: Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    residual_m: float = 0.0  # how far points of views are from where they stand, lately
     contradicted_s: float = 0.0  # for so long the view has disagreed with the map
     restarts: int = 0  # how often the map was given up for that
     full: bool = False  # part of the place lies beyond the grid

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -138,3 +139,14 @@ def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
     row, column = site_map.cell_of(0.5, 0.0)
     assert Room(site_map, Lately()).open[row, column]
     assert not Room(site_map, Lately(edges_m=ahead_m)).open[row, column]
+
+
+def test_views_that_are_off_the_map_widen_the_distances() -> None:
+    sure, unsure = CONFIG.by(0.02), CONFIG.by(0.05)
+    assert sure == CONFIG
+    assert unsure.touch_m == pytest.approx(CONFIG.touch_m + 0.075)
+    assert unsure.edge_m == pytest.approx(CONFIG.edge_m + 0.075)
+    assert CONFIG.by(1.0).touch_m == pytest.approx(CONFIG.touch_m + CONFIG.unsure_m)
+    site_map = drawn_map(obstacles=np.array([[1.0, 0.0]]))
+    open_now = Room(site_map, Lately()).open.sum()
+    assert Room(replace(site_map, residual_m=0.05), Lately()).open.sum() < open_now
