@@ -26,8 +26,8 @@ from uav_bt.types import FlyingState, MissionPhase, Observation
 
 _AFTER_S: Final = 3.0  # what the drone does when the program has ended counts, too
 _MOTORS_OFF: Final = frozenset({FlyingState.LANDED, FlyingState.EMERGENCY})
-# Of a loopback ANAFI: it takes off from a box in the lab, and shares our cores.
-_LAB: Final = Site(take_off_surface_m=0.4, video_latency_s=0.03)
+# Of a loopback ANAFI: it takes off from a box in the lab.
+_LAB: Final = Site(take_off_surface_m=0.4)
 _RATE_HZ: Final = 15.0
 
 

@@ -43,7 +43,8 @@ def fly(args: argparse.Namespace, number: int) -> tuple[TimedDrone, TimedQueue, 
         UavBtError: it could not be flown, or ended with an error.
     """
     address = f"127.0.1.{number + 1}"
-    config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=0.03)
+    latency_s = 0.03 if args.profile == "ideal" else AnafiConfig.video_latency_s
+    config = AnafiConfig(address=address, take_off_surface_m=0.4, video_latency_s=latency_s)
     drone, queue = timed_drone(partial(OlympeDrone, config))
     options = app.FlightOptions(drone=drone, site=Site(take_off_surface_m=0.4))
     with served(
