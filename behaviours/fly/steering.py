@@ -8,12 +8,13 @@ two boxes, and it does not stop for each view: the drone turns while the policy 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from behaviours.fly.heading import HeadingController
+from behaviours.fly.keeping_away import KeepAwayConfig, push_away_mps, step_away_m
 from behaviours.fly.movement import MovingLeaf
 from behaviours.fly.mover import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
@@ -36,13 +37,7 @@ class SteeringConfig:
     """How steps and turns are flown. Distances are from the body's centre."""
 
     altitude_slack_m: float = 0.08  # the altimeter's noise; more is corrected with the next advance
-    intrusion_m: float = 0.38  # an obstacle this near is moved away from; half a diagonal is 0.2 m
-    room_step_m: float = 0.15  # of that step
-    # While it turns the drone moves away, at the speed below, from obstacles nearer than this and
-    # from the carpet's edge, which may be nearer by so much.
-    keep_away_m: float = 0.45
-    edge_nearer_m: float = 0.15
-    keep_away_mps: float = 0.08
+    keep_away: KeepAwayConfig = field(default_factory=KeepAwayConfig)
     # Of a steady turn: in the 0.3 s from a frame's capture to its effect it turns by 10 degrees.
     yaw_rate_radps: float = 0.6
     turn_lag_s: float = 0.1  # for which a turn goes on after the command that ends it is sent
@@ -53,7 +48,6 @@ class SteeringConfig:
     climb_per_s: float = 0.8  # of the error in height, while it flies at a speed
     climb_mps: float = 0.25  # at most
     lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
-    min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
 
 
 class SteeringLeaf(MovingLeaf):
@@ -178,17 +172,11 @@ class SteeringLeaf(MovingLeaf):
         Returns:
             False when none is, or when the step would lead nearer to another.
         """
-        cfg, obstacles = self.steering, self.read(OBSTACLES).value
-        if obstacles is None or obstacles.nearest_m >= cfg.intrusion_m:
-            return False
-        distances = np.hypot(obstacles.points_m[:, 0], obstacles.points_m[:, 1])
-        forward_m, right_m = obstacles.points_m[distances.argmin()]
-        away = -cfg.room_step_m / max(obstacles.nearest_m, cfg.min_range_m)
-        forward_m, right_m = float(away * forward_m), float(away * right_m)
-        if not obstacles.allows(forward_m, right_m, margin_m=cfg.intrusion_m):
+        step_m = step_away_m(self.read(OBSTACLES).value, self.steering.keep_away)
+        if step_m is None:
             return False
         self._advancing = False
-        self.start_move(forward_m=forward_m, right_m=right_m)
+        self.start_move(forward_m=step_m[0], right_m=step_m[1])
         return True
 
     def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
@@ -196,20 +184,8 @@ class SteeringLeaf(MovingLeaf):
 
         A hovering drone drifts, and while it turns it may drift to where the camera does not point.
         """
-        cfg, obstacles = self.steering, self.read(OBSTACLES).value
-        turn = Velocity(yaw_rate_radps=yaw_rate_radps)
-        if obstacles is None:
-            return turn
-        points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
-        ranges_m = np.maximum(np.linalg.norm(points_m, axis=1), cfg.min_range_m)
-        room_m = ranges_m.copy()
-        room_m[len(obstacles.points_m) :] += cfg.edge_nearer_m
-        # The nearer a point the more it counts; between two obstacles it stays in the middle.
-        weights = np.clip(cfg.keep_away_m / room_m - 1.0, 0.0, None)
-        if not weights.any():
-            return turn
-        push = -cfg.keep_away_mps * (weights / ranges_m) @ points_m / weights.sum()
-        return replace(turn, forward_mps=float(push[0]), right_mps=float(push[1]))
+        forward_mps, right_mps = push_away_mps(self.read(OBSTACLES).value, self.steering.keep_away)
+        return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
 
     # --- turning ----------------------------------------------------------------------------------
 

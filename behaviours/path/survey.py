@@ -38,8 +38,8 @@ class SurveyConfig:
 
     touch_m: float = 0.40  # no leg passes an obstacle nearer: half a decimetre is the map's drift
     wide_m: float = 0.75  # from here on the full speed
-    # Views of a drone that knows well where it is and how high are off the map by so much; what they
-    # are off more is added, so many times, to the distance from obstacles and edges.
+    # Views of a drone that knows well where it is, and how high, are off the map by so much. What
+    # they are off more is added, so many times, to the distance from obstacles and edges.
     sure_m: float = 0.025
     unsure_times: float = 3.0
     unsure_m: float = 0.09  # no more is added

@@ -19,7 +19,8 @@ from uav_bt.campaign.report.lab_figures import scene_figure
 from uav_bt.campaign.report.map_table import map_table
 from uav_bt.campaign.report.paper import paper_success
 from uav_bt.campaign.report.sources import Provenance, Sources, read_sources
-from uav_bt.campaign.report.tables import Table, tables_of
+from uav_bt.campaign.report.table import Table
+from uav_bt.campaign.report.tables import tables_of
 from uav_bt.campaign.store import FLIGHTS_FILE
 from uav_bt.display.lab_map import LabMap
 from uav_bt.errors import InputError

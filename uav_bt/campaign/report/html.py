@@ -9,7 +9,7 @@ from typing import Final
 
 from jinja2 import Environment, StrictUndefined
 
-from uav_bt.campaign.report.tables import Cell, Link, Table, Term
+from uav_bt.campaign.report.table import Cell, Link, Table, Term
 
 _PAGE: Final = """\
 <!DOCTYPE html>

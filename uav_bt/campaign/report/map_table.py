@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from uav_bt.campaign.report.sources import FlightSet
-from uav_bt.campaign.report.tables import Cell, Table
+from uav_bt.campaign.report.table import Cell, Table
 from uav_bt.mission.map_check import FOUND_M
 
 _NOTE: Final = (
