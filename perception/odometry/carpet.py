@@ -76,8 +76,8 @@ class CarpetOdometry:
         pose, seen = self.now, self.at(self._seen_s)
         if pose is None or seen is None or math.isinf(self._seen_s):
             return None
-        told, error_mps = self._odometry.velocity, self._error.mps
-        forward_mps, right_mps = rotate(error_mps[0], error_mps[1], -pose.yaw_rad)
+        told, (x_mps, y_mps) = self._odometry.velocity, map(float, self._error.mps)
+        forward_mps, right_mps = rotate(x_mps, y_mps, -pose.yaw_rad)
         return MotionEstimate(
             pose=pose,
             seen=seen,
