@@ -28,6 +28,7 @@ class PadSearchConfig:
     scan_pitch_rad: float = math.radians(-65)
     scan_rate_radps: float = 0.8
     track_std_m: float = 0.3  # a pad that is carried this well is flown to without a search
+    agrees_m: float = 0.7  # a pad further from the map's mark is another thing
     mark_pitch_rad: float = math.radians(-50)  # the camera follows the mark down to this
 
 
@@ -74,6 +75,20 @@ class PadSearch:
         if fix is not None:
             self._tried_s = fix.captured_s
 
+    def believes(self, fix: HelipadFix) -> bool:
+        """Return whether a pad may be there: at the map's mark, or on the ground where it has none.
+
+        A mask may take something far behind the ground's edge for the pad.
+        """
+        site_map = self._site_map()
+        if site_map is None:
+            return True
+        x_m, y_m = site_map.pose.to_world(fix.forward_m, fix.right_m)
+        mark = self._map.mark_of(site_map)
+        if mark is None:
+            return not site_map.is_beyond_edge(x_m, y_m)
+        return math.hypot(x_m - mark.x_m, y_m - mark.y_m) <= self._config.agrees_m
+
     def work(self, state: DroneState) -> Status:
         """Search; SUCCESS when the pad is in view, or carried well enough to be flown to."""
         if self._is_found():
@@ -99,7 +114,7 @@ class PadSearch:
 
     def _is_found(self) -> bool:
         fix = self._leaf.read(HELIPAD).value
-        if fix is None:
+        if fix is None or not self.believes(fix):
             return False
         carried = fix.std_m <= self._config.track_std_m and fix.captured_s > self._tried_s
         return fix.detected or (self._by_map and carried)

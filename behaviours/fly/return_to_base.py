@@ -91,9 +91,11 @@ class ReturnToBase(SteeringLeaf):
                 return Status.RUNNING
             self._searching = False
             self._approach.begin()
-        status = self._approach.work(state)
+        fix = self.read(HELIPAD).value
+        believed = fix is None or self._search.believes(fix)
+        status = self._approach.work(state) if believed else Status.FAILURE
         if status is not Status.RUNNING:
-            self._search.gave_up(self.read(HELIPAD).value)
+            self._search.gave_up(fix)
         if status is Status.FAILURE:
             self._begin_search()
             return Status.RUNNING

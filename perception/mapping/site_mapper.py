@@ -50,6 +50,7 @@ class SiteMapperConfig:
     objects_s: float = 0.5  # objects are made of points so often
     mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
     mark_std_ratio: float = 0.05  # and of its range besides
+    mark_moved_views: int = 10  # so many sightings elsewhere in a row move the mark
     # Views contradict the map when they show nothing but ground at more than this share of its
     # points that lie in them (heavy drift: a quarter); for so long, and the map begins anew.
     contradiction: float = 0.4
@@ -79,6 +80,7 @@ class SiteMapper:
         self._bases, self._edges = Landmarks.none(), Landmarks.none()
         self._movers = MoverTracker(cfg.movers)
         self._mark: MapMark | None = None
+        self._mark_elsewhere = 0  # sightings in a row that were not where it is
         self._objects: tuple[MapObject, ...] = ()
         self._objects_s = self._captured_s = self._agreed_s = self._judged_s = -math.inf
         self._residual_m, self._matched = 0.0, 0
@@ -141,13 +143,20 @@ class SiteMapper:
         reckoned = self._motion.pose
         std_m = math.hypot(cfg.mark_std_m, cfg.mark_std_ratio * fix.range_m)
         place = np.array(reckoned.to_world(fix.forward_m, fix.right_m))
+        x_m, y_m = self._registration.correction.to_world(*map(float, place))
         known = self._mark
+        if self.map().is_beyond_edge(x_m, y_m):
+            return
         if known is not None:
             known_m = np.array([known.x_m, known.y_m])
             both_m = math.hypot(std_m, known.std_m)
-            if not self._registration.see_mark(place, known_m, both_m):
-                known = None  # it is elsewhere now
-        x_m, y_m = self._registration.correction.to_world(*map(float, place))
+            agrees = self._registration.see_mark(place, known_m, both_m)
+            self._mark_elsewhere = 0 if agrees else self._mark_elsewhere + 1
+            if self._mark_elsewhere >= cfg.mark_moved_views:
+                known = None
+            elif not agrees:
+                return
+            x_m, y_m = self._registration.correction.to_world(*map(float, place))
         if known is None or std_m < known.std_m:
             self._mark = MapMark(x_m=x_m, y_m=y_m, std_m=std_m, seen_s=fix.captured_s)
         else:

@@ -117,6 +117,16 @@ class SiteMap:
             math.floor((y_m - self.corner_m[1]) / self.cell_m + 0.5),
         )
 
+    def is_beyond_edge(self, x_m: float, y_m: float, *, margin_m: float = 0.3) -> bool:
+        """Return whether a place lies beyond the edge of the ground, and further than a margin."""
+        row, column = self.cell_of(x_m, y_m)
+        reach = round(margin_m / self.cell_m)
+        around = self.outside[
+            max(row - reach, 0) : max(row + reach + 1, 0),
+            max(column - reach, 0) : max(column + reach + 1, 0),
+        ]
+        return bool(around.size) and bool(around.all())
+
     def places_m(self) -> Floats:
         """Return the centres of the cells, (rows, columns, 2)."""
         steps = np.moveaxis(np.indices(self.seen_s.shape), 0, -1)

@@ -527,3 +527,24 @@ def test_halted_it_commands_nothing_and_searches_again() -> None:
     fly(bench, (0.8, 0.0), unseen_s=1.5, std_m=0.5)
     assert bench.board[PHASE] == "search"
     assert bench.proposed is None
+
+
+def test_a_pad_far_from_the_maps_mark_is_not_flown_to() -> None:
+    """A mask took something else for it; the mark, seen well before, is flown to."""
+    bench = searching(Says(ADVANCE))
+    fly(bench, pad=(1.5, -1.5), site_map=marked(2.0, 1.0))
+    assert bench.board[PHASE] == "search"
+    fly(bench, pad=(1.9, 0.9), site_map=marked(2.0, 1.0))
+    assert bench.board[PHASE] == "approach"
+    fly(bench, pad=(1.5, -1.5), site_map=marked(2.0, 1.0))
+    assert bench.board[PHASE] == "search"
+
+
+def test_a_pad_beyond_the_grounds_edge_is_not_flown_to() -> None:
+    site_map = drawn_map()
+    site_map.outside[:] = True
+    bench = searching(Says(ADVANCE))
+    fly(bench, pad=(1.5, 0.0), site_map=site_map)
+    assert bench.board[PHASE] == "search"
+    fly(bench, pad=(1.5, 0.0), site_map=drawn_map())
+    assert bench.board[PHASE] == "approach"

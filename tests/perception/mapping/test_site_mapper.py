@@ -183,16 +183,21 @@ def test_the_mark_corrects_and_is_remembered() -> None:
     assert abs(found.pose.x_m) < 0.04
 
 
-def test_a_mark_that_moved_is_placed_anew() -> None:
-    mapper = SiteMapper()
-    mapper.follow(motion(OdometryPose(time_s=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0)))
-    for forward_m in (1.0, 2.5):
-        mapper.see_mark(HelipadFix(captured_s=0.0, forward_m=forward_m, right_m=0.0, detected=True))
-    mark = mapper.map().mark
-    assert mark is not None
-    assert mark.x_m == pytest.approx(2.5)
-
-
 def test_a_map_without_motion_is_refused() -> None:
     with pytest.raises(MissionError, match="follow"):
         SiteMapper().map()
+
+
+def test_a_mark_moves_only_when_it_is_seen_elsewhere_again_and_again() -> None:
+    mapper = SiteMapper()
+    views = SiteMapperConfig().mark_moved_views
+    for tenths in range(20 + views):
+        pose = OdometryPose(time_s=tenths / 10, x_m=0.0, y_m=0.0, yaw_rad=0.0)
+        mapper.follow(motion(pose))
+        right_m = 0.5 if tenths < 20 else -1.0
+        mapper.see_mark(
+            HelipadFix(captured_s=tenths / 10, forward_m=1.0, right_m=right_m, detected=True)
+        )
+        mark = mapper.map().mark
+        assert mark is not None
+        assert mark.y_m == pytest.approx(0.5 if tenths < 19 + views else -1.0, abs=0.02)
