@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from behaviours.stage_timer import StageTimer
 from perception.networks.named import segmentation_file
@@ -108,6 +108,11 @@ class FindHelipad(Leaf):
         self._timer = StageTimer(mission, "helipad")
         self._last_s = -1.0
 
+    def on_inherit(self, former: Self) -> None:
+        """Keep the helipad's track, unless the pad is another now."""
+        if self.port_value("pad_height_m") == former.port_value("pad_height_m"):
+            self._finder, self._last_s = former._finder, former._last_s
+
     def update(self) -> Status:
         """Follow the drone's motion, and take in a new class map."""
         state = self.read(STATE).value
@@ -153,6 +158,11 @@ class RememberObstacles(Leaf):
         self._timer = StageTimer(mission, "obstacles")
         self._map_timer = StageTimer(mission, "map")
         self._last_s = -1.0
+
+    def on_inherit(self, former: Self) -> None:
+        """Keep the memory and the map, and with them where the drone is on it."""
+        self._memory, self._mapper = former._memory, former._mapper
+        self._last_s = former._last_s
 
     def update(self) -> Status:
         """Follow the drone's motion, and take in a new class map."""

@@ -23,6 +23,7 @@ from uav_bt.board.blackboard import Blackboard
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError
+from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
 from uav_bt.mission.runner import MissionRunner
 from uav_bt.mission.safety import Limits
@@ -144,8 +145,15 @@ class Flight(Generic[DroneT]):
             with suppress(DroneError):
                 self.drone.disconnect()
 
-    def runner(self, listeners: Sequence[TickListener]) -> MissionRunner:
-        """Return what flies the mission; the drone is connected."""
+    def runner(
+        self, listeners: Sequence[TickListener], next_tree: NextTree | None = None
+    ) -> MissionRunner:
+        """Return what flies the mission; the drone is connected.
+
+        Args:
+            listeners: what follows the flight tick by tick.
+            next_tree: asked between two ticks for a tree that flies from then on.
+        """
         config, tick_s = self.options.runner, self.drone.tick_s
         return self._make_runner(
             self.drone,
@@ -158,6 +166,7 @@ class Flight(Generic[DroneT]):
             # A rehearsed drone moves in numbers only: its images rightly stay the same.
             judge_frame=None if self.options.rehearse else frame_judge(self.drone),
             clock=self._clock,
+            next_tree=next_tree,
         )
 
 

@@ -14,6 +14,7 @@ from uav_bt.app.interrupts import landing_on_signals
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
 from uav_bt.app.pauses import short_collections
+from uav_bt.app.reload import TreeReload, reloadable_file
 from uav_bt.app.site import Site
 from uav_bt.board import SITE_MAP
 from uav_bt.errors import FileError, InputError, UavBtError
@@ -22,6 +23,7 @@ from uav_bt.inputs import refuse_inputs, same_file
 from uav_bt.mission.coverage import Coverage
 from uav_bt.mission.flight_log import FlightLog
 from uav_bt.mission.flight_report import FlightReport, write_report
+from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Outcome, Verdict
 from uav_bt.mission.map_check import MapCheck
 from uav_bt.mission.preflight import Check, check_drone, refuse_faults
@@ -65,6 +67,7 @@ def fly(
     listeners: Sequence[Listeners] = (),
     on_check: Callable[[Check], None] | None = None,
     controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
+    watch: Callable[[str], None] | None = None,
 ) -> FlightReport:
     """Fly a mission and return its report.
 
@@ -80,6 +83,9 @@ def fly(
         listeners: make what follows the flight tick by tick (displays, videos, logs).
         on_check: called with each line of the check before take-off.
         controls: what a person has at hand while the mission flies, a keyboard for instance.
+        watch: read the tree file again whenever it is edited while it flies, and call this with
+            what became of it. For simulated drones, without record and report; listeners that
+            hold the tree itself go on showing the first one.
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
@@ -92,7 +98,10 @@ def fly(
     _check_listeners(listeners)
     report, record_file = as_file("report", report), as_file("record", options.record)
     _check_outputs(tree, options, report)
+    watched = None if watch is None else reloadable_file(tree, options, report)
     flight = assemble(tree, options, registry=registry)
+    if watched is not None and flight.drone.live:
+        raise InputError("watch: a tree is replaced in flight on simulated drones only")
     with ExitStack() as stack:
         record = None
         if record_file is not None:
@@ -109,7 +118,11 @@ def fly(
             keep["record"] = record.conclude
         if report is not None:
             keep["report"] = partial(write_report, path=report)
-        return _run(flight, [*recorded, *listeners], keep, controls or (lambda _: nullcontext()))
+        next_tree = None
+        if watched is not None and watch is not None:
+            next_tree = TreeReload(flight, watched, registry, watch)
+        followers, at_hand = [*recorded, *listeners], controls or (lambda _: nullcontext())
+        return _run(flight, followers, keep, at_hand, next_tree)
 
 
 def _check_outputs(tree: Mission, options: FlightOptions, report: Path | None) -> None:
@@ -160,6 +173,7 @@ def _run(
     listeners: Sequence[Listeners],
     keep: Mapping[str, Callable[[FlightReport], None]],
     controls: Callable[[MissionRunner], AbstractContextManager[None]],
+    next_tree: NextTree | None,
 ) -> FlightReport:
     """Fly a connected flight to its end, and report whatever happened.
 
@@ -168,9 +182,11 @@ def _run(
         listeners: make what follows the flight.
         keep: what writes the report somewhere, by its name.
         controls: what a person has at hand.
+        next_tree: asked between two ticks for a tree that flies from then on.
     """
     log = FlightLog(_coverage(flight.drone), _map_check(flight))
-    runner = flight.runner([log, *(one for make in listeners for one in _made(make, flight))])
+    made = [one for make in listeners for one in _made(make, flight)]
+    runner = flight.runner([log, *made], next_tree)
 
     def finish(verdict: Verdict) -> FlightReport:
         options = flight.options

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal
 
@@ -126,6 +127,11 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
     help=f"Let Groot2 on this machine watch, on port {_GROOT_PORT} or PORT and on the next one.",
 )
 @click.option("--realtime", is_flag=True, help="Fly the twin no faster than real time.")
+@click.option(
+    "--watch",
+    is_flag=True,
+    help="Read TREE again whenever it is edited while it flies; for the twin.",
+)
 @image_size_option
 @threads_option
 @click.pass_context
@@ -151,6 +157,7 @@ def fly(
     btlog: Path | None,
     groot: int | None,
     realtime: bool,
+    watch: bool,
     image_size: tuple[int, int],
     threads: int,
 ) -> None:
@@ -168,8 +175,12 @@ def fly(
     Examples:
       uav-bt fly land_only --scene val-a --seed 3 --video flight.mp4
       uav-bt fly mission.xml --report report.json --record flight.mcap
+      uav-bt fly mission.xml --watch --realtime
       uav-bt fly hover_and_look --drone anafi --site site.yaml --rehearse
     """  # noqa: D301  (click needs the backspace)
+    if watch:
+        outputs = {"report": report, "record": record, "video": video, "btlog": btlog}
+        _check_watch(tree, drone, {**outputs, "view": view, "groot": groot})
     options = app.FlightOptions(
         tree_id=tree_id,
         scene=scene,
@@ -201,10 +212,10 @@ def fly(
             # Lives as long as the command: a browser still shows it when the summary is printed.
             viewed = ctx.with_resource(live_view(web=view == "web", on_url=click.echo))
             watchers.append(viewed)
-        watch = stack.enter_context(
+        follow = stack.enter_context(
             watched_live(btlog=btlog, groot=None if groot is None else GrootConfig(port=groot))
         )
-        watchers.append(lambda flight: watch(flight.mission, flight.context))
+        watchers.append(lambda flight: follow(flight.mission, flight.context))
         flights: list[object] = []
 
         def begin(flight: app.Flight[Drone]) -> tuple[()]:
@@ -220,6 +231,7 @@ def fly(
                 listeners=watchers,
                 on_check=click.echo,
                 controls=pilot_keys,
+                watch=partial(click.echo, err=True) if watch else None,
             )
         except KeyboardInterrupt as stop:
             when = "again while it landed" if flights else "before take-off: nothing flew"
@@ -236,6 +248,26 @@ def fly(
         click.secho(app.STILL_IN_THE_AIR, fg="red", bold=True, err=True)
     if lost or flown.outcome != Outcome.SUCCESS.value:
         ctx.exit(MissionError.exit_code)
+
+
+def _check_watch(tree: str, drone: str, given: Mapping[str, object]) -> None:
+    """Refuse what a tree that changes in flight cannot be combined with.
+
+    Raises:
+        UsageError: a real drone, a shipped mission's name, or an output that shows one tree.
+    """
+    if drone.partition(":")[0] != "twin":
+        raise click.UsageError(f"--watch changes a tree in flight: for the twin, not for {drone}")
+    if not Path(tree).is_file():
+        raise click.UsageError(
+            f"--watch needs a tree file to edit, and '{tree}' is none; 'uav-bt new FILE' writes one"
+        )
+    for name, value in given.items():
+        if value is not None:
+            raise click.UsageError(
+                f"--{name} shows the one tree that a flight began with, and with --watch it may "
+                "change: leave one of them out"
+            )
 
 
 def _name_files(written: Mapping[str, Path | None], lost: Mapping[str, str]) -> None:

@@ -14,6 +14,7 @@ from uav_bt.clock import TickClock
 from uav_bt.errors import ValueRangeError
 from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
+from uav_bt.mission.flown_tree import FlownTree, NextTree
 from uav_bt.mission.judge import Judge, Outcome, Verdict
 from uav_bt.mission.ordered_motion import HoldConfig
 from uav_bt.mission.position_hold import PositionHold
@@ -22,7 +23,6 @@ from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
-from uav_bt.tree.budget import BudgetWatch
 from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff, Truth
 
 
@@ -67,6 +67,7 @@ class MissionRunner:
         clock: the context's, where it stands still from tick to tick; None where the drone's own
             time does so, as simulated time does.
         timer: the wall clock that computing is measured with, seconds.
+        next_tree: asked between two ticks for a tree that flies from then on.
     """
 
     def __init__(
@@ -82,9 +83,9 @@ class MissionRunner:
         judge_frame: FrameJudge | None = None,
         clock: TickClock | None = None,
         timer: Callable[[], float] = time.perf_counter,
+        next_tree: NextTree | None = None,
     ) -> None:
         self._drone = drone
-        self._tree = tree
         self._context = context
         self._judge = judge
         self._limits = limits or Limits()
@@ -96,7 +97,7 @@ class MissionRunner:
         self._screening = Screening(drone.camera, judge_frame)
         self._contingencies = Contingencies(self._limits)
         self._hold = PositionHold(self._config.hold)
-        self._budgets = BudgetWatch(tree, timer=timer)
+        self._flown = FlownTree(tree, next_tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
         self._manual = False
@@ -108,7 +109,7 @@ class MissionRunner:
     @property
     def slow_leaves_s(self) -> dict[str, float]:
         """The longest time of each leaf that blocked, seconds, by path; the last halt included."""
-        return self._budgets.worst_s
+        return self._flown.budgets.worst_s
 
     def request_abort(self, reason: str) -> None:
         """Ask for a landing with the next tick; safe to call from a signal handler.
@@ -163,6 +164,8 @@ class MissionRunner:
         return verdict
 
     def _tick(self) -> Verdict | None:
+        if self._abort_reason is None:
+            self._flown.renew()
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
         observation = self._screening.usable(self._drone.observe(), start_s)
@@ -170,11 +173,10 @@ class MissionRunner:
         self._context.proposals.clear()
 
         began_s = self._timer()
-        rests = self._rests(observation.state)
-        status = Status.RUNNING if rests else self._tick_tree()
+        status = Status.RUNNING if self._rests(observation.state) else self._tick_tree()
         compute_s = self._timer() - began_s
         if self._abort_reason is not None:
-            self._tree.halt()
+            self._flown.tree.halt()
 
         decided = self._decide(observation, start_s)
         command = self._drone.send(decided)
@@ -219,7 +221,7 @@ class MissionRunner:
         start_s: float,
         compute_s: float,
     ) -> TickRecord:
-        active = self._tree.active_nodes()
+        active = self._flown.tree.active_nodes()
         return TickRecord(
             index=self._index,
             time_s=start_s,
@@ -233,7 +235,7 @@ class MissionRunner:
             compute_s=compute_s,
             truth=truth,
             feedback=active[-1].feedback_message if active else "",
-            slow=self._budgets.take(),
+            slow=self._flown.budgets.take(),
             refused=self._screening.refused,
             warning=self._hold.warning,
         )
@@ -243,7 +245,7 @@ class MissionRunner:
         return self._abort_reason is None and (self._manual or state.pilot_has_control)
 
     def _tick_tree(self) -> Status:
-        return self._tree.tick() if self._abort_reason is None else Status.IDLE
+        return self._flown.tree.tick() if self._abort_reason is None else Status.IDLE
 
     def _decide(self, observation: Observation, now_s: float) -> Command:
         frame, state = observation.frame, observation.state
@@ -278,7 +280,7 @@ class MissionRunner:
             NodeFailedError: a leaf raised when it was halted; the drone was landed.
         """
         try:
-            self._tree.halt()
+            self._flown.tree.halt()
         finally:
             self._context.proposals.clear()
             descent = Descent(

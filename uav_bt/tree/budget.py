@@ -47,6 +47,10 @@ class BudgetWatch:
         self._began_s: float | None = None  # of the leaf that is at work; there is at most one
         self._new: list[SlowLeaf] = []
         self._worst_s: dict[str, float] = {}
+        self.follow(tree)
+
+    def follow(self, tree: MissionTree) -> None:
+        """Measure another tree's leaves, too."""
         leaves = [leaf for leaf in tree.leaves() if type(leaf) not in BUILTIN_NODES]
         observe(leaves, self._note)
 

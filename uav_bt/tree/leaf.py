@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 from uav_bt.board.blackboard import BoardView, Key, Reading
 from uav_bt.board.context import MissionContext
-from uav_bt.errors import MissionError
+from uav_bt.errors import MissionError, NodeFailedError
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.port import check_declared
@@ -49,6 +49,12 @@ class Leaf(Node):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Get what the leaf needs for the whole mission; raise when it is not there."""
+
+    def on_inherit(self, former: Self) -> None:
+        """Go on from what a leaf of this class knows, whose tree this one replaces in flight.
+
+        Called once, after `on_setup`. What the new leaf's ports make worthless is left behind.
+        """
 
     def initialise(self) -> None:
         """Begin an activation."""
@@ -94,6 +100,17 @@ class Leaf(Node):
     def point(self, gimbal: GimbalTo) -> None:
         """Ask for a camera direction in this tick."""
         self.mission.proposals.propose_gimbal(self.path, gimbal)
+
+    def inherit(self, former: Self) -> None:
+        """Call `on_inherit`; `MissionTree` does.
+
+        Raises:
+            NodeFailedError: it raised.
+        """
+        try:
+            self.on_inherit(former)
+        except Exception as error:
+            raise NodeFailedError(self.path, error, self.author) from error
 
     # --- the engine's side ------------------------------------------------------------------------
 

@@ -210,6 +210,24 @@ class MissionTree:
             node.setup(mission=context)
         self._ready = True
 
+    def inherit(self, former: MissionTree) -> None:
+        """Let leaves go on from what those of a tree know that this one replaces in flight.
+
+        The first leaf of a class goes on from the first of that class there, and so on.
+
+        Args:
+            former: the other tree, halted; this one is set up for the same mission.
+
+        Raises:
+            NodeFailedError: an exception in a leaf's `on_inherit`.
+        """
+        leaves = list(former.leaves())
+        for leaf in self.leaves():
+            alike = next((other for other in leaves if type(other) is type(leaf)), None)
+            if alike is not None:
+                leaves.remove(alike)
+                leaf.inherit(alike)
+
     def tick(self) -> Status:
         """Tick exactly once.
 

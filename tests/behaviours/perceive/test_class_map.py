@@ -9,10 +9,10 @@ import pytest
 
 from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
 from tests.behaviours.leaf_world import carpet, live, show
-from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, ODOMETRY, STATE
+from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, ODOMETRY, SITE_MAP, STATE
 from uav_bt.classes import BOXES, HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
-from uav_bt.tree import Status
+from uav_bt.tree import Leaf, MissionTree, Status
 from uav_bt.types import BodyVelocity, ClassMap, DroneState, FlyingState, Frame
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
@@ -277,6 +277,39 @@ def test_blind_it_claims_nothing_new(missing: object) -> None:
 
     assert bench.tick() is Status.SUCCESS
     assert bench.board[OBSTACLES].captured_s == before.captured_s
+
+
+def replaced(bench: LeafBench, leaf: Leaf) -> None:
+    """Let another tree take over the bench's mission, as the runner does."""
+    tree = MissionTree(leaf)
+    tree.setup(bench.leaf.mission)
+    bench.halt()
+    tree.inherit(bench.tree)
+    bench.tree = tree
+
+
+def test_the_map_is_kept_when_another_tree_takes_over() -> None:
+    bench = remembering()
+    live(bench, ids=box_map())
+    ahead, known = bench.board[OBSTACLES], bench.board[SITE_MAP]
+    replaced(bench, RememberObstacles())
+
+    live(bench, seconds=0.5, yaw_rad=math.pi / 2)  # the box is out of view
+    aside = bench.board[OBSTACLES]
+    assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
+    site_map = bench.board[SITE_MAP]
+    assert site_map.captured_s > known.captured_s
+    assert (site_map.seen_s == np.float32(known.captured_s)).any()  # ground that only it had seen
+
+
+@pytest.mark.parametrize(("pad_height_m", "kept"), [(0.4, True), (0.3, False)])
+def test_a_pads_track_is_kept_unless_the_pad_is_another(pad_height_m: float, *, kept: bool) -> None:
+    bench = finding()
+    live(bench, ids=pad_map())
+    replaced(bench, FindHelipad(pad_height_m=pad_height_m))
+    del bench.board[HELIPAD]
+    live(bench)
+    assert (HELIPAD in bench.board) == kept
 
 
 @pytest.mark.parametrize("leaf", [FindHelipad, RememberObstacles])

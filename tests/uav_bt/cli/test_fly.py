@@ -357,3 +357,26 @@ def test_a_log_of_another_name_is_refused_before_anything_flies(tmp_path: Path) 
     assert_refused(
         run("fly", "land_only", "--btlog", tmp_path / "flight.log"), "must end in .btlog"
     )
+
+
+@pytest.mark.parametrize(
+    ("tree", "extra", "words"),
+    [
+        ("land_only", (), "'land_only' is none"),
+        ("mission.xml", ("--drone", "anafi"), "not for anafi"),
+        ("mission.xml", ("--drone", "sphinx:127.0.0.1"), "not for sphinx"),
+        ("mission.xml", ("--record", "flight.mcap"), "--record"),
+        ("mission.xml", ("--report", "report.json"), "--report"),
+        ("mission.xml", ("--video", "flight.mp4"), "--video"),
+        ("mission.xml", ("--btlog", "flight.btlog"), "--btlog"),
+        ("mission.xml", ("--view", "web"), "--view"),
+        ("mission.xml", ("--groot",), "--groot"),
+    ],
+)
+def test_watch_refuses_what_a_changing_tree_does_not_go_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tree: str, extra: tuple[str, ...], words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tree_file(tmp_path, HOP)
+    assert_refused(run("fly", tree, "--watch", *extra), "--watch", words)
+    assert [file.name for file in tmp_path.iterdir()] == ["mission.xml"]

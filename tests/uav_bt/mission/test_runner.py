@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import pytest
 
@@ -134,7 +135,27 @@ class Look(Leaf):
         return Status.RUNNING
 
 
-REGISTRY = NodeRegistry([Up, Down, Drift, Wait, Break, Clumsy, Look])
+class Count(Leaf):
+    """Counts its ticks, and goes on counting where a leaf before it stopped; for ever."""
+
+    ports = (Port("fussy", bool, default=False),)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        del mission
+        self.count = 0
+
+    def on_inherit(self, former: Self) -> None:
+        if self.port_value("fussy"):
+            raise RuntimeError("rather not")
+        self.count = former.count
+
+    def update(self) -> Status:
+        self.count += 1
+        self.feedback_message = str(self.count)
+        return Status.RUNNING
+
+
+REGISTRY = NodeRegistry([Up, Down, Drift, Wait, Break, Clumsy, Look, Count])
 
 
 class Records(list[TickRecord]):
@@ -156,8 +177,14 @@ class At:
             self.action()
 
 
+def tree_of(body: str) -> MissionTree:
+    return parse_tree(
+        f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>', REGISTRY
+    )
+
+
 class Flight:
-    """A scripted drone, a tree and a runner."""
+    """A scripted drone, a tree and a runner; `then` has other trees by the tick they begin in."""
 
     def __init__(
         self,
@@ -166,11 +193,10 @@ class Flight:
         drone: ScriptedDrone | None = None,
         judge: JudgeConfig | None = None,
         listeners: Sequence[TickListener] = (),
+        then: Mapping[int, str] | None = None,
     ) -> None:
         self.drone = drone or ScriptedDrone()
-        self.tree = parse_tree(
-            f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>', REGISTRY
-        )
+        self.tree = tree_of(body)
         self.context = MissionContext(
             board=Blackboard(self.drone.clock, MISSION_KEYS),
             clock=self.drone.clock,
@@ -186,7 +212,19 @@ class Flight:
             Judge(judge),
             config=RunnerConfig(tick_s=TICK_S, landing_grace_s=2.0),
             listeners=(self.records, *listeners),
+            next_tree=self._next_tree,
         )
+        self.then = dict(then or {})
+        self.asked = 0
+
+    def _next_tree(self) -> MissionTree | None:
+        self.asked += 1
+        body = self.then.pop(len(self.records), None)
+        if body is None:
+            return None
+        tree = tree_of(body)
+        tree.setup(self.context)
+        return tree
 
     @property
     def sent(self) -> list[str]:
@@ -873,3 +911,67 @@ def test_a_gimbal_command_reaches_the_drone_with_the_movement() -> None:
 def test_a_tick_has_a_sensible_length(tick_s: float) -> None:
     with pytest.raises(ValueRangeError, match="more than 0 and at most 1 s"):
         RunnerConfig(tick_s=tick_s)
+
+
+# --- another tree in flight -----------------------------------------------------------------------
+
+
+def test_another_tree_begins_at_its_root_between_two_ticks() -> None:
+    """The old one is halted, asks for nothing any more, and the drone stays where it is: up."""
+    flight = Flight(
+        '<Sequence><Up/><Drift ticks="-1"/></Sequence>',
+        then={9: '<Sequence name="second"><Wait/></Sequence>', 14: "<Down/>"},
+    )
+    verdict = flight.runner.run()
+    assert verdict.outcome is Outcome.SUCCESS
+    assert flight.sent == ["TakeOff", "Velocity", "Hover", "Land", "Hover"]
+    assert HALTED == ["Main/Sequence/Drift", "Main/second/Wait"]
+    records = flight.records
+    assert [record.active for record in records[8:10]] == [
+        ("Sequence", "Drift"),
+        ("second", "Wait"),
+    ]
+    assert [record.index for record in records] == list(range(len(records)))
+    assert [record.time_s for record in records] == pytest.approx(
+        [index * TICK_S for index in range(len(records))]
+    )
+    assert records[13].phase == "drift"  # the board is the same
+
+
+def test_leaves_go_on_from_those_of_their_class() -> None:
+    two = '<Parallel success_count="2"><Count name="a"/><Count name="b"/></Parallel>'
+    flight = Flight(f"<Sequence><Up/>{two}</Sequence>", then={9: '<Count name="c"/>', 14: two})
+    flight.drone.send(Command(movement=TakeOff()))
+    flight.runner.listeners.following.append(At(20, lambda: flight.runner.request_abort("done")))
+    flight.runner.run()
+    counts = [int(record.feedback) for record in flight.records if record.feedback.isdigit()]
+    jumps = [after - before for before, after in itertools.pairwise(counts)]
+    new = next(index for index, jump in enumerate(jumps) if jump != 1)
+    assert jumps[:new] == [1] * new  # `c` went on from `a`, as far as `b` was
+    assert counts[new + 1] == 1  # the second `b` has nobody to go on from
+
+
+def test_no_other_tree_flies_once_the_mission_is_aborted() -> None:
+    flight = Flight(
+        "<Sequence><Up/><Wait/></Sequence>",
+        listeners=(At(8, lambda: flight.runner.request_abort("enough")),),
+        then={9: "<Sequence><Up/><Drift/></Sequence>"},
+    )
+    assert flight.runner.run().outcome is Outcome.ABORTED
+    assert flight.asked == 9
+    assert "Velocity" not in flight.sent
+    assert flight.landed
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        ("Clumsy", "Wait", "cannot let go"),
+        ("Count", 'Count fussy="true"', "Main/Count' failed: RuntimeError: rather not"),
+    ],
+)
+def test_a_leaf_that_spoils_the_change_lands_the_drone(first: str, second: str, words: str) -> None:
+    flight = Flight(f"<Sequence><Up/><{first}/></Sequence>", then={9: f"<{second}/>"})
+    with pytest.raises(NodeFailedError, match=words):
+        flight.runner.run()
+    assert flight.landed

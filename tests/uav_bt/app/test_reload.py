@@ -1,0 +1,301 @@
+"""A tree file that is edited while it flies: good edits fly, bad ones are reported."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from uav_bt import app
+from uav_bt.app.assembly import Flight, assemble
+from uav_bt.app.file_watch import FileWatch
+from uav_bt.app.reload import TreeReload
+from uav_bt.board import FLIGHT_HEIGHT
+from uav_bt.clock import ManualClock
+from uav_bt.errors import InputError
+from uav_bt.mission.tick import TickRecord
+from uav_bt.protocols import Drone
+from uav_bt.testing import ScriptedDrone
+from uav_bt.types import Observation
+
+ABOVE = '<Sequence><TakeOff height_m="{height}"/><HoverFor name="{name}" seconds="250"/></Sequence>'
+HIGH = ABOVE.format(height=1.0, name="high")
+
+
+def text(body: str, *, include: str = "") -> str:
+    return (
+        f'<root BTCPP_format="4" main_tree_to_execute="Main">\n{include}\n'
+        f'<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n</root>\n'
+    )
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = tmp_path / "mission.xml"
+    path.write_text(text(HIGH), encoding="utf-8")
+    return path
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def test_a_file_is_looked_at_twice_a_second(path: Path) -> None:
+    clock = ManualClock()
+    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
+    path.write_text("other", encoding="utf-8")
+    clock.advance(0.4)
+    assert not watch.changed()
+    clock.advance(0.2)
+    assert watch.changed()
+    clock.advance(1.0)
+    assert not watch.changed()
+
+
+def test_the_same_content_is_no_change(path: Path) -> None:
+    clock = ManualClock()
+    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
+    for at_s in (10, 20):
+        path.write_bytes(path.read_bytes())
+        os.utime(path, (at_s, at_s))
+        clock.advance(1.0)
+        assert not watch.changed()
+
+
+def test_an_edit_before_the_first_look_is_noticed(path: Path) -> None:
+    """What counts is what was loaded, not what the file held when the watch began."""
+    clock = ManualClock()
+    loaded = path.read_bytes()
+    path.write_text("other", encoding="utf-8")
+    watch = FileWatch({path: loaded}, timer=clock.now)
+    clock.advance(1.0)
+    assert watch.changed()
+
+
+def test_editors_that_rename_are_noticed_and_a_file_that_is_gone_is_waited_for(path: Path) -> None:
+    clock = ManualClock()
+    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
+    backup = path.rename(path.with_suffix(".bak"))
+    clock.advance(1.0)
+    assert not watch.changed()
+    new = path.with_suffix(".tmp")
+    new.write_text("other", encoding="utf-8")
+    new.rename(path)
+    clock.advance(1.0)
+    assert watch.changed()
+    backup.rename(path)
+    clock.advance(1.0)
+    assert watch.changed()
+
+
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(path: Path) -> None:
+    clock = ManualClock()
+    watch = FileWatch({path: path.read_bytes()}, timer=clock.now)
+    path.unlink()
+    os.mkfifo(path)
+    clock.advance(1.0)
+    assert not watch.changed()
+
+
+# --- trees ----------------------------------------------------------------------------------------
+
+
+class World:
+    """A flight of a scripted drone whose tree file is watched."""
+
+    def __init__(self, path: Path, options: app.FlightOptions | None = None) -> None:
+        self.clock = ManualClock()
+        self.notes: list[str] = []
+        drone = ScriptedDrone()
+        drone.connect()
+        options = options or app.FlightOptions(drone=drone)
+        self.flight: Flight[Drone] = assemble(path, options)
+        self.flight.mission.setup(self.flight.context)
+        self.reload = TreeReload(self.flight, path, None, self.notes.append, timer=self.clock.now)
+
+    def ask(self) -> bool:
+        """Ask once, a second after the last time; return whether there is a new tree."""
+        self.clock.advance(1.0)
+        before = self.flight.mission
+        tree = self.reload()
+        assert (self.flight.mission is before) == (tree is None)
+        return tree is not None
+
+
+def test_a_good_edit_is_ready_to_fly_for_the_same_mission(path: Path) -> None:
+    world = World(path)
+    assert not world.ask()
+    path.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")
+    assert world.ask()
+    tree = world.flight.mission
+    assert tree.is_set_up
+    assert tree.find("higher").mission is world.flight.context
+    assert len(world.notes) == 1
+    assert str(path) in world.notes[0]
+    assert not world.ask()
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("<Sequence><TakeOf/></Sequence>", "4:11: TakeOf"),
+        ("<Sequence><TakeOff", ":5:1: not well-formed"),
+        (ABOVE.format(height=9.0, name="high"), "ceiling"),
+        ('<Sequence><Explore policy="none"/></Sequence>', "unknown policy"),
+        ("", "mission.xml"),
+    ],
+)
+def test_a_bad_edit_is_reported_once_and_its_cure_flies(path: Path, body: str, words: str) -> None:
+    world = World(path)
+    path.write_text(text(body), encoding="utf-8")
+    assert not world.ask()
+    assert not world.ask()
+    (note,) = world.notes
+    assert words in note
+    assert "flies on" in note
+    path.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")
+    assert world.ask()
+
+
+def test_an_edit_that_is_undone_changes_nothing(path: Path) -> None:
+    world = World(path)
+    path.write_text("<root", encoding="utf-8")
+    assert not world.ask()
+    path.write_text(text(HIGH), encoding="utf-8")
+    assert not world.ask()
+    assert "goes on" in world.notes[-1]
+
+
+def test_a_leaf_that_cannot_be_set_up_is_a_bad_edit(path: Path, tmp_path: Path) -> None:
+    """The loader sees that there is a file, and only the leaf what is in it."""
+    network = tmp_path / "broken.onnx"
+    network.write_bytes(b"none")
+    world = World(path)
+    body = f'<Sequence><Segment model="{network}"/>{HIGH}</Sequence>'
+    path.write_text(text(body), encoding="utf-8")
+    assert not world.ask()
+    assert str(network) in world.notes[0]
+
+
+def test_included_files_are_watched_those_of_a_refused_edit_too(path: Path) -> None:
+    part = path.with_name("part.xml")
+    body = '<Sequence><SubTree ID="Part"/></Sequence>'
+
+    def write_part(wait: str) -> None:
+        content = text(HIGH + wait).replace("Main", "Part").replace(HIGH + wait, wait)
+        part.write_text(content.replace(' main_tree_to_execute="Part"', ""), encoding="utf-8")
+
+    world = World(path)
+    write_part("<HoverForever/>")
+    path.write_text(text(body, include='<include path="part.xml"/>'), encoding="utf-8")
+    assert not world.ask()
+    assert "part.xml:4" in world.notes[0]
+    write_part('<HoverFor seconds="3"/>')
+    assert world.ask()
+    write_part('<HoverFor seconds="4"/>')
+    assert world.ask()
+    assert world.flight.mission.sources[part.resolve()] == part.read_bytes()
+
+
+def test_a_link_to_another_file_is_an_edit(path: Path, tmp_path: Path) -> None:
+    link, other = tmp_path / "link.xml", tmp_path / "other.xml"
+    other.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")
+    link.symlink_to(path)
+    world = World(link)
+    link.unlink()
+    link.symlink_to(other)
+    assert world.ask()
+
+
+# --- flights --------------------------------------------------------------------------------------
+
+
+class Impatient(ScriptedDrone):
+    """Lets no wall time pass unseen: edits its tree file at some ticks, and waits for the poll."""
+
+    def __init__(self, edits: dict[int, Callable[[], object]]) -> None:
+        super().__init__()
+        self._edits = edits
+        self._asked = 0
+
+    def observe(self) -> Observation:
+        self._edits.get(self._asked, lambda: None)()
+        self._asked += 1
+        return super().observe()
+
+
+def test_a_flight_goes_on_with_the_edited_tree(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its clock and board are kept; what was halted asks for nothing any more."""
+    monkeypatch.setattr("uav_bt.app.file_watch._POLL_S", 0.0)
+    land = '<Sequence><TakeOff height_m="1.2"/><HoverFor name="low" seconds="1"/><Land/></Sequence>'
+    drone = Impatient(
+        {
+            60: lambda: path.write_text("<root", encoding="utf-8"),
+            80: lambda: path.write_text(text(land), encoding="utf-8"),
+        }
+    )
+    notes: list[str] = []
+    active: list[tuple[float, str]] = []
+    heights: list[float | None] = []
+
+    class Follows:
+        def __init__(self, flight: Flight[Drone]) -> None:
+            self.board = flight.context.board
+
+        def on_tick(self, record: TickRecord) -> None:
+            active.append((record.time_s, record.active[-1] if record.active else ""))
+            heights.append(self.board.read(FLIGHT_HEIGHT).value)
+
+    report = app.fly(
+        path,
+        app.FlightOptions(drone=drone),
+        listeners=[lambda flight: [Follows(flight)]],
+        watch=notes.append,
+    )
+    assert report.outcome == "success", report.reason
+    assert [
+        note.splitlines()[-1].partition(": ")[2] or note.splitlines()[-1] for note in notes
+    ] == [
+        "The edited tree is refused; the one before it flies on.",
+        "the edited tree flies, from its root on",
+    ]
+    names = [name for _, name in active]
+    assert names[75] == "high"  # after the broken edit
+    assert "high" not in names[82:]
+    assert "low" in names[82:]
+    times = [time_s for time_s, _ in active]
+    assert times == sorted(times)
+    assert (heights[70], heights[-1]) == (1.0, 1.2)
+    assert report.ticks == len(active)
+
+
+@pytest.mark.parametrize(
+    ("tree", "given", "words"),
+    [
+        ("land_only", {}, "tree file"),
+        (text(HIGH), {}, "tree file"),
+        ("mission.xml", {"report": "report.json"}, "report"),
+        ("mission.xml", {"record": "flight.mcap"}, "record"),
+    ],
+)
+def test_what_cannot_be_watched_is_refused(
+    path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    tree: str,
+    given: dict[str, str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(path.parent)
+    options = app.FlightOptions(drone=ScriptedDrone(), record=given.get("record"))
+    with pytest.raises(InputError, match=rf"watch: .*{words}"):
+        app.fly(tree, options, report=given.get("report"), watch=print)
+    assert [file.name for file in path.parent.iterdir()] == ["mission.xml"]
+
+
+def test_a_real_drone_keeps_its_tree(path: Path) -> None:
+    drone = ScriptedDrone()
+    drone.live = True
+    with pytest.raises(InputError, match="simulated drones only"):
+        app.fly(path, app.FlightOptions(drone=drone), watch=print)
+    assert drone.commands == []
