@@ -213,7 +213,7 @@ def _numbers(report: FlightReport) -> Iterator[tuple[str, float | None, str, int
     yield "landing", report.time_to_land_s, "s from there", 1
     if lands_on_helipad(report):
         yield "landing error", report.landing_error_m, "m from the helipad's centre", 3
-    yield "least clearance", report.min_clearance_m, "m to a box", 2
+    yield "least clearance", report.min_clearance_m, "m to an obstacle", 2
 
 
 def _milliseconds(times: Percentiles | None) -> str:

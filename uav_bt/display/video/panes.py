@@ -205,7 +205,7 @@ def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
     truth = record.truth
     if truth is not None and math.isfinite(truth.clearance_m):
         colour = ALARM if truth.clearance_m < 0.2 else INK
-        rows.append(("clearance", f"{truth.clearance_m:.2f} m to the nearest box", colour))
+        rows.append(("clearance", f"{truth.clearance_m:.2f} m to an obstacle", colour))
     charge = "unknown" if state.battery is None else f"{100 * state.battery:.0f} %"
     rows.append(("battery", charge, INK))
     if record.override is not None:
