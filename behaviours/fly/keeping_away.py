@@ -15,6 +15,7 @@ class KeepAwayConfig:
 
     intrusion_m: float = 0.38  # an obstacle this near is moved away from; half a diagonal is 0.2 m
     room_step_m: float = 0.15  # of that step
+    edge_m: float = 0.3  # it does not lead nearer to the carpet's edge
     # While it turns the drone moves away, at the speed below, from obstacles nearer than this and
     # from the carpet's edge, which may be nearer by so much.
     keep_away_m: float = 0.45
@@ -42,6 +43,8 @@ def step_away_m(
     away = -config.room_step_m / max(obstacles.nearest_m, config.min_range_m)
     forward_m, right_m = float(away * forward_m), float(away * right_m)
     if not obstacles.allows(forward_m, right_m, margin_m=config.intrusion_m):
+        return None
+    if (np.linalg.norm(obstacles.edges_m - (forward_m, right_m), axis=1) < config.edge_m).any():
         return None
     return forward_m, right_m
 

@@ -1,0 +1,50 @@
+"""Keeping away: steps and pushes from what is too near, and never over the edge."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from behaviours.fly.keeping_away import KeepAwayConfig, push_away_mps, step_away_m
+from uav_bt.types import ObstaclePoints
+
+CONFIG = KeepAwayConfig()
+
+
+def around(
+    *points: tuple[float, float], edges: list[tuple[float, float]] | None = None
+) -> ObstaclePoints:
+    return ObstaclePoints(
+        points_m=np.array(points, dtype=float).reshape(-1, 2),
+        edges_m=np.array(edges or [], dtype=float).reshape(-1, 2),
+        captured_s=0.0,
+    )
+
+
+def test_the_step_leads_away_from_the_nearest_obstacle() -> None:
+    step_m = step_away_m(around((0.0, 0.3), (2.0, 0.0)), CONFIG)
+    assert step_m == pytest.approx((0.0, -CONFIG.room_step_m))
+
+
+@pytest.mark.parametrize("obstacles", [None, around(), around((0.5, 0.0))])
+def test_nothing_near_needs_no_step(obstacles: ObstaclePoints | None) -> None:
+    assert step_away_m(obstacles, CONFIG) is None
+
+
+def test_the_step_does_not_lead_to_another_obstacle() -> None:
+    assert step_away_m(around((0.0, 0.3), (0.0, -0.4)), CONFIG) is None
+
+
+def test_the_step_does_not_lead_to_the_edge() -> None:
+    """Between a box and the edge the drone stays rather than leave the ground."""
+    assert step_away_m(around((0.0, 0.3), edges=[(0.0, -0.4)]), CONFIG) is None
+    assert step_away_m(around((0.0, 0.3), edges=[(0.0, -0.6)]), CONFIG) is not None
+
+
+def test_between_an_obstacle_and_the_edge_the_push_is_from_the_nearer() -> None:
+    forward_mps, right_mps = push_away_mps(around((0.0, 0.3), edges=[(0.0, -1.0)]), CONFIG)
+    assert math.isclose(forward_mps, 0.0, abs_tol=1e-9)
+    assert right_mps == pytest.approx(-CONFIG.keep_away_mps)
+    assert push_away_mps(around((0.0, 1.0)), CONFIG) == (0.0, 0.0)
