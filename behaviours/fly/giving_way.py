@@ -32,6 +32,7 @@ GIVES_WAY: Final = Port(
 )
 # To give way the drone may come a little nearer to what stands than a leg is planned.
 _TOUCH_M: Final = 0.38
+_EDGE_M: Final = 0.4  # but not to the ground's edge, which it may not see: it flies backwards, too
 # Meanwhile it turns to what moves, so that it sees where that goes on to.
 _IN_VIEW_RAD: Final = math.radians(12)
 _WATCH_PER_S: Final = 1.5
@@ -48,7 +49,7 @@ class GivingWay:
 
     def __init__(self, leaf: SteeringLeaf, config: GiveWayConfig | None = None) -> None:
         self._leaf, self._config = leaf, config or GiveWayConfig()
-        self._survey = SurveyConfig(touch_m=_TOUCH_M, least_start_m=_TOUCH_M)
+        self._survey = SurveyConfig(touch_m=_TOUCH_M, least_start_m=_TOUCH_M, edge_m=_EDGE_M)
         self._decided_s = -math.inf  # on the map of then
         self._way: Way | None = None
 

@@ -105,7 +105,7 @@ def way_out(
     reaches_m = _open_m(room, here_m, headings, config.furthest_m)
     speeds_mps = np.array(config.speeds_mps)
     flown_m = speeds_mps[:, None] * np.maximum(times_s - config.reaction_s, 0.0)
-    stops_m = speeds_mps**2 / (2.0 * config.brake_mps2)
+    stops_m = speeds_mps * config.reaction_s + speeds_mps**2 / (2.0 * config.brake_mps2)
     reaches_m = np.maximum(reaches_m[:, None] - stops_m, 0.0)  # (directions, speeds)
     flown_m = np.minimum(flown_m, reaches_m[..., None])  # (directions, speeds, T)
     places_m = here_m + flown_m[..., None] * headings[:, None, None]
