@@ -36,7 +36,7 @@ class SurveyConfig:
     Distances are from the body's centre, half of whose diagonal is 0.2 m.
     """
 
-    touch_m: float = 0.40  # no leg passes an obstacle nearer: half a decimetre is the map's drift
+    touch_m: float = 0.42  # no leg passes an obstacle nearer: a hull's 0.2 m, drift, and sway
     wide_m: float = 0.75  # from here on the full speed
     # Views of a drone that knows well where it is, and how high, are off the map by so much. What
     # they are off more is added, so many times, to the distance from obstacles and edges.
