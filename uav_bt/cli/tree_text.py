@@ -7,8 +7,8 @@ from typing import Final
 
 import click
 
-from uav_bt.cli.command import Command, OutputFile
-from uav_bt.cli.options import INPUT
+from uav_bt.cli.command import Command
+from uav_bt.cli.options import INPUT, output_option
 from uav_bt.errors import FileError, InputError, UavBtError
 from uav_bt.files import write_whole, writing
 from uav_bt.tree.editing.difference import Change, Difference, differences
@@ -77,12 +77,8 @@ def _format(path: Path, *, write: bool, check: bool) -> int:
 
 @click.command(cls=Command)
 @click.argument("file", type=INPUT)
-@click.option(
-    "-o",
-    "--out",
-    metavar="FILE",
-    type=OutputFile(),
-    help="Write the new file there; it is printed if not given. A file that exists stays.",
+@output_option(
+    "--out", "Write the new file there; it is printed if not given. A file that exists stays."
 )
 @click.pass_context
 def migrate(ctx: click.Context, *, file: Path, out: Path | None) -> None:

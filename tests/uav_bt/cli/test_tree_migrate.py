@@ -31,10 +31,10 @@ def test_it_is_printed(old: Path) -> None:
 
 def test_it_is_written_once_and_is_good(old: Path, tmp_path: Path) -> None:
     new = tmp_path / "new.xml"
-    assert run("tree", "migrate", old, "-o", new).exit_code == 0
+    assert run("tree", "migrate", old, "--out", new).exit_code == 0
     assert run("check", new).stdout == f"{new}: good\n"
     written = new.read_text()
-    assert_refused(run("tree", "migrate", old, "-o", new), "not overwritten")
+    assert_refused(run("tree", "migrate", old, "--out", new), "not overwritten")
     assert new.read_text() == written
     assert_refused(run("tree", "migrate", old, "--out", old), "old.xml")
     assert old.read_text() == OLD

@@ -86,7 +86,7 @@ def test_the_first_example_flies(world: World) -> None:
 def test_the_board_example_guards(world: World) -> None:
     """Its subtree reads the board by another name."""
     world.board.declare(HEIGHT)
-    tree = parse_tree(XML[1], NodeRegistry())
+    tree = parse_tree(next(text for text in XML if "Guard" in text), NodeRegistry())
     tree.setup(world.context)
     world.board.write(HEIGHT, 1.0)
     assert tree.tick() is Status.SUCCESS
