@@ -17,6 +17,7 @@ from uav_bt.mission.judge import JudgeConfig
 from uav_bt.mission.runner import RunnerConfig
 from uav_bt.mission.safety import Limits
 from uav_bt.plugins import make_policy
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.shipped import resolve_tree
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "Mission",
     "RunnerConfig",
     "Site",
+    "TreeFolders",
     "assemble",
     "check",
     "fly",

@@ -100,6 +100,8 @@ def fly(
     _check_outputs(tree, options, report)
     watched = None if watch is None else reloadable_file(tree, options, report)
     flight = assemble(tree, options, registry=registry)
+    for file in filter(None, (report, record_file)):
+        refuse_inputs(file, tuple(flight.mission.sources), shipped_trees())
     if watched is not None and flight.drone.live:
         raise InputError("watch: a tree is replaced in flight on simulated drones only")
     with ExitStack() as stack:

@@ -8,20 +8,19 @@ from __future__ import annotations
 import json
 import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Self
 
 from pydantic import TypeAdapter, ValidationError
 
 import uav_bt
-from sim_bridge.twin.scene import Scene
-from sim_bridge.twin.scene_file import scene_text
 from uav_bt.app import provenance
 from uav_bt.app.assembly import Flight
+from uav_bt.app.recorded_files import scene_files, tree_facts, tree_files
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, InputError
 from uav_bt.files import writing
@@ -34,12 +33,8 @@ from uav_bt.plugins import need
 from uav_bt.protocols import Drone
 from uav_bt.record.channels import Quality, RecordConfig
 from uav_bt.record.reader import RecordReader
-from uav_bt.record.record_file import Attachment, RecordFile
+from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
-from uav_bt.tree import MissionTree
-
-_TREE_FOLDER: Final = "tree/"  # attachments below are the tree's files, as they lie beside it
-_SCENE_FILE: Final = "scene.yaml"
 
 
 def flight_facts(flight: Flight[Drone]) -> FlightFacts:
@@ -69,29 +64,18 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "weights": provenance.weights_of(mission),
     }
     del values["record"]
-    attachments = [*_tree_files(mission), *_scene_files(scene)]
     texts = {
         name: value if isinstance(value, str) else json.dumps(value, default=_plain)
         for name, value in values.items()
     }
-    return FlightFacts(values=texts, attachments=attachments)
+    return FlightFacts(
+        values={**texts, **tree_facts(mission)},
+        attachments=[*tree_files(mission), *scene_files(scene)],
+    )
 
 
 def _plain(value: object) -> object:
     return str(value) if isinstance(value, Path) else asdict(value)  # type: ignore[call-overload]
-
-
-def _tree_files(mission: MissionTree) -> Iterator[Attachment]:
-    """Yield a tree file and all that it includes, named by where they lie from its folder."""
-    for path, data in mission.sources.items():
-        name = f"{_TREE_FOLDER}{path.relative_to(mission.path.parent).as_posix()}"
-        yield Attachment(name=name, media_type="application/xml", data=data)
-
-
-def _scene_files(scene: object) -> Iterator[Attachment]:
-    if isinstance(scene, Scene):
-        data = scene_text(scene).encode()
-        yield Attachment(name=_SCENE_FILE, media_type="application/yaml", data=data)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,38 +137,6 @@ def _parsed(reader: RecordReader, text: str) -> Any:
         raise FileError(
             reader.path, f"the record's metadata is damaged: expected JSON, got '{text:.80}'"
         ) from error
-
-
-def attached_files(reader: RecordReader, folder: Path) -> tuple[Path | None, Path | None]:
-    """Write a record's attachments into a folder.
-
-    Args:
-        reader: of the record.
-        folder: exists and is empty.
-
-    Returns:
-        The tree file and the scene file, None where the record has none.
-
-    Raises:
-        FileError: an attachment's name leads out of the folder, or is no file's.
-    """
-    root = folder.resolve()
-    for name, attachment in reader.attachments.items():
-        try:
-            file = (root / name).resolve()
-            if not file.is_relative_to(root):
-                raise FileError(reader.path, f"its attachment '{name:.80}' lies outside its folder")
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes(attachment.data)
-        except (OSError, ValueError) as error:  # no name of a file, or the disk is full
-            reason = getattr(error, "strerror", None) or error
-            raise FileError(
-                reader.path, f"its attachment '{name:.80}' cannot be written out: {reason}"
-            ) from error
-    tree, files = f"{_TREE_FOLDER}{reader.metadata.get('tree', '')}", reader.attachments
-    return (root / tree if tree in files else None), (
-        root / _SCENE_FILE if _SCENE_FILE in files else None
-    )
 
 
 class FlightRecord:

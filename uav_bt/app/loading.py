@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final, TypeGuard
 
@@ -12,6 +13,8 @@ from uav_bt.board import FLIGHT_HEIGHT
 from uav_bt.errors import InputError
 from uav_bt.mission.safety import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
+from uav_bt.tree.loading.folders import TreeFolders
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.shipped import resolve_tree
 
 Mission = str | Path | MissionTree
@@ -34,17 +37,20 @@ def load_mission(
     registry: NodeRegistry | None = None,
     *,
     replaced: Mapping[str, Mapping[str, str]] | None = None,
+    lookup: Lookup | None = None,
 ) -> MissionTree:
     """Load a tree with what options and site replace in it.
 
     Args:
         tree: the mission.
-        options: which tree of a file, policies by node, and the site.
+        options: which tree of a file, where else trees are, policies by node, and the site.
         registry: the nodes that may occur; default: all installed.
         replaced: further attribute values that replace the tree's, by a node's name or path.
+        lookup: where else trees and included files are; default: as the options say.
 
     Raises:
         TreeError: the file was refused, or a policy is unknown.
+        FileError: there is no such file or folder.
         InputError: it is no mission, or a tree that was set up before.
     """
     overrides = {node: dict(given) for node, given in (replaced or {}).items()}
@@ -61,6 +67,10 @@ def load_mission(
             raise InputError(
                 f"tree_id={options.tree_id!r} is for tree files; this is '{tree.name}'"
             )
+        if options.tree_folders != TreeFolders():
+            raise InputError(
+                f"tree_folders are for tree files; this is '{tree.name}', which is loaded already"
+            )
         tree.replace(overrides, by_id=by_id)
         return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
@@ -69,12 +79,17 @@ def load_mission(
             f"NodeRegistry.installed().with_nodes(Peek); got {registry!r:.80}"
         )
     registry = (registry or NodeRegistry.installed()).with_policies(options.policy_objects)
-    tree_id = options.tree_id
-    if is_text(tree):
-        return parse_tree(tree, registry, tree_id=tree_id, overrides=overrides, by_id=by_id)
     if isinstance(tree, str | Path):
-        path = resolve_tree(tree)
-        return load_tree(path, registry, tree_id=tree_id, overrides=overrides, by_id=by_id)
+        load = (
+            partial(parse_tree, tree) if is_text(tree) else partial(load_tree, resolve_tree(tree))
+        )
+        return load(
+            registry,
+            tree_id=options.tree_id,
+            overrides=overrides,
+            by_id=by_id,
+            lookup=lookup or options.tree_folders.lookup(),
+        )
     remedy = ": make a tree of it with MissionTree(...)" if isinstance(tree, Node) else ""
     raise InputError(
         "expected a mission: a shipped one's name, a tree file, a MissionTree or a tree file's "

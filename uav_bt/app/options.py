@@ -19,6 +19,7 @@ from uav_bt.mission.runner import RunnerConfig
 from uav_bt.mission.safety import Limits
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.channels import Quality
+from uav_bt.tree.loading.folders import TreeFolders
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +48,7 @@ class FlightOptions:
         record_quality: of the record's images: lossless, which replays exactly, high or small.
         tree_id: which of a tree file's trees is flown; None: the one that the file names, or the
             only one that no other uses.
+        tree_folders: where else trees and included files are that the tree file does not hold.
         site: the place: heights, camera, classes and limits; a site file or a `Site`.
         rehearse: perceive and decide, but let the drone stand: it flies in numbers only.
         limits: what no command may exceed; those of the site, where there is one.
@@ -71,6 +73,7 @@ class FlightOptions:
     record: str | Path | None = None
     record_quality: Quality = "lossless"
     tree_id: str | None = None
+    tree_folders: TreeFolders = field(default_factory=TreeFolders)
     site: str | Path | Site | None = None
     rehearse: bool = False
     limits: Limits = field(default_factory=Limits)
@@ -97,6 +100,7 @@ class FlightOptions:
         for name, kind in (("limits", Limits), ("runner", RunnerConfig), ("judge", JudgeConfig)):
             _expect(name, getattr(self, name), kind, f"a {kind.__name__}")
         _expect("tree_id", self.tree_id, str | None, "the ID of a tree, or None")
+        _expect("tree_folders", self.tree_folders, TreeFolders, "a TreeFolders")
         _expect("profile", self.profile, str, "the name of a profile: ideal, lab or harsh")
         if self.record_quality not in get_args(Quality):
             _refuse("record_quality", " or ".join(get_args(Quality)), self.record_quality)

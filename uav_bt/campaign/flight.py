@@ -35,6 +35,7 @@ def fly_task(values: Mapping[str, Any]) -> dict[str, Any]:
         exact_masks=task.exact_masks,
         movers=task.movers,
         tree_id=task.tree_id,
+        tree_folders=task.tree_folders,
         record=None if task.record is None else Path(task.record),
         record_quality=task.record_quality,  # type: ignore[arg-type]  # the plan's maker checked it
     )

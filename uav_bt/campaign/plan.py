@@ -8,6 +8,7 @@ from typing import Any
 
 from uav_bt.campaign.flight_lines import FlightKey
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.tree.loading.folders import TreeFolders
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,7 @@ class FlightTask:
     policies: dict[str, str]  # by node
     movers: int = 0  # drawn from the seed
     tree_id: str | None = None  # which tree of the file; None: the one that it names
+    tree_folders: TreeFolders = field(default_factory=TreeFolders)  # absolute
     record: str | None = None  # where to write the flight's record
     record_quality: str = "lossless"  # of its images
 
@@ -44,13 +46,14 @@ class FlightTask:
 
     def to_json(self) -> dict[str, Any]:
         """Return the task as plain JSON values."""
-        return asdict(self)
+        return {**asdict(self), "tree_folders": self.tree_folders.to_json()}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> FlightTask:
         """Return the task that `to_json` wrote."""
         width, height = values["image_size_px"]
-        return cls(**{**values, "image_size_px": (width, height)})
+        folders = TreeFolders(**values["tree_folders"])
+        return cls(**{**values, "image_size_px": (width, height), "tree_folders": folders})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +69,8 @@ class CampaignPlan:
     exact_masks: bool = False  # fly on the referee's masks instead of a network
     movers: int = 0  # drawn from each flight's seed, beside the scene's own
     tree_id: str | None = None  # which tree of every file; None: the one that each names
+    # Where else trees and included files are, absolute; the trees' hashes are of those texts, too.
+    tree_folders: TreeFolders = field(default_factory=TreeFolders)
     policies: dict[str, str] = field(default_factory=dict)  # by node
     record: bool = False  # keep a record of every flight
     record_quality: str = "lossless"  # of its images
@@ -115,6 +120,7 @@ class CampaignPlan:
                         exact_masks=self.exact_masks,
                         movers=self.movers,
                         tree_id=self.tree_id,
+                        tree_folders=self.tree_folders,
                         policies=self.policies,
                         record_quality=self.record_quality,
                     )
@@ -140,7 +146,7 @@ class CampaignPlan:
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as plain JSON values."""
-        return asdict(self)
+        return {**asdict(self), "tree_folders": self.tree_folders.to_json()}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> CampaignPlan:
@@ -155,8 +161,10 @@ class CampaignPlan:
                 what: tuple(PlannedFile(**one) for one in values[what])
                 for what in ("trees", "scenes")
             }
-            return cls(**{**values, **files, "image_size_px": (int(width), int(height))})
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            folders = TreeFolders(**values.get("tree_folders", {}))
+            size = (int(width), int(height))
+            return cls(**{**values, **files, "image_size_px": size, "tree_folders": folders})
+        except (InputError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"not a campaign's plan: {type(error).__name__}: {error}") from error
 
 

@@ -19,6 +19,7 @@ from uav_bt.campaign.plan import CampaignPlan, PlannedFile
 from uav_bt.campaign.store import read_plan
 from uav_bt.errors import UnknownNameError
 from uav_bt.tree import MissionTree
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.shipped import shipped_trees
 
 
@@ -29,6 +30,7 @@ def make_plan(
     flights: int = 10,
     policies: Mapping[str, str] | None = None,
     tree_id: str | None = None,
+    tree_folders: TreeFolders | None = None,
     **how: Any,
 ) -> CampaignPlan:
     """Return the plan of a campaign; everything it names was read.
@@ -39,12 +41,14 @@ def make_plan(
         flights: of each tree in each scene, one seed each.
         policies: leaf policies by node, for every tree that has the node.
         tree_id: which tree of every file; default: the one that each names.
+        tree_folders: where else trees and included files are that the tree files do not hold.
         how: further fields of `CampaignPlan`.
 
     Raises:
         InputError: a tree, a scene or a policy cannot be used, or a number is out of range.
     """
-    options = FlightOptions(policies=policies or {}, tree_id=tree_id)
+    folders = (tree_folders or TreeFolders()).absolute()
+    options = FlightOptions(policies=policies or {}, tree_id=tree_id, tree_folders=folders)
     missions = [load_mission(tree, options) for tree in trees]
     return CampaignPlan(
         trees=tuple(map(_planned_tree, missions)),
@@ -52,6 +56,7 @@ def make_plan(
         flights=flights,
         policies=dict(policies or {}),
         tree_id=tree_id,
+        tree_folders=folders,
         weights=provenance.weights_of(*missions),
         versions=provenance.package_versions(),
         **how,
@@ -72,6 +77,7 @@ def plan_of(folder: Path) -> CampaignPlan:
         flights=before.flights,
         policies=before.policies,
         tree_id=before.tree_id,
+        tree_folders=before.tree_folders,
     )
     return replace(
         before,

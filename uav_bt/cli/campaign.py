@@ -14,6 +14,7 @@ from uav_bt.campaign.plan import CampaignPlan
 from uav_bt.campaign.report.statistics import by_tree, summarise
 from uav_bt.campaign.runner import Backend, LocalBackend
 from uav_bt.cli.command import Command
+from uav_bt.cli.lookup_options import lookup_options
 from uav_bt.cli.options import (
     FOLDER,
     RUNS,
@@ -27,6 +28,7 @@ from uav_bt.cli.options import (
 from uav_bt.cli.progress import campaign_progress
 from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.errors import MissionError
+from uav_bt.tree.loading.folders import TreeFolders
 
 
 @click.command(cls=Command)
@@ -50,6 +52,7 @@ from uav_bt.errors import MissionError
 @click.option("--exact-masks", is_flag=True, help="Fly on exact masks instead of a network's.")
 @movers_option
 @tree_option
+@lookup_options
 @image_size_option
 @policy_option
 @click.option(
@@ -99,6 +102,7 @@ def campaign(
     exact_masks: bool,
     movers: int,
     tree_id: str | None,
+    tree_folders: TreeFolders,
     image_size: tuple[int, int],
     policies: dict[str, str],
     out: Path | None,
@@ -147,6 +151,7 @@ def campaign(
             exact_masks=exact_masks,
             movers=movers,
             tree_id=tree_id,
+            tree_folders=tree_folders,
             timeout_s=timeout_s,
             record=record,
         )

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import functools
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import click
 
 from uav_bt.cli.command import Command, note_input
+from uav_bt.cli.lookup_options import lookup_options
 from uav_bt.cli.options import INPUT, format_option, tree_option
 from uav_bt.errors import FileError, InputError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.loading.findings import Finding, Findings, errors_of
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.loader import check_file, findings_of
-from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import read_palette, with_palette
 from uav_bt.tree.loading.sarif import sarif_log
 from uav_bt.tree.shipped import STARTERS, tree_files, write_starter
@@ -55,64 +56,6 @@ palette_option = click.option(
 )
 
 
-def _lookup(
-    folders: tuple[Path, ...], include_root: Path | None, packages: tuple[str, ...]
-) -> Lookup:
-    """Return where to look for what tree files do not hold.
-
-    Raises:
-        BadParameter: a package is no NAME=DIR.
-        FileError: a folder has too many files.
-    """
-    named: dict[str, Path] = {}
-    for package in packages:
-        name, _, folder = package.partition("=")
-        if not name or not Path(folder or "?").is_dir():
-            raise click.BadParameter(f"expected NAME=DIR, a folder that exists; got '{package}'")
-        named[name] = Path(folder)
-    library = Library(file for folder in folders for file in files_in(folder))
-    return Lookup(library, include_root, named)
-
-
-def lookup_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options for where trees and included files are, as the parameter `lookup`."""
-    folder = click.Path(exists=True, file_okay=False, path_type=Path)
-
-    @click.option(
-        "--trees",
-        "library",
-        metavar="DIR",
-        type=folder,
-        multiple=True,
-        help="Look for trees that a file does not hold in the files of this folder. Repeatable.",
-    )
-    @click.option(
-        "--include-root",
-        metavar="DIR",
-        type=folder,
-        help="Files may be included from this folder and below, not only from beside the file.",
-    )
-    @click.option(
-        "--ros-pkg",
-        "packages",
-        metavar="NAME=DIR",
-        multiple=True,
-        help='The folder of a ROS package, for <include ros_pkg="NAME"/>. Repeatable.',
-    )
-    @functools.wraps(command)
-    def with_lookup(
-        *args: Any,
-        library: tuple[Path, ...],
-        include_root: Path | None,
-        packages: tuple[str, ...],
-        **kwargs: Any,
-    ) -> Any:
-        lookup = _lookup(library, include_root, packages)
-        return command(*args, lookup=lookup, **kwargs)
-
-    return with_lookup
-
-
 @click.command(cls=Command)
 @click.argument("trees", metavar="TREE...", nargs=-1, required=True)
 @tree_option
@@ -131,7 +74,7 @@ def check(
     trees: tuple[str, ...],
     tree_id: str | None,
     registry: NodeRegistry,
-    lookup: Lookup,
+    tree_folders: TreeFolders,
     format_: str,
 ) -> None:
     """Check tree files and report all that is wrong.
@@ -153,6 +96,7 @@ def check(
     in which the command is called.
     """  # noqa: D301  (click needs the backspace)
     reports = []
+    lookup = tree_folders.lookup()
     for tree in trees:
         for path, findings in _reports(tree, registry, tree_id, lookup):
             reports.append((path, findings))

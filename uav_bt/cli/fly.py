@@ -19,6 +19,7 @@ from uav_bt.app.view.live import ViewListeners, live_view
 from uav_bt.cli.command import Command
 from uav_bt.cli.interrupts import stopped_by
 from uav_bt.cli.keys import pilot_keys
+from uav_bt.cli.lookup_options import lookup_options
 from uav_bt.cli.options import (
     INPUT,
     image_size_option,
@@ -63,6 +64,7 @@ def _groot_port(ctx: click.Context, param: click.Parameter, value: str | None) -
 @click.command(cls=Command)
 @click.argument("tree")
 @tree_option
+@lookup_options
 @click.option("--scene", metavar="SCENE", help="The twin's lab: a shipped scene or a YAML file.")
 @seed_option()
 @click.option(
@@ -140,6 +142,7 @@ def fly(
     *,
     tree: str,
     tree_id: str | None,
+    tree_folders: app.TreeFolders,
     scene: str | None,
     seed: int,
     drone: str,
@@ -183,6 +186,7 @@ def fly(
         _check_watch(tree, drone, {**outputs, "view": view, "groot": groot})
     options = app.FlightOptions(
         tree_id=tree_id,
+        tree_folders=tree_folders,
         scene=scene,
         seed=seed,
         drone=drone,

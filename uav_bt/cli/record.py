@@ -15,12 +15,14 @@ from uav_bt.app.replay import replay as replay_record
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, LOSSY_TICKS
 from uav_bt.app.view.recorded import WITHOUT_DISPLAY, RecordedFlight, Span
 from uav_bt.cli.command import Command
+from uav_bt.cli.lookup_options import lookup_options
 from uav_bt.cli.options import INPUT, format_option, output_option, policy_option
 from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.ranges import Number
 from uav_bt.display.rerun import sinks
 from uav_bt.errors import MissionError
 from uav_bt.record.info import RecordInfo, record_info
+from uav_bt.tree.loading.folders import TreeFolders
 
 _METADATA: Final = (
     *("tree", "scene", "seed", "drone", "profile", "record_quality", "started", "uav_bt", "git"),
@@ -146,6 +148,7 @@ def _show(flight: RecordedFlight, *, web: bool) -> None:
 @click.command(cls=Command)
 @_file_argument
 @click.option("--tree", metavar="TREE", help="Replay this mission, not the recorded one.")
+@lookup_options
 @policy_option
 @click.option(
     "--masks",
@@ -160,6 +163,7 @@ def replay(
     *,
     file: Path,
     tree: str | None,
+    tree_folders: TreeFolders,
     policies: dict[str, str],
     masks: Literal["network", "recorded"] | None,
     format_: str,
@@ -170,7 +174,10 @@ def replay(
     commands are the recorded ones (of a lossy record: within the tolerance that is printed), 1 when
     they differ, and 2 when the record or what was given is refused.
     """
-    report = replay_record(file, ReplayOptions(tree=tree, policies=policies, masks=masks))
+    if tree is None and tree_folders != TreeFolders():
+        raise click.UsageError("a record has its own tree files: folders are for another --tree")
+    changes = ReplayOptions(tree=tree, tree_folders=tree_folders, policies=policies, masks=masks)
+    report = replay_record(file, changes)
     if format_ == "json":
         click.echo(json.dumps(report.to_json(), indent=2))
     else:

@@ -9,14 +9,15 @@ from typing import Any
 
 import click
 
-from uav_bt.cli.check import lookup_options, palette_option
+from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
+from uav_bt.cli.lookup_options import lookup_options
 from uav_bt.cli.options import INPUT, format_option, tree_option
 from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import SimulatedTick, Simulation, read_script
-from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.shipped import resolve_tree
 
 
@@ -58,7 +59,7 @@ def simulate(
     format_: str,
     tree_id: str | None,
     registry: NodeRegistry,
-    lookup: Lookup,
+    tree_folders: TreeFolders,
 ) -> None:
     """Tick a tree file with leaves that answer what a script says.
 
@@ -90,7 +91,7 @@ def simulate(
         registry,
         tick_s=tick_s,
         tree_id=tree_id,
-        lookup=lookup,
+        lookup=tree_folders.lookup(),
     )
     steps = simulation.run(ticks)
     if format_ == "json":

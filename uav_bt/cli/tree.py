@@ -8,13 +8,14 @@ from pathlib import Path
 
 import click
 
-from uav_bt.cli.check import lookup_options, palette_option
+from uav_bt.cli.check import palette_option
 from uav_bt.cli.command import Command
+from uav_bt.cli.lookup_options import lookup_options
 from uav_bt.cli.options import format_option, output_option, tree_option
 from uav_bt.files import writing
 from uav_bt.tree import NodeRegistry, load_tree
 from uav_bt.tree.describe import NodeInfo, PortInfo, describe, describe_all, palette_xml
-from uav_bt.tree.loading.lookup import Lookup
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.schema import schema_xml
 from uav_bt.tree.render import render as draw
 from uav_bt.tree.shipped import resolve_tree
@@ -91,13 +92,14 @@ def render(
     out: Path | None,
     tree_id: str | None,
     registry: NodeRegistry,
-    lookup: Lookup,
+    tree_folders: TreeFolders,
 ) -> None:
     """Draw a tree file, with its subtrees in place.
 
     TREE is a file, or the name of a mission that ships with uav-bt. Each node shows its name and
     what the file gives it; svg also shows the board keys that it reads and writes.
     """
+    lookup = tree_folders.lookup()
     loaded = load_tree(resolve_tree(tree), registry, tree_id=tree_id, lookup=lookup)
     _print_or_write(draw(loaded, format_), out)
 

@@ -13,6 +13,7 @@ from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, did_you_mean
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import Position
+from uav_bt.tree.loading.lookup import Inclusion
 from uav_bt.tree.node import Node
 from uav_bt.tree.nodes.base import SubTree
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SUCCESS, Status
@@ -63,8 +64,9 @@ class MissionTree:
     Args:
         root: the root node; it and all below belong to this tree from now on.
         name: the tree's name, first part of all paths.
-        sources: the texts of the tree file and of those it includes, by path, its own first; empty
-            for a tree composed in Python.
+        sources: the texts of the tree file and of those it takes trees from, by path, its own
+            first; empty for a tree composed in Python.
+        inclusions: which of these files each `<include>` stands for.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attributes that nodes have instead of what the tree file says, by path.
     """
@@ -79,12 +81,14 @@ class MissionTree:
         *,
         name: str = "Tree",
         sources: Mapping[Path, bytes] | None = None,
+        inclusions: Mapping[Inclusion, Path] | None = None,
         places: Mapping[str, Place] | None = None,
         replaced: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
         self.root = root
         self.name = name
         self.sources = dict(sources or {})
+        self.inclusions = dict(inclusions or {})
         self.places = dict(places or {})
         self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
         self.variables = Variables()

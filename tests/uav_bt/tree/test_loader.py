@@ -502,16 +502,32 @@ def test_included_files_join(tmp_path: Path) -> None:
     (tmp_path / "parts" / "a.xml").write_text(
         f'<root BTCPP_format="4"><include path="../more.xml"/>{tree.format("A")}</root>'
     )
-    (tmp_path / "more.xml").write_text(
-        f'<root BTCPP_format="4"><include path="parts/a.xml"/>{tree.format("B")}</root>'
-    )
+    (tmp_path / "more.xml").write_text(f'<root BTCPP_format="4">{tree.format("B")}</root>')
     main = tmp_path / "main.xml"
     body = '<Sequence><SubTree ID="A"/><SubTree ID="B"/></Sequence>'
-    main.write_text(document(body, '<include path="parts/a.xml"/>'))
+    main.write_text(document(body, '<include path="parts/a.xml"/><include path="more.xml"/>'))
     assert len(list(load_tree(main, REGISTRY).leaves())) == 2
     (tmp_path / "more.xml").write_text('<root BTCPP_format="3"/>')
     with pytest.raises(TreeError, match=r"more\.xml:1:7: root: expected BTCPP_format"):
         load_tree(main, REGISTRY)
+
+
+def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
+    """The engine never ends on them; each include that closes a circle has its place."""
+    text = '<root BTCPP_format="4"><include path="{}.xml"/><include path="{}.xml"/></root>'
+    (tmp_path / "a.xml").write_text(text.format("b", "c"))
+    (tmp_path / "b.xml").write_text(text.format("c", "a"))
+    (tmp_path / "c.xml").write_text(text.format("c", "none"))
+    main = tmp_path / "main.xml"
+    main.write_text(document("<Safe/>", '<include path="a.xml"/>'))
+    with pytest.raises(TreeError) as caught:
+        load_tree(main, REGISTRY)
+    circles = [found for found in caught.value.findings if "circle" in found]
+    assert len(circles) == 2
+    assert f"{tmp_path}/b.xml:1:56: include: " in circles[0]
+    assert "circle, a.xml > b.xml > a.xml: take one of these includes out" in circles[0]
+    assert f"{tmp_path}/c.xml:1:33: include: " in circles[1]
+    assert "circle, c.xml > c.xml: " in circles[1]
 
 
 @pytest.mark.parametrize(

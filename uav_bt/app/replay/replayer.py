@@ -9,9 +9,10 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal
 
 from uav_bt.app.assembly import Flight
-from uav_bt.app.flight_record import RecordedOptions, attached_files, recorded_options
+from uav_bt.app.flight_record import RecordedOptions, recorded_options
 from uav_bt.app.loading import Mission, is_text, load_mission
 from uav_bt.app.options import FlightOptions, check_policies
+from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.replay.differences import LOSSY_NUMBERS, Comparison, ReplayReport
 from uav_bt.app.replay.recorded_drone import RecordedDrone, RecordedSegmenter
 from uav_bt.errors import FileError, NodeFailedError
@@ -22,6 +23,7 @@ from uav_bt.protocols import LeafPolicy
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, NodeRegistry, Status
+from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.types import DroneState, Truth
 
 Masks = Literal["network", "recorded"]
@@ -37,6 +39,7 @@ class ReplayOptions:
 
     Attributes:
         tree: another mission, or the one that was composed in Python; None: the recorded one.
+        tree_folders: where else trees and included files are that this mission does not hold.
         policies: leaf policies by the node's name or path: names, or objects with `decide`.
         masks: whose class maps the tree gets: network or recorded; None: a network's, unless the
             flight flew on exact masks.
@@ -47,6 +50,7 @@ class ReplayOptions:
     """
 
     tree: Mission | None = None
+    tree_folders: TreeFolders = field(default_factory=TreeFolders)
     policies: Mapping[str, str | LeafPolicy] = field(default_factory=dict)
     masks: Masks | None = None
     registry: NodeRegistry | None = None
@@ -147,6 +151,7 @@ def assemble_recorded(
     )
     if changes.tree is not None:
         # Attributes of nodes that the recorded mission had may name none of this one.
+        options = replace(options, tree_folders=changes.tree_folders)
         mission = load_mission(changes.tree, options, changes.registry)
     else:
         mission = _recorded_mission(reader, recorded, options, changes.registry)
@@ -181,8 +186,8 @@ def _recorded_mission(
                 f"installed one with --policy '{name}=NAME'",
             )
     with TemporaryDirectory(prefix="uav-bt-replay-") as folder:
-        path, _ = attached_files(reader, Path(folder))
-        if path is None:
+        files = recorded_files(reader, Path(folder))
+        if files.tree is None:
             tree = reader.metadata.get("tree", "")
             raise FileError(
                 reader.path,
@@ -190,7 +195,7 @@ def _recorded_mission(
                 "--tree, or with ReplayOptions(tree=...)",
             )
         options = replace(options, tree_id=reader.metadata.get("tree_name"))
-        return load_mission(path, options, registry, replaced=replaced)
+        return load_mission(files.tree, options, registry, replaced=replaced, lookup=files.lookup)
 
 
 # --- the runner -----------------------------------------------------------------------------------

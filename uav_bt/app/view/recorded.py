@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 from sim_bridge.twin.scene_file import load_scene
 from uav_bt.app.film import map_of_scene, panes_of
-from uav_bt.app.flight_record import attached_files, recorded_options
+from uav_bt.app.flight_record import recorded_options
+from uav_bt.app.recorded_files import recorded_files
 from uav_bt.app.view.live import setting_of
 from uav_bt.display.phrases import describe_flight
 from uav_bt.display.rerun import sinks
@@ -28,6 +29,7 @@ from uav_bt.progress import Advance, silent
 from uav_bt.record.playback import Playback
 from uav_bt.record.reader import RecordReader
 from uav_bt.tree import MissionTree, load_tree
+from uav_bt.tree.loading.lookup import Lookup
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -65,11 +67,10 @@ class RecordedFlight:
         self.reader = RecordReader(path)
         self._span = span or Span()
         with TemporaryDirectory(prefix="uav-bt-record-") as folder:
-            tree, scene = attached_files(self.reader, Path(folder))
-            self.tree = (
-                None if tree is None else known_tree(tree, self.reader.metadata.get("tree_name"))
-            )
-            self.lab_map = None if scene is None else map_of_scene(load_scene(scene))
+            files = recorded_files(self.reader, Path(folder))
+            name = self.reader.metadata.get("tree_name")
+            self.tree = None if files.tree is None else known_tree(files.tree, name, files.lookup)
+            self.lab_map = None if files.scene is None else map_of_scene(load_scene(files.scene))
 
     @property
     def title(self) -> str:
@@ -233,7 +234,7 @@ class RecordedFlight:
                 video.conclude(outcome.replace("_", " "), [end.get("reason", "")], good=good)
 
 
-def known_tree(file: Path, tree_id: str | None) -> MissionTree | None:
+def known_tree(file: Path, tree_id: str | None, lookup: Lookup | None = None) -> MissionTree | None:
     """Return a tree of a file; None where it has nodes that are not installed here.
 
     What the record says of such a tree is enough for its graph, not for the corridor.
@@ -241,8 +242,9 @@ def known_tree(file: Path, tree_id: str | None) -> MissionTree | None:
     Args:
         file: the tree file.
         tree_id: which of its trees; None in a record that does not say.
+        lookup: where its other files are.
     """
     try:
-        return load_tree(file, tree_id=tree_id)
+        return load_tree(file, tree_id=tree_id, lookup=lookup)
     except TreeError:
         return None

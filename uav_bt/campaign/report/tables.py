@@ -18,6 +18,7 @@ from uav_bt.campaign.report.table import Cell, Link, Table, Term
 from uav_bt.mission.coverage import PASSED_M, SEEN_M
 from uav_bt.mission.flight_report import EXPLORE_S
 from uav_bt.mission.judge import Outcome
+from uav_bt.tree.loading.folders import TreeFolders
 
 _SUCCESS: Final = Outcome.SUCCESS.value
 _METRIC_NOTES: Final = {
@@ -184,9 +185,19 @@ def _repeat_command(one: FlightSet, flight: dict[str, Any]) -> str:
         words += ["--image-size", f"{width}x{height}"]
         if plan.tree_id is not None:
             words += ["--tree", plan.tree_id]
+        words += _folder_words(plan.tree_folders)
         for node, policy in plan.policies.items():
             words += ["--policy", f"{node}={policy}"]
     return shlex.join(words)
+
+
+def _folder_words(folders: TreeFolders) -> list[str]:
+    words = [word for folder in folders.trees for word in ("--trees", str(folder))]
+    if folders.include_root is not None:
+        words += ["--include-root", str(folders.include_root)]
+    for name, folder in folders.packages.items():
+        words += ["--ros-pkg", f"{name}={folder}"]
+    return words
 
 
 def _timings(sets: Sequence[FlightSet]) -> Table:

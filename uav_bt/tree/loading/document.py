@@ -9,7 +9,7 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.findings import WARNING, Findings
-from uav_bt.tree.loading.lookup import Includes, Lookup
+from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
 from uav_bt.tree.loading.models import read_models
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import (
@@ -40,6 +40,7 @@ class Document:
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
     included: dict[Path, bytes] = field(default_factory=dict)  # texts of all other files, by path
+    inclusions: dict[Inclusion, Path] = field(default_factory=dict)  # what each <include> is
     unread: str = ""  # what a message adds on files of the library that could not be read
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
     # None where a SubTree has to give an entry.
@@ -120,7 +121,8 @@ def outline(
                     waiting += included.read(child, findings)
             _read_parts(element, document, registry, findings)
     document.own = tuple(document.trees)
-    document.included = included.sources
+    included.note_circles(findings)
+    document.included, document.inclusions = included.sources, included.found
     document.unread = lookup.library.hint()
     _fetch(document, lookup, registry, findings)
     return document

@@ -151,6 +151,7 @@ class _Read:
             root,
             name=document.main,
             sources={document.path.resolve(): self._data, **document.included},
+            inclusions=document.inclusions,
             places=builder.places,
             replaced=builder.replaced,
         )

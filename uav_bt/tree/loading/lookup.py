@@ -123,6 +123,15 @@ class Library:
         return Library((*self._files, *files), self._read)
 
 
+@dataclass(frozen=True, order=True)
+class Inclusion:
+    """An `<include>` of a file."""
+
+    path: Path  # of the file that includes
+    package: str | None  # the ROS package that is named
+    name: str  # the path as it is written
+
+
 @dataclass(frozen=True)
 class Lookup:
     """Where to look for what a tree file does not hold.
@@ -131,11 +140,13 @@ class Lookup:
         library: trees of other files.
         include_root: a folder that files may be included from, besides the file's own and below.
         packages: folders of ROS packages, for `<include ros_pkg="...">`.
+        included: what was included where, when these files were read in another place.
     """
 
     library: Library = field(default_factory=Library)
     include_root: Path | None = None
     packages: Mapping[str, Path] = field(default_factory=dict)
+    included: Mapping[Inclusion, Path] = field(default_factory=dict)
 
 
 class Includes:
@@ -144,6 +155,10 @@ class Includes:
     Args:
         main: the file that was asked for; its folder bounds what may be included.
         lookup: where else files may be included from.
+
+    Attributes:
+        sources: the texts of the included files, by path.
+        found: which file each `<include>` stands for.
     """
 
     def __init__(self, main: Path, lookup: Lookup) -> None:
@@ -153,7 +168,10 @@ class Includes:
         if lookup.include_root is not None:
             self._folders.append(lookup.include_root.resolve())
         self._folders += self._packages.values()
-        self.sources: dict[Path, bytes] = {}  # of the included files, by path
+        self._known = lookup.included
+        self.sources: dict[Path, bytes] = {}
+        self.found: dict[Inclusion, Path] = {}
+        self._elements: dict[Inclusion, Element] = {}
 
     def read(self, include: Element, findings: Findings) -> list[Element]:
         """Return the root of the included file; nothing when it was read before or is refused.
@@ -168,6 +186,9 @@ class Includes:
         attributes = include.attributes
         package = attributes.get("ros_pkg")
         message = ""
+        inclusion = Inclusion(include.path.resolve(), package, attributes.get("path", ""))
+        if inclusion in self._known:
+            return self._taken(include, inclusion, self._known[inclusion])
         if set(attributes) - {"ros_pkg"} != {"path"} or not attributes["path"]:
             message = "needs exactly the attribute 'path', and may have 'ros_pkg'"
         elif package is not None and package not in self._packages:
@@ -178,12 +199,14 @@ class Includes:
             message = f"more than {MAX_INCLUDES} files are included"
         else:
             start = include.path.parent if package is None else self._packages[package]
-            return self._read(include, findings, start)
+            return self._read(include, inclusion, findings, start)
         findings.add(include.path, include.at("path"), message, "include", rule=Rule.INCLUDE)
         return []
 
-    def _read(self, include: Element, findings: Findings, start: Path) -> list[Element]:
-        name = include.attributes["path"]
+    def _read(
+        self, include: Element, inclusion: Inclusion, findings: Findings, start: Path
+    ) -> list[Element]:
+        name = inclusion.name
         try:
             target = (start / name).resolve()
             there = target.is_file()
@@ -191,7 +214,7 @@ class Includes:
             message = f"'{name:.40}...': {error.strerror}"
         else:
             if target == self._main or target in self.sources:
-                return []
+                return self._taken(include, inclusion, target)
             if not any(target.is_relative_to(folder) for folder in self._folders):
                 message = (
                     f"'{name}' lies outside the folder {self._folders[0]}: allow it with "
@@ -200,7 +223,47 @@ class Includes:
             elif not there:
                 message = f"'{name}': no such file in {start}"
             else:
-                self.sources[target] = read_source(target)
-                return [parse_source(self.sources[target], target)]
+                return self._taken(include, inclusion, target)
         findings.add(include.path, include.at("path"), message, "include", rule=Rule.INCLUDE)
         return []
+
+    def _taken(self, include: Element, inclusion: Inclusion, target: Path) -> list[Element]:
+        """Return the root of a file that may be included; nothing when it was read before."""
+        self.found[inclusion] = target
+        self._elements[inclusion] = include
+        if target == self._main or target in self.sources:
+            return []
+        self.sources[target] = read_source(target)
+        return [parse_source(self.sources[target], target)]
+
+    def note_circles(self, findings: Findings) -> None:
+        """Note files that include each other in a circle, of which the engine finds no end.
+
+        Args:
+            findings: where each include is added that closes a circle.
+        """
+        after: dict[Path, list[Inclusion]] = {}
+        for inclusion in self.found:
+            after.setdefault(inclusion.path, []).append(inclusion)
+        done: set[Path] = set()
+        # Depth first, with a stack of its own, as for trees that use each other.
+        chain = {self._main: iter(after.get(self._main, ()))}
+        while chain:
+            path = next(reversed(chain))
+            closing = next(chain[path], None)
+            if closing is None:
+                del chain[path]
+                done.add(path)
+                continue
+            target = self.found[closing]
+            if target in chain:
+                files = [*chain]
+                circle = [each.name for each in (*files[files.index(target) :], target)]
+                message = (
+                    f"the files include each other in a circle, {' > '.join(circle)}: take one of "
+                    "these includes out"
+                )
+                include = self._elements[closing]
+                findings.note(include, message, "path", rule=Rule.INCLUDE)
+            elif target not in done:
+                chain[target] = iter(after.get(target, ()))

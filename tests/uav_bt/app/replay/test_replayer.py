@@ -12,7 +12,7 @@ from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
 from tests.uav_bt.record.record_world import FLIGHT, copy_part, fly_noisy, tree_file
 from uav_bt import app
-from uav_bt.app import flight_record
+from uav_bt.app import recorded_files
 from uav_bt.app.replay import ReplayOptions, replay
 from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
@@ -232,7 +232,7 @@ def test_a_lost_picture_makes_a_replay_inexact(
 def test_a_record_without_its_tree_asks_for_one(
     noisy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(flight_record, "_TREE_FOLDER", "elsewhere/")
+    monkeypatch.setattr(recorded_files, "_TREE_FOLDER", "trees/")
     with pytest.raises(FileError, match=r"lacks its tree file \(mission\.xml\); give the tree"):
         replay(noisy)
 
@@ -240,7 +240,7 @@ def test_a_record_without_its_tree_asks_for_one(
 def test_an_attachment_that_leads_out_of_its_folder_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(flight_record, "_TREE_FOLDER", "tree/../../")
+    monkeypatch.setattr(recorded_files, "_TREE_FOLDER", "tree/../../")
     record, _ = fly_noisy(tmp_path, monkeypatch)
     monkeypatch.undo()
     with pytest.raises(FileError, match="lies outside its folder"):

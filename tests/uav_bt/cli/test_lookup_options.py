@@ -1,0 +1,262 @@
+"""`--trees`, `--include-root`, `--ros-pkg`: a mission of several folders, in every command."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.uav_bt.cli.cli_world import assert_refused, run
+from uav_bt import app
+from uav_bt.app.view.recorded import RecordedFlight
+from uav_bt.campaign.report.sources import read_sources
+from uav_bt.campaign.report.tables import tables_of
+from uav_bt.errors import FileError, InputError
+from uav_bt.record.reader import RecordReader
+
+SMALL = ("--image-size", "160x90", "--profile", "ideal")
+LEAVES = ["TakeOff", "HoverFor", "Land", "AlwaysSuccess"]
+
+
+def write(path: Path, tree_id: str, body: str, includes: str = "") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(
+        f'<root BTCPP_format="4" main_tree_to_execute="{tree_id}">{includes}\n'
+        f'<BehaviorTree ID="{tree_id}">\n{body}\n</BehaviorTree>\n</root>\n',
+        encoding="utf-8",
+    )
+    return path
+
+
+class Mission:
+    """A mission whose trees are in four folders: its own, one above, a library, a ROS package."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.path = write(
+            folder / "missions" / "hop.xml",
+            "Main",
+            '<Sequence><SubTree ID="Up"/><SubTree ID="Wait"/><SubTree ID="Down"/></Sequence>',
+            '<include path="../shared/up.xml"/><include ros_pkg="robot" path="trees/wait.xml"/>',
+        )
+        write(folder / "shared" / "up.xml", "Up", '<TakeOff height_m="1.0"/>')
+        # As `colcon build --symlink-install` has it: the installed file is a link to its source.
+        source = folder / "src" / "robot" / "trees" / "wait.xml"
+        write(source, "Wait", '<HoverFor seconds="0.2"/>', '<include path="deep/more.xml"/>')
+        write(source.parent / "deep" / "more.xml", "More", "<AlwaysSuccess/>")
+        installed = folder / "install" / "robot" / "trees"
+        installed.mkdir(parents=True)
+        (installed / "wait.xml").symlink_to(source)
+        # Beside it a tree that nothing uses, and that cannot be loaded: nobody asks for it.
+        write(folder / "parts" / "other.xml", "Other", "<Nonsense/>")
+        self.down = write(
+            folder / "parts" / "deep" / "down.xml",
+            "Down",
+            '<Sequence><Land/><SubTree ID="More"/></Sequence>',
+        )
+        self.options = (
+            *("--trees", folder / "parts", "--include-root", folder),
+            *("--ros-pkg", f"robot={folder / 'install' / 'robot'}"),
+        )
+        self.tree_folders = app.TreeFolders(
+            trees=[folder / "parts"],
+            include_root=folder,
+            packages={"robot": folder / "install" / "robot"},
+        )
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Mission:
+    return Mission(tmp_path / "workspace")
+
+
+def commands(mission: Path, tmp_path: Path) -> list[tuple[object, ...]]:
+    """Return a call of every command that loads a tree file."""
+    script = tmp_path / "answers.yaml"
+    script.write_text("default: S")
+    return [
+        ("check", mission),
+        ("tree", "render", mission),
+        ("simulate", mission, "--script", script),
+        ("fly", mission, *SMALL),
+        ("campaign", mission, "--scenes", "val-a", "--out", tmp_path / "campaign"),
+    ]
+
+
+def test_every_command_finds_the_trees_of_other_folders(mission: Mission, tmp_path: Path) -> None:
+    check, render, simulate, _, _ = commands(mission.path, tmp_path)
+    assert run(*check, *mission.options).exit_code == 0
+    drawn = run(*render, *mission.options).stdout
+    assert [word for word in drawn.split() if word in LEAVES] == LEAVES
+    simulated = run(*simulate, *mission.options, "--format", "json")
+    assert simulated.exit_code == 0, simulated.output
+    ticked = [leaf["leaf"] for leaf in json.loads(simulated.stdout)["ticks"][0]["leaves"]]
+    assert ticked == LEAVES
+
+
+def test_every_command_names_the_option_that_is_missing(mission: Mission, tmp_path: Path) -> None:
+    trees, root, package = (mission.options[at : at + 2] for at in (0, 2, 4))
+    for command in commands(mission.path, tmp_path):
+        for given, words in (
+            ((*root, *package), f"{mission.path}:3:"),
+            ((*trees, *package), "allow it with --include-root DIR"),
+            ((*trees, *root), "package 'robot' is not known here: add --ros-pkg robot=DIR"),
+        ):
+            result = run(*command, *given)
+            assert result.exit_code == 2, (command, result.output)
+            assert words in result.stderr
+            assert "Traceback" not in result.stderr
+
+
+def test_every_command_refuses_folders_that_are_none(mission: Mission, tmp_path: Path) -> None:
+    for command in commands(mission.path, tmp_path):
+        for option in ("--trees", "--include-root"):
+            assert_refused(run(*command, option, tmp_path / "none"), option, "does not exist")
+        for package in ("robot", f"robot={tmp_path / 'none'}", f"={tmp_path}"):
+            words = ("--ros-pkg", "expected NAME=DIR", f"got '{package}'")
+            assert_refused(run(*command, "--ros-pkg", package), *words)
+        twice = ("--ros-pkg", f"robot={tmp_path}") * 2
+        assert_refused(run(*command, *twice), "package 'robot' is given two folders")
+
+
+def test_a_tree_in_two_files_and_a_circle_of_includes_are_refused(
+    mission: Mission, tmp_path: Path
+) -> None:
+    twin = write(mission.folder / "parts" / "twin.xml", "Down", "<Land/>")
+    for command in commands(mission.path, tmp_path):
+        result = run(*command, *mission.options)
+        assert result.exit_code == 2
+        places = f"{mission.down}:2:1 and {twin}:2:1"
+        assert f"tree 'Down' stands in several files: {places}" in result.stderr
+    twin.unlink()
+    up = mission.folder / "shared" / "up.xml"
+    write(up, "Up", '<TakeOff height_m="1.0"/>', '<include path="../missions/hop.xml"/>')
+    for command in commands(mission.path, tmp_path):
+        result = run(*command, *mission.options)
+        assert result.exit_code == 2
+        assert f"{up}:1:59: include: the files include each other in a circle" in result.stderr
+
+
+# --- records --------------------------------------------------------------------------------------
+
+
+def test_a_record_replays_without_the_folders(mission: Mission, tmp_path: Path) -> None:
+    """It has all files that were used, links included, and no other."""
+    record = tmp_path / "flight.mcap"
+    flown = run("fly", mission.path, *SMALL, *mission.options, "--record", record)
+    assert flown.exit_code == 0, flown.output
+    shutil.rmtree(mission.folder)
+    reader = RecordReader(record)
+    trees = sorted(name for name in reader.attachments if name.endswith(".xml"))
+    assert trees == [
+        *("elsewhere/1/up.xml", "elsewhere/2/wait.xml", "elsewhere/3/more.xml"),
+        *("elsewhere/4/down.xml", "tree/hop.xml"),
+    ]
+    replayed = run("replay", record)
+    assert replayed.exit_code == 0, replayed.output
+    assert "0 differ in statuses, 0 in commands; the same" in replayed.stdout
+    seen = RecordedFlight(record).tree
+    assert seen is not None
+    assert [leaf.name for leaf in seen.leaves()] == LEAVES
+
+
+def test_another_tree_is_replayed_from_its_folders(mission: Mission, tmp_path: Path) -> None:
+    record = tmp_path / "flight.mcap"
+    assert run("fly", mission.path, *SMALL, *mission.options, "--record", record).exit_code == 0
+    again = ("replay", record, "--tree", mission.path)
+    assert "0 in commands; the same" in run(*again, *mission.options).stdout
+    assert_refused(run(*again), "allow it with --include-root DIR")
+    assert_refused(run("replay", record, *mission.options), "folders are for another --tree")
+
+
+def test_a_report_does_not_replace_a_tree_file(mission: Mission) -> None:
+    for file in (mission.down, mission.folder / "src" / "robot" / "trees" / "wait.xml"):
+        before = file.read_bytes()
+        result = run("fly", mission.path, *SMALL, *mission.options, "--report", file)
+        assert_refused(result, "is an input and would be overwritten")
+        assert file.read_bytes() == before
+
+
+# --- campaigns ------------------------------------------------------------------------------------
+
+
+def test_a_campaign_keeps_its_folders(
+    mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Given relative to one folder, they are found from another; what changed in them is named."""
+    monkeypatch.chdir(mission.folder)
+    out = tmp_path / "out"
+    options = ("--trees", "parts", "--include-root", ".", "--ros-pkg", "robot=install/robot")
+    small = (*SMALL, "--exact-masks", "--workers", 1)
+    command = ("campaign", "missions/hop.xml", "--scenes", "val-a", "--flights", 1)
+    flown = run(*command, *small, *options, "--out", out)
+    assert flown.exit_code == 0, flown.output
+    assert "success 1" in flown.stdout
+    monkeypatch.chdir(tmp_path)
+    resumed = run("campaign", "--resume", out, "--workers", 1)
+    assert resumed.exit_code == 0, resumed.output
+    assert_refused(run("campaign", "--resume", out, *mission.options), "leave out --trees")
+
+    text = mission.down.read_text()
+    mission.down.write_text(text.replace("<Land/>", "<ForceSuccess><Land/></ForceSuccess>"))
+    words = ("holds another campaign", "tree: 'hop.xml' has changed")
+    assert_refused(run("campaign", "--resume", out), *words)
+    mission.down.write_text(text)
+    shutil.rmtree(mission.folder / "parts")
+    assert_refused(run("campaign", "--resume", out), "parts: no such folder to look for tree files")
+
+
+def test_a_failure_is_flown_again_with_its_folders(
+    mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also when the report is made without them: the command has them."""
+    write(mission.down, "Down", "<AlwaysFailure/>")
+    out = tmp_path / "out"
+    command = ("campaign", mission.path, "--scenes", "val-a", "--flights", 1, "--workers", 1)
+    assert run(*command, *SMALL, *mission.options, "--out", out).exit_code == 0
+    there = mission.folder.rename(tmp_path / "away")
+    (row,) = tables_of(read_sources([out]), tmp_path / "page.html")["failures"].rows
+    there.rename(mission.folder)
+    words = shlex.split(str(row[-1]))
+    options = [str(word) for word in mission.options]
+    assert words[-len(options) :] == options
+    again = run(*words[1:], "--report", tmp_path / "again.json")
+    assert again.exit_code == 1, again.output
+    (first,) = [json.loads(line) for line in (out / "flights.jsonl").read_text().splitlines()]
+    second = json.loads((tmp_path / "again.json").read_text())
+    assert second["reason"] == first["reason"]
+    assert second["ticks"] == first["ticks"]
+
+
+# --- from Python ----------------------------------------------------------------------------------
+
+
+def test_folders_in_python(mission: Mission, tmp_path: Path) -> None:
+    options = app.FlightOptions(tree_folders=mission.tree_folders)
+    flight = app.assemble(mission.path, options)
+    assert [leaf.name for leaf in flight.mission.leaves()] == LEAVES
+    with pytest.raises(InputError, match="tree_folders are for tree files; this is 'Main'"):
+        app.assemble(flight.mission, options)
+    gone = app.TreeFolders(trees=[tmp_path / "none"])
+    with pytest.raises(FileError, match="none: no such folder"):
+        app.assemble(mission.path, app.FlightOptions(tree_folders=gone))
+    assert repr(app.TreeFolders(trees=["parts"])) == f"TreeFolders(trees=({Path('parts')!r},))"
+    assert app.TreeFolders(**mission.tree_folders.to_json()) == mission.tree_folders
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"trees": "parts"}, "trees: expected a list of folders, got 'parts'"),
+        ({"trees": [3]}, "trees: expected a folder, as str or Path, got 3"),
+        ({"include_root": ""}, "include_root: expected a folder"),
+        ({"packages": ["robot"]}, "packages: expected folders by the name of a ROS package"),
+        ({"packages": {"robot": None}}, r"packages\['robot'\]: expected a folder"),
+    ],
+)
+def test_what_names_no_folder_is_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        app.TreeFolders(**values)  # type: ignore[arg-type]

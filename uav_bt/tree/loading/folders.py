@@ -1,0 +1,96 @@
+"""The folders that tree files are looked for in: plain values, which plans and records keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from uav_bt.brief import brief_repr
+from uav_bt.errors import FileError, InputError
+from uav_bt.tree.loading.lookup import Library, Lookup, files_in
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeFolders:
+    """Where to look for what a tree file does not hold, besides its own folder.
+
+        TreeFolders(trees=["parts"], packages={"robot": "workspace/src/robot"})
+
+    Nothing is read before `lookup`.
+
+    Attributes:
+        trees: folders whose files have the trees that SubTrees may use.
+        include_root: a folder that files may be included from, besides the file's own and below.
+        packages: folders of ROS packages by name, for `<include ros_pkg="...">`.
+
+    Raises:
+        InputError: a value names no folder.
+    """
+
+    trees: Sequence[str | Path] = ()
+    include_root: str | Path | None = None
+    packages: Mapping[str, str | Path] = field(default_factory=dict)
+
+    __repr__ = brief_repr
+
+    def __post_init__(self) -> None:
+        if isinstance(self.trees, str | Path) or not isinstance(self.trees, Sequence):
+            raise InputError(f"trees: expected a list of folders, got {self.trees!r:.80}")
+        if not isinstance(self.packages, Mapping):
+            raise InputError(
+                "packages: expected folders by the name of a ROS package, such as "
+                f"{{'robot': 'src/robot'}}, got {self.packages!r:.80}"
+            )
+        root = self.include_root
+        values = {
+            "trees": tuple(_path("trees", folder) for folder in self.trees),
+            "include_root": None if root is None else _path("include_root", root),
+            "packages": {
+                name: _path(f"packages['{name}']", folder) for name, folder in self.packages.items()
+            },
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)  # as the class is frozen for all others
+
+    def lookup(self) -> Lookup:
+        """Read the trees of the folders, and return where to look for what files do not hold.
+
+        Raises:
+            FileError: a folder does not exist, or has too many files.
+        """
+        packages = {name: _folder(path) for name, path in self.packages.items()}
+        root = None if self.include_root is None else _folder(self.include_root)
+        files = [file for folder in self.trees for file in files_in(_folder(folder))]
+        return Lookup(Library(files), root, packages)
+
+    def absolute(self) -> TreeFolders:
+        """Return the same folders, found from any folder."""
+        root = self.include_root
+        return TreeFolders(
+            trees=[Path(folder).absolute() for folder in self.trees],
+            include_root=None if root is None else Path(root).absolute(),
+            packages={name: Path(folder).absolute() for name, folder in self.packages.items()},
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields as plain JSON values, from which the class is made again."""
+        root = self.include_root
+        return {
+            "trees": [str(folder) for folder in self.trees],
+            "include_root": None if root is None else str(root),
+            "packages": {name: str(folder) for name, folder in self.packages.items()},
+        }
+
+
+def _path(name: str, value: object) -> Path:
+    if not isinstance(value, str | Path) or not str(value):
+        raise InputError(f"{name}: expected a folder, as str or Path, got {value!r:.80}")
+    return Path(value)
+
+
+def _folder(path: str | Path) -> Path:
+    if not Path(path).is_dir():
+        raise FileError(path, "no such folder to look for tree files in")
+    return Path(path)
