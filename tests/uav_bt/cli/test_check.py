@@ -374,3 +374,49 @@ def test_a_folder_is_one_workspace(tmp_path: Path) -> None:
 def test_a_package_needs_a_folder(tmp_path: Path) -> None:
     path = tree_file(tmp_path, "<Land/>")
     assert_refused(run("check", path, "--ros-pkg", "robot"), "expected NAME=DIR")
+
+
+# --- releases of the engine -----------------------------------------------------------------------
+
+TRAILING = '<Sequence>\n<TakeOff height_m="1.0" _onSuccess="up := 1;"/>\n<Land/>\n</Sequence>'
+
+
+def test_a_release_that_refuses_a_file_is_a_finding_with_its_line(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, TRAILING)
+    assert run("check", path).exit_code == 0
+    assert run("check", path, "--engine", "4.10").stdout == f"{path}: good\n"
+    result = run("check", path, "--engine", "4.6", "--engine", "4.8", "--engine", "4.10")
+    assert_refused(result)
+    assert result.stderr == (
+        f"{path}:4:25: TakeOff: attribute '_onSuccess': column 8: a ';' at the end: refused by "
+        "engine 4.6 and 4.8, taken since 4.9.0; leave it out\n"
+    )
+
+
+def test_findings_about_a_release_have_a_rule_in_json_and_sarif(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, TRAILING)
+    result = run("check", path, "--engine", "4.8", "--format", "json")
+    (finding,) = json.loads(result.stdout)["findings"]
+    assert result.exit_code == 2
+    assert (finding["rule"], finding["severity"], finding["line"]) == ("engine", "error", 4)
+    result = run("check", path, "--engine", "4.8", "--format", "sarif")
+    (found,) = json.loads(result.stdout)["runs"][0]["results"]
+    assert result.exit_code == 2
+    assert (found["ruleId"], found["level"]) == ("engine", "error")
+
+
+def test_what_a_release_reads_otherwise_is_a_warning(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, '<AlwaysSuccess _while="true || true &amp;&amp; false"/>')
+    result = run("check", path, "--engine", "4.8")
+    assert (result.exit_code, result.stdout) == (0, f"{path}: good\n")
+    assert "from left to right: so it is in engine 4.8; put one of them" in result.stderr
+
+
+def test_a_release_that_nobody_looked_at_is_wrong_usage(tmp_path: Path) -> None:
+    path = tree_file(tmp_path, HOP)
+    assert_refused(run("check", path, "--engine", "4.7"), "4.7", "'4.6', '4.8', '4.10'")
+
+
+def test_the_shipped_missions_fly_on_every_release() -> None:
+    for release in ("4.6", "4.8", "4.10"):
+        assert run("check", SHIPPED, "--engine", release).exit_code == 0

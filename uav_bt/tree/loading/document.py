@@ -36,6 +36,7 @@ class Document:
     """The outline of a tree file."""
 
     path: Path
+    roots: list[Element] = field(default_factory=list)  # of the file and of what it includes
     main: str = ""  # "": the file leaves it open
     trees: dict[str, Element] = field(default_factory=dict)
     own: tuple[str, ...] = ()  # those of the file and its includes; the others are a library's
@@ -116,6 +117,7 @@ def outline(
     while waiting:
         element = waiting.pop(0)
         if _check_root(element, findings):
+            document.roots.append(element)
             for child in element.children:
                 if child.tag == "include":
                     waiting += included.read(child, findings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from uav_bt.tree.loading.findings import (
 )
 from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.loading.palette import PalettePort
+from uav_bt.tree.loading.releases import check_releases
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import parse_source, read_source
 from uav_bt.tree.loading.variable_uses import VariableUses
@@ -163,6 +164,7 @@ def check_file(
     *,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
+    engines: Iterable[str] = (),
 ) -> tuple[Finding, ...]:
     """Return all that is wrong or odd in a tree file; nothing for a good one. See `check_text`.
 
@@ -171,12 +173,13 @@ def check_file(
         registry: the nodes that may occur; default: all installed.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
+        engines: releases of BehaviorTree.CPP that are to take the file, too (`releases.RELEASES`).
     """
     try:
         source = read_source(path)
     except InputError as error:
         return findings_of(error, path)
-    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup)
+    return check_text(source, registry, path=path, tree_id=tree_id, lookup=lookup, engines=engines)
 
 
 def check_text(
@@ -186,6 +189,7 @@ def check_text(
     path: Path,
     tree_id: str | None = None,
     lookup: Lookup | None = None,
+    engines: Iterable[str] = (),
 ) -> tuple[Finding, ...]:
     """Return all that is wrong or odd in a tree file's text; nothing for a good one.
 
@@ -197,33 +201,32 @@ def check_text(
         path: the file.
         tree_id: the tree that is to be flown; default: the one that the file names.
         lookup: where to look for trees and included files; default: the file's folder.
+        engines: releases of BehaviorTree.CPP that are to take the file, too (`releases.RELEASES`).
     """
     data = source.encode() if isinstance(source, str) else source
+    registry = registry or NodeRegistry.installed()
+    findings = Findings()
+    remarks: list[Finding] = []
     try:
-        return _check(data, path, registry or NodeRegistry.installed(), tree_id, lookup)
+        read = _Read(data, path, registry, findings, lookup)
+        _find_main_to_check(read, findings, tree_id)
+        roots = read.roots
+        Checker(read.document, registry, findings).check(roots)
+        if not errors_of(findings):
+            for read.document.main in roots:
+                remarks += _remarks(read.build({}, by_id={}, mocks={}))
+        check_releases(read.document, registry, findings, engines, roots)
     except InputError as error:
         return findings_of(error, path)
-
-
-def _check(
-    data: bytes, path: Path, registry: NodeRegistry, tree_id: str | None, lookup: Lookup | None
-) -> tuple[Finding, ...]:
-    findings = Findings()
-    read = _Read(data, path, registry, findings, lookup)
-    document, root = read.document, read.root
-    is_palette = any(part.tag == "TreeNodesModel" for part in root.children)
-    if tree_id is not None or "main_tree_to_execute" in root.attributes:
-        find_main(document, root, findings, tree_id)
-    elif not document.trees and not is_palette:
-        find_main(document, root, findings, None)
-    roots = read.roots
-    Checker(document, registry, findings).check(roots)
-    if errors_of(findings):
-        return tuple(findings)
-    remarks: list[Finding] = []
-    for document.main in roots:
-        remarks += _remarks(read.build({}, by_id={}, mocks={}))
     return (*findings, *remarks)
+
+
+def _find_main_to_check(read: _Read, findings: Findings, tree_id: str | None) -> None:
+    is_palette = any(part.tag == "TreeNodesModel" for part in read.root.children)
+    if tree_id is not None or "main_tree_to_execute" in read.root.attributes:
+        find_main(read.document, read.root, findings, tree_id)
+    elif not read.document.trees and not is_palette:
+        find_main(read.document, read.root, findings, None)
 
 
 def unset_variables(

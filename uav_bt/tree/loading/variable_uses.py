@@ -211,7 +211,7 @@ class VariableUses:
         if isinstance(slot, Key):
             self.on_board.append(BoardUse(slot, name.name, use))
         elif slot is not None:
-            slot.reads.append(Read(use, None, needed))
+            slot.reads.append(Read(use, None, needed, name))
 
     def _changed(self, script: Script, scope: Scope, use: Use) -> None:
         for statement in script.statements:

@@ -27,7 +27,7 @@ from uav_bt.tree.script.values import Environment, ScriptError, Value
 
 MAX_NESTING: Final = 40  # parentheses inside parentheses, and operators on operators
 
-_ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
+ASSIGNMENTS: Final = frozenset({":=", "=", "+=", "-=", "*=", "/="})
 _COMPARISONS: Final = frozenset({"==", "!=", "<", "<=", ">", ">="})
 _STRENGTHS: Final = (
     ("||",),
@@ -162,7 +162,7 @@ class _Parser:
     def _assignment(self) -> Expression:
         column = self._next.column
         left = self._conditional()
-        if not self._is(*_ASSIGNMENTS):
+        if not self._is(*ASSIGNMENTS):
             return left
         sign = self._take().text
         if not isinstance(left, Name):
@@ -219,11 +219,16 @@ class _Parser:
         return _atom(self._take())
 
 
-def _atom(token: Token) -> Expression:
+def number_of(token: Token) -> int | float:
+    """Return the number that a word of kind `real` or `integer` is."""
     if token.kind == "real":
-        return Literal(float(token.text))
-    if token.kind == "integer":
-        return Literal(int(token.text, 16 if token.text[:2] in {"0x", "0X"} else 10))
+        return float(token.text)
+    return int(token.text, 16 if token.text[:2] in {"0x", "0X"} else 10)
+
+
+def _atom(token: Token) -> Expression:
+    if token.kind in NUMBERS:
+        return Literal(number_of(token))
     if token.kind == "text":
         return Literal(token.text[1:-1])
     if token.text in {"true", "false"}:
@@ -243,7 +248,8 @@ _TOKEN: Final = re.compile(
     rf"|(?P<operator>{_OPERATOR})"
     r"|(?P<space>\s+)"
 )
-_BEFORE_A_NAME: Final = frozenset({"real", "integer"})
+NUMBERS: Final = frozenset({"real", "integer"})
+"""The kinds of words that are numbers."""
 
 
 @dataclass(frozen=True)
@@ -271,7 +277,7 @@ def tokenize(source: str) -> list[Token]:
             raise ScriptError(f"column {at + 1}: unexpected '{source[at]}'")
         if match.lastgroup != "space":
             glued = tokens and tokens[-1].column - 1 + len(tokens[-1].text) == at
-            if glued and match.lastgroup == "name" and tokens[-1].kind in _BEFORE_A_NAME:
+            if glued and match.lastgroup == "name" and tokens[-1].kind in NUMBERS:
                 raise ScriptError(f"column {at + 1}: '{tokens[-1].text}{match[0]}' is no number")
             tokens.append(Token(match.lastgroup, match[0], at + 1))
         at = match.end()
