@@ -5,7 +5,7 @@ import os
 import time
 
 import olympe
-from olympe.messages import battery, camera, gimbal, rth
+from olympe.messages import battery, camera, gimbal, mediastore, rth, user_storage
 from olympe.messages.ardrone3.GPSSettingsState import GPSFixStateChanged
 from olympe.messages.ardrone3.GPSState import NumberOfSatelliteChanged
 from olympe.messages.ardrone3.Piloting import Landing, TakeOff
@@ -33,6 +33,8 @@ READ_AT_START = (
     *(GPSFixStateChanged, NumberOfSatelliteChanged, MotorErrorStateChanged),
     *(MagnetoCalibrationRequiredState, rth.state, rth.home_reachability, rth.auto_trigger_mode),
     *(battery.health, gimbal.attitude, gimbal.max_speed, camera.zoom_level, camera.camera_mode),
+    *(battery.voltage, battery.serial, camera.zoom_info, camera.exposure),
+    *(mediastore.state, mediastore.counters, user_storage.info, user_storage.state),
 )
 
 drone = olympe.Drone(os.environ.get("DRONE_IP", "127.0.0.1"))

@@ -68,6 +68,7 @@ class LoopbackDrone:
             seed=setup.seed,
             clock=self._clock,
             battery=self._charge,
+            zoom=self._zoom,
             gps=gps,
         )
         self._camera = make_camera()
@@ -104,6 +105,9 @@ class LoopbackDrone:
 
     def _charge(self) -> float:
         return self._anafi.battery.charge
+
+    def _zoom(self) -> float:
+        return self._anafi.zoom.level
 
     async def start(self) -> None:
         """Bind the ports and let time pass.

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from sim_bridge.loopback.world import Location
 
-_MAX_BYTES: Final = 256 * 2**20  # of all photographs: they are kept in memory
+MAX_BYTES: Final = 256 * 2**20  # of all photographs: they are kept in memory
 _FIRST_ID: Final = 10_000_000
 
 Json = Mapping[str, Any]
@@ -45,10 +45,19 @@ class MediaStore:
         self._count = 0
         self._listeners: list[Listener] = []
 
+    def __len__(self) -> int:
+        """Return how many media there are."""
+        return len(self._photos)
+
+    @property
+    def used_bytes(self) -> int:
+        """The size of all photographs."""
+        return sum(len(photo.jpeg) for photo in self._photos.values())
+
     @property
     def full(self) -> bool:
         """Whether there is no room for another photograph."""
-        return sum(len(photo.jpeg) for photo in self._photos.values()) >= _MAX_BYTES
+        return self.used_bytes >= MAX_BYTES
 
     def add(self, photo: Photo) -> str:
         """Keep a photograph and return the id of its medium."""

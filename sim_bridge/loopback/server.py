@@ -71,7 +71,7 @@ class LoopbackServer:
         media: MediaStore | None = None,
     ) -> None:
         self._anafi = anafi
-        self._media = media or MediaStore()
+        self._media = MediaStore() if media is None else media
         self._table = table
         self._options = options or ServerOptions()
         self.ports = self._options.ports  # where it really listens, once it is started

@@ -10,6 +10,10 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from sim_bridge.anafi import CAMERA_FORWARD_M, FOCAL_SHARE, anafi_camera
 from sim_bridge.loopback.twin_world import TwinWorld
 from sim_bridge.loopback.video.frame import NorthEastDown, VideoFrame
@@ -33,6 +37,7 @@ class TwinCamera:
         seed: of the image noise.
         clock: the world's; maps its time to that of the day.
         battery: returns the charge, 0 to 1.
+        zoom: returns the zoom's level, 1 or more; the whole view unless given.
         gps: whether frames say where on earth they were captured.
 
     Raises:
@@ -47,13 +52,14 @@ class TwinCamera:
         seed: int,
         clock: Clock,
         battery: Callable[[], float],
+        zoom: Callable[[], float] = lambda: 1.0,
         gps: bool = True,
     ) -> None:
         self._gps = gps
         self._camera = anafi_camera(*image_size_px)
         self._world = world
         self._optics = Optics(world.profile, *image_size_px, seed)
-        self._battery = battery
+        self._battery, self._zoom = battery, zoom
         self._utc_offset_s = time.time() - clock.now()
         self._age_s = max(0.0, world.profile.video_latency_s - _PIPELINE_S)
         self._renderer: Renderer | None = None
@@ -82,8 +88,10 @@ class TwinCamera:
     def _frame(self, capture: Capture, captured_s: float) -> VideoFrame:
         if self._renderer is None:
             self._renderer = Renderer(self._world.lab)
-        width, height = self._camera.width_px, self._camera.height_px
+        width, height, zoom = self._camera.width_px, self._camera.height_px, self._zoom()
         clean = self._renderer.rgb(capture.camera, width, height, capture.movers)
+        if zoom > 1.0:
+            clean = _magnified(clean, zoom)
         measured, start, lens = capture.telemetry, self._world.start_pose, capture.camera
         level_m = CAMERA_FORWARD_M * math.cos(measured.attitude.pitch_rad)
         north_m = lens.x_m - level_m * math.cos(lens.yaw_rad) - start.x_m
@@ -106,7 +114,17 @@ class TwinCamera:
             battery=self._battery(),
             flying=self._world.state().flying,
             fov_rad=(
-                2.0 * math.atan(0.5 / FOCAL_SHARE),
-                2.0 * math.atan(0.5 * height / (FOCAL_SHARE * width)),
+                2.0 * math.atan(0.5 / (FOCAL_SHARE * zoom)),
+                2.0 * math.atan(0.5 * height / (FOCAL_SHARE * zoom * width)),
             ),
         )
+
+
+def _magnified(image: NDArray[np.uint8], zoom: float) -> NDArray[np.uint8]:
+    """Return the middle of an image at its full size: the focal length grows by `zoom`."""
+    height, width = image.shape[:2]
+    about_x, about_y = (width - 1) / 2, (height - 1) / 2
+    mapping = np.array(
+        [[zoom, 0.0, (1.0 - zoom) * about_x], [0.0, zoom, (1.0 - zoom) * about_y]], np.float64
+    )
+    return np.asarray(cv2.warpAffine(image, mapping, (width, height)), np.uint8)

@@ -13,6 +13,7 @@ _LOG: Final = logging.getLogger(__name__)
 _CALIBRATE: Final = "calibrate it with FreeFlight"
 _RESTART: Final = "restart the drone; if that does not help, it needs repair"
 _OUTDOORS: Final = frozenset({"gps", "GPS"})  # nobody needs it indoors
+_ZOOMED: Final = 1.01  # a level above is no rounding
 _AUTO_TRIGGER: Final = "rth.auto_trigger_mode"
 
 # An event's arguments to what is wrong, by what it is wrong with; None: that is well.
@@ -111,6 +112,16 @@ def _gimbal_alert(args: Mapping[str, Any]) -> Findings:
     return {"gimbal alert": fault if error else None}
 
 
+def _zoom(args: Mapping[str, Any]) -> Findings:
+    level = float(args["level"])
+    fault = DroneFault(
+        what="camera",
+        found=f"zoomed in, {level:.1f} times: its images are not what the camera file describes",
+        remedy="reset the zoom with FreeFlight",
+    )
+    return {"zoom": fault if level > _ZOOMED else None}
+
+
 def _alert(args: Mapping[str, Any]) -> Findings:
     state = str(args["state"])
     # A low battery is checked by its charge.
@@ -147,6 +158,7 @@ _READERS: Final[Mapping[str, Callable[[Mapping[str, Any]], Findings]]] = {
     "ardrone3.SettingsState.MotorErrorStateChanged": _motors,
     "common.CalibrationState.MagnetoCalibrationRequiredState": _magnetometer,
     "common.CommonState.SensorsStatesListChanged": _sensor,
+    "camera.zoom_level": _zoom,
     "gimbal.calibration_state": _gimbal_calibration,
     "gimbal.alert": _gimbal_alert,
     "alarms.takeoff_checklist": _checklist,

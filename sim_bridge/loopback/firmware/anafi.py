@@ -13,12 +13,14 @@ from sim_bridge.loopback.firmware.piloting import Flight, Piloting
 from sim_bridge.loopback.firmware.publisher import Handler, Publisher, Sink, Values
 from sim_bridge.loopback.firmware.return_to_home import ReturnToHome
 from sim_bridge.loopback.firmware.settings import Settings
+from sim_bridge.loopback.firmware.storage import Storage
 from sim_bridge.loopback.firmware.telemetry import (
     Battery,
     BatteryOptions,
     Telemetry,
     publish_identity,
 )
+from sim_bridge.loopback.firmware.zoom import Zoom
 from sim_bridge.loopback.handshake import Identity
 from sim_bridge.loopback.media import MediaStore
 from sim_bridge.loopback.messages import MessageTable
@@ -66,6 +68,8 @@ class Anafi:
         media: MediaStore | None = None,
     ) -> None:
         identity = identity or Identity()
+        # An empty store is false: `or` would replace it.
+        media = MediaStore() if media is None else media
         self._world = world
         self._publisher = Publisher(table)
         publish_identity(self._publisher, identity, gps=gps)
@@ -87,6 +91,7 @@ class Anafi:
         self._return_to_home = ReturnToHome(core, flight)
         self._piloting = Piloting(core, self._claim_sticks)
         gimbal = Gimbal(core)
+        self.zoom = Zoom(core)
         # A movement's end is published before the hovering that follows it.
         self._parts: tuple[Part, ...] = (
             MoveBy(core),
@@ -96,7 +101,9 @@ class Anafi:
             flight,
             gimbal,
             self.battery,
-            Camera(core, shoot, media or MediaStore()),
+            self.zoom,
+            Camera(core, shoot, media),
+            Storage(core, media),
             Telemetry(core, gimbal),
         )
         self._handlers: dict[str, Handler] = {

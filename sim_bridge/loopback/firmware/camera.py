@@ -9,6 +9,7 @@ import logging
 import math
 from collections.abc import Callable
 from concurrent.futures import Future
+from functools import partial
 from typing import Final
 
 from sim_bridge.loopback.firmware.core import Core, Part
@@ -120,6 +121,7 @@ _CAPABILITIES: Final = {
     "gpslapse_interval_min": 1.0,
     "auto_exposure_metering_modes": {"standard"},
 }
+_LOCK_REGION: Final = ("lock_roi_x", "lock_roi_y", "lock_roi_width", "lock_roi_height")
 _RECORDING: Final = {
     "id": 0,
     "recording_modes": {"standard"},
@@ -134,11 +136,8 @@ _PHOTO: Final = {
     "photo_file_formats": {"jpeg"},
     "hdr": "not_supported",
 }
-_ZOOM: Final = {
-    "available": "not_available",
-    "high_quality_maximum_level": 1.0,
-    "maximum_level": 1.0,
-}
+# The automatic modes know one exposure: the twin's light does not change.
+_AUTOMATIC: Final = ("shutter_1_over_500", "iso_100")
 
 
 class Camera(Part):
@@ -170,14 +169,13 @@ class Camera(Part):
         core.publisher.entries("camera.photo_capabilities", [_PHOTO])
         modes = {"auto", "mode_50hz", "mode_60hz"}
         publish("camera.antiflicker_capabilities", supported_modes=modes)
-        publish("camera.zoom_level", cam_id=0, level=1.0)
-        publish("camera.zoom_info", cam_id=0, **_ZOOM)
         publish("camera.hdr", cam_id=0, available="not_available", state="inactive")
         self._publish_photo("inactive")
         self._publish_recording(0)
 
     def update(self, state: WorldState) -> None:
-        """Finish the photo under way."""
+        """Publish the exposure where it changed; finish the photo under way."""
+        self._publish_exposure()
         photo = self._photo
         if photo is None or not photo.done() or state.time_s - self._started_s < _PHOTO_S:
             return
@@ -223,6 +221,22 @@ class Camera(Part):
         self._recording = False
         self._publish_recording(0)
         self._notify_recording("stopped", f"{self._recordings:08d}")
+
+    def _publish_exposure(self) -> None:
+        setting = partial(self._core.settings.value, "camera.exposure_settings")
+        mode, (shutter, iso) = setting("mode"), _AUTOMATIC
+        if mode in ("manual", "manual_shutter_speed"):
+            shutter = setting("manual_shutter_speed")
+        if mode in ("manual", "manual_iso_sensitivity"):
+            iso = setting("manual_iso_sensitivity")
+        self._core.publisher.state(
+            "camera.exposure",
+            cam_id=0,
+            shutter_speed=shutter,
+            iso_sensitivity=iso,
+            lock="inactive",
+            **dict.fromkeys(_LOCK_REGION, -1.0),
+        )
 
     def _publish_photo(self, state: str) -> None:
         self._core.publisher.state(

@@ -96,6 +96,8 @@ class BatteryOptions:
             )
 
 
+# Between nothing and full, of two cells in series; a straight line in between.
+_EMPTY_MV, _FULL_MV = 6600, 8700
 _ALERTS: Final = (
     *("power_level", "too_hot", "too_cold"),
     *("gauge_too_old", "authentication_failure", "lost_comm"),
@@ -120,6 +122,7 @@ class Battery(Part):
         self._severity: str | None = None  # of the power level's alert; None before the first
         core.publisher.state("battery.health", state_of_health=100)
         core.publisher.state("battery.cycle_count", count=1)
+        core.publisher.state("battery.serial", serial="loopback")
         core.publisher.state("battery.reliability", is_charge_level_reliable=1)
         self._publish()
 
@@ -141,6 +144,9 @@ class Battery(Part):
     def _publish(self) -> None:
         publisher = self._core.publisher
         percent = round(100.0 * self.charge)
+        # Once for each per cent: a state that differs at every update would be sent at each.
+        voltage_mv = round(_EMPTY_MV + (_FULL_MV - _EMPTY_MV) * percent / 100.0)
+        publisher.state("battery.voltage", voltage=voltage_mv)
         publisher.state("common.CommonState.BatteryStateChanged", percent=percent)
         severity, alert = "none", "none"
         if self.charge <= self._options.critical:

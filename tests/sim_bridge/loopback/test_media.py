@@ -180,7 +180,7 @@ def test_a_photograph_that_cannot_be_taken_is_said(
 
 
 def test_a_full_memory_card_takes_no_photograph(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim_bridge.loopback.media._MAX_BYTES", len(PHOTO.jpeg))
+    monkeypatch.setattr("sim_bridge.loopback.media.MAX_BYTES", len(PHOTO.jpeg))
     media = MediaStore()
     bench = Bench(shoot=taken(), media=media)
     for _ in range(2):

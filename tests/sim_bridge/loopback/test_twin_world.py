@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from functools import partial
 
+import cv2
+import numpy as np
 import pytest
 
 from sim_bridge.loopback.twin_camera import TwinCamera
@@ -143,3 +146,31 @@ def test_the_camera_draws_each_picture_once(field: Stepped) -> None:
     finally:
         camera.close()
         camera.close()
+
+
+def test_the_zoom_magnifies_the_middle_of_the_picture_and_says_so(field: Stepped) -> None:
+    field.world.point(math.radians(-60.0))
+    field.take_off()
+    views = {}
+    for zoom in (1.0, 2.0):
+        camera = TwinCamera(
+            field.world,
+            image_size_px=(320, 180),
+            seed=1,
+            clock=field.clock,
+            battery=lambda: 1.0,
+            zoom=partial(float, zoom),
+        )
+        try:
+            frame = camera.newest()
+            assert frame is not None
+            views[zoom] = frame
+        finally:
+            camera.close()
+    wide, close = views[1.0], views[2.0]
+    assert math.tan(close.fov_rad[0] / 2) == pytest.approx(math.tan(wide.fov_rad[0] / 2) / 2)
+    assert math.tan(close.fov_rad[1] / 2) == pytest.approx(math.tan(wide.fov_rad[1] / 2) / 2)
+    middle = cv2.resize(wide.image[45:135, 80:240], (320, 180))
+    same = np.abs(middle.astype(float) - close.image).mean()
+    other = np.abs(wide.image.astype(float) - close.image).mean()
+    assert same < 0.5 * other

@@ -74,3 +74,32 @@ def test_a_recording_starts_and_stops(bench: Bench) -> None:
     bench.send("camera.stop_recording", cam_id=0)
     results = [one["result"] for one in bench.values("camera.recording_progress")]
     assert results == ["error_bad_state", "started", "stopped"]
+
+
+@pytest.mark.parametrize(
+    ("mode", "effective"),
+    [
+        ("automatic", ("shutter_1_over_500", "iso_100")),
+        ("manual", ("shutter_1_over_60", "iso_800")),
+        ("manual_iso_sensitivity", ("shutter_1_over_500", "iso_800")),
+        ("manual_shutter_speed", ("shutter_1_over_60", "iso_100")),
+    ],
+)
+def test_the_effective_exposure_is_the_manual_one_where_one_is_set(
+    bench: Bench, mode: str, effective: tuple[str, str]
+) -> None:
+    bench.send("common.Common.AllStates")
+    assert bench.values("camera.exposure")[-1]["shutter_speed"] == "shutter_1_over_500"
+    bench.send(
+        "camera.set_exposure_settings",
+        cam_id=0,
+        mode=mode,
+        shutter_speed="shutter_1_over_60",
+        iso_sensitivity="iso_800",
+        max_iso_sensitivity="iso_3200",
+        metering_mode="standard",
+    )
+    bench.run(0.1)
+    exposure = bench.values("camera.exposure")[-1]
+    assert (exposure["shutter_speed"], exposure["iso_sensitivity"]) == effective
+    assert exposure["lock_roi_x"] == -1.0

@@ -60,3 +60,15 @@ def test_speed_is_reported_north_east_down(bench: Bench) -> None:
     bench.run(1.0)
     speed = bench.values("ardrone3.PilotingState.SpeedChanged")[-1]
     assert speed == pytest.approx({"speedX": 0.0, "speedY": 1.0, "speedZ": 0.0}, abs=0.05)
+
+
+def test_the_batterys_voltage_falls_with_its_charge() -> None:
+    bench = Bench(battery=BatteryOptions(charge=1.0, life_s=100.0))
+    bench.send("common.Common.AllStates")
+    assert bench.values("battery.serial")[-1]["serial"]
+    assert bench.values("battery.voltage")[-1]["voltage"] == 8700
+    bench.fly()
+    bench.run(50.0)
+    volts = [one["voltage"] for one in bench.values("battery.voltage")]
+    assert volts == sorted(volts, reverse=True)
+    assert 7500 < volts[-1] < 7800
