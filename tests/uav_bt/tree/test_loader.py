@@ -178,6 +178,7 @@ def test_refused_nodes(body: str, message: str) -> None:
         (document("<Safe/>", '<BehaviorTree ID="Main"><Safe/></BehaviorTree>'), "is taken by"),
         (document("<Safe/>").replace('"Main"', '"My tree.1"'), "write 'My_tree_1'"),
         (document("<Safe/>").replace('"Main"', '"root"'), "'root' is reserved"),
+        (document("<Safe/>").replace('"Main"', '"Root"'), "'Root' is reserved"),
         (document("<Safe/>").replace('"Main"', '"Safe"'), "'Safe' is the name of a node"),
         (document("<Safe/>", "<TreeNodesModel/><TreeNodesModel/>"), "a file has one <TreeNodesMo"),
         (document("<Safe/>", '<BehaviorTree ID="B"/>'), "needs exactly one child, has 0"),

@@ -28,6 +28,7 @@ _TREE_ATTRIBUTES: Final = frozenset({"ID"})
 _ROOT_CHILDREN: Final = ("BehaviorTree", "TreeNodesModel", "include")
 # What the engine's own names for files and paths cannot have.
 _NOT_IN_AN_ID: Final = frozenset(" \t\n\r<>&\"'/\\|?*:.")
+_RESERVED: Final = frozenset({"root", "Root"})
 _METADATA: Final = "MetadataFields"  # editors keep what they like in it
 
 
@@ -207,8 +208,9 @@ def _check_id(element: Element, tree_id: str, registry: NodeRegistry, findings: 
         better = "".join("_" if letter in _NOT_IN_AN_ID else letter for letter in tree_id)
         message = f"a tree's ID cannot have '{forbidden}' (the engine refuses it since 4.8.4)"
         findings.note(element, f"{message}; write '{better}'", "ID", rule=Rule.TREE_ID)
-    elif tree_id == "root" or tree_id in registry:
-        what = "is reserved" if tree_id == "root" else "is the name of a node"
+    elif tree_id in _RESERVED or tree_id in registry:
+        since = "is reserved (since 4.8.4 of the engine)"
+        what = since if tree_id in _RESERVED else "is the name of a node"
         message = f"'{tree_id}' {what}: choose another ID"
         findings.note(element, message, "ID", rule=Rule.TREE_ID)
 
