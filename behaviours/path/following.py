@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
 from behaviours.path.moving import MovingConfig, yielding_mps
-from behaviours.path.survey import Lately, Leg, SurveyConfig
+from behaviours.path.survey import Floats, Lately, Leg, SurveyConfig
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import MapMover, SiteMap
+
+_NEAREST: Final = 2  # cells ahead: nearer ones give no course
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,19 +33,36 @@ class FollowConfig:
     moving: MovingConfig = field(default_factory=MovingConfig)
 
 
-def around(obstacles: ObstaclePoints | None, site_map: SiteMap) -> Lately:
-    """Return what was seen lately around the drone, on the map.
+def around(
+    obstacles: ObstaclePoints | None, site_map: SiteMap, *, same_m: float = 0.25, least: int = 3
+) -> Lately:
+    """Return what was seen lately around the drone and is not on the map.
 
-    Where the map is off by some centimetres, what was seen lately is right about the drone.
+    The map places what stands by many views, and corrects the drone's drift; what was seen lately
+    is placed by a few, and has drifted since.
+
+    Args:
+        obstacles: around the drone, in its frame; None while they are not known.
+        site_map: as it is known now.
+        same_m: what the map shows so near to a point is that point.
+        least: fewer points of obstacles so near to each other are a network's error.
     """
     if obstacles is None:
         return Lately()
     to_map = site_map.pose.points_to_world
+    new_m = _far_from(site_map.obstacles_m, to_map(obstacles.points_m), same_m)
+    alike = np.linalg.norm(new_m[:, None] - new_m, axis=-1) < same_m
     return Lately(
-        seen_m=to_map(obstacles.points_m),
+        seen_m=new_m[alike.sum(axis=1) >= least],
         assumed_m=to_map(obstacles.assumed_m),
-        edges_m=to_map(obstacles.edges_m),
+        edges_m=_far_from(site_map.edges_m, to_map(obstacles.edges_m), same_m),
     )
+
+
+def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
+    """Return the points that have none of the known ones so near."""
+    apart_m = np.linalg.norm(points_m[:, None] - known_m, axis=-1)
+    return np.asarray(points_m[(apart_m >= near_m).all(axis=1)])
 
 
 def follow(
@@ -92,7 +112,13 @@ def _course(
 ) -> tuple[float, float]:
     """Return bearing and speed to the furthest place of the path that is reached straight."""
     apart = np.hypot(*(leg.path_m - leg.path_m[0]).T)
-    ahead = int(np.argmax(apart >= survey.ahead_m)) or len(leg.path_m) - 1
+    furthest = int(np.argmax(apart >= survey.ahead_m)) or len(leg.path_m) - 1
+    # Around a corner, not across it.
+    along_m = np.minimum.accumulate(leg.clear_m)
+    straight = np.flatnonzero(
+        leg.straight_m[: furthest + 1] >= along_m[: furthest + 1] - survey.cut_m
+    )
+    ahead = max(int(straight[-1]), min(_NEAREST, furthest))
     x_m, y_m = leg.path_m[ahead]
     forward_m, right_m = pose.to_body(float(x_m), float(y_m))
     speed = float(survey.speed_mps(leg.clear_m[: ahead + 1]).min())

@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _AHEAD_CELLS: Final = 4  # on a path: where it leads to at first
+_LINE_SAMPLES: Final = 10  # on a line as long as the drone looks ahead
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +37,7 @@ class SurveyConfig:
     Distances are from the body's centre, half of whose diagonal is 0.2 m.
     """
 
-    touch_m: float = 0.42  # no leg passes an obstacle nearer: a hull's 0.2 m, drift, and sway
+    touch_m: float = 0.38  # no leg passes an obstacle nearer: a hull's 0.2 m, drift, and sway
     wide_m: float = 0.75  # from here on the full speed
     # Views of a drone that knows well where it is, and how high, are off the map by so much. What
     # they are off more is added, so many times, to the distance from obstacles and edges.
@@ -59,7 +60,8 @@ class SurveyConfig:
     yaw_rate_radps: float = 0.8  # of the first turn
     leg_s: float = 1.0  # lost at the end of each leg
     least_m2: float = 0.06  # a leg that passes less new ground is not worth it
-    ahead_m: float = 0.6  # on the path: where the drone steers to
+    ahead_m: float = 0.6  # on the path: where the drone steers to,
+    cut_m: float = 0.03  # where the straight line there comes hardly nearer to things than the path
 
     def __post_init__(self) -> None:
         if not 0.0 < self.slow_mps <= self.fast_mps or not self.touch_m < self.wide_m:
@@ -92,6 +94,7 @@ class Leg:
 
     path_m: Floats  # (N, 2) from the drone to the end, in the map's frame
     clear_m: Floats  # (N,) room around each place
+    straight_m: Floats  # (N,) the least room on the straight line from the drone to each place
     time_s: float
     new_m2: float  # ground that it passes for the first time
 
@@ -123,8 +126,10 @@ class Room:
     ) -> None:
         config = (config or SurveyConfig()).by(site_map.residual_m)
         self.map, self.config = site_map, config
-        standing = np.vstack([site_map.obstacles_m, taken_m(site_map.movers), lately.seen_m])
-        self.obstacle_m = self._distance_m(standing)
+        standing = self._marked(
+            np.vstack([site_map.obstacles_m, taken_m(site_map.movers), lately.seen_m])
+        )
+        self.obstacle_m = self._distance_of(standing | self._filled())
         doubt_m = self._distance_m(lately.assumed_m)
         ends_m = self._distance_m(np.vstack([site_map.edges_m, lately.edges_m]))
         edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
@@ -156,9 +161,16 @@ class Room:
         return Leg(
             path_m=np.array(self.map.corner_m) + self.map.cell_m * cells,
             clear_m=self.clear_m[tuple(cells.T)],
+            straight_m=self._straight_m(cells),
             time_s=time_s,
             new_m2=new_m2,
         )
+
+    def _straight_m(self, cells: NDArray[np.intp]) -> Floats:
+        """Return the least room on the straight lines from the first to each of (N, 2) cells."""
+        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
+        lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
+        return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
 
     @property
     def shut_in(self) -> bool:
@@ -194,12 +206,29 @@ class Room:
         return min(max(cell[0], 0), rows - 1), min(max(cell[1], 0), columns - 1)
 
     def _distance_m(self, points_m: Floats) -> Floats:
-        found = self.map
-        cells = np.rint((points_m - np.array(found.corner_m)) / found.cell_m).astype(int)
-        inside = ((cells >= 0) & (cells < found.seen_s.shape)).all(axis=1)
-        marked = np.zeros(found.seen_s.shape, dtype=bool)
+        return self._distance_of(self._marked(points_m))
+
+    def _cells(self, points_m: Floats) -> NDArray[np.intp]:
+        apart_m = points_m - np.array(self.map.corner_m)
+        return np.asarray(np.rint(apart_m / self.map.cell_m).astype(np.intp))
+
+    def _marked(self, points_m: Floats) -> Flags:
+        cells = self._cells(points_m)
+        inside = ((cells >= 0) & (cells < self.map.seen_s.shape)).all(axis=1)
+        marked = np.zeros(self.map.seen_s.shape, dtype=bool)
         marked[tuple(cells[inside].T)] = True
-        return self._distance_of(marked)
+        return marked
+
+    def _filled(self) -> Flags:
+        """Return the cells that objects fill, the sides included that were never seen."""
+        import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+        filled = np.zeros(self.map.seen_s.shape, dtype=np.uint8)
+        for each in self.map.objects:
+            # OpenCV's x is the column; the cells on the border are filled, too.
+            corners_m = each.corners_m(margin_m=-self.map.cell_m / 2)
+            cv2.fillConvexPoly(filled, self._cells(corners_m)[:, ::-1].astype(np.int32), 1)
+        return filled.astype(bool)
 
     def _distance_of(self, marked: Flags) -> Floats:
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
@@ -228,7 +257,9 @@ def best_leg(
     passed = passed_for_the_first_time(paths, room.worth(), cfg.reach_m / cell_m)
     new_m2 = cell_m**2 * passed.reshape(-1)[paths.reached]
     spent_s = paths.time_s.reshape(-1)[paths.reached] + cfg.leg_s + _first_turns_s(room)
-    worth_it = (new_m2 >= cfg.least_m2) & (paths.parents != np.arange(len(new_m2)))
+    # Around the drone there may be less room than legs ask for: out of there, never further in.
+    roomy = room.clear_m.reshape(-1)[paths.reached] >= cfg.touch_m
+    worth_it = roomy & (new_m2 >= cfg.least_m2) & (paths.parents != np.arange(len(new_m2)))
     if not worth_it.any():
         return None
     best = int(np.where(worth_it, value(new_m2, spent_s), -math.inf).argmax())

@@ -18,7 +18,7 @@ class CoverageConfig:
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     # When legs with all that room bring less new ground than this, narrower ones are tried.
     little_m2ps: float = 0.03
-    tight_m: float = 0.38  # from obstacles; nearer, `Avoid` would step away from them
+    tight_m: float = 0.34  # from obstacles; nearer, `Avoid` would step away from them
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     follow: FollowConfig = field(default_factory=FollowConfig)
 

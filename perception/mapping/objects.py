@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from perception.mapping.landmarks import Landmarks
 from uav_bt.classes import BOXES
+from uav_bt.types import rotation
 from uav_bt.types.site_map import MapObject
 
 Floats = NDArray[np.float64]
@@ -26,6 +27,9 @@ class ObjectConfig:
     # A box seen from one side shows a line: what stands behind it is assumed to be as deep as
     # boxes are.
     depth_m: float = 0.4
+    # Rectangles are tried at so many yaws; points nearer than that to a side lie on it.
+    yaws: int = 45
+    near_m: float = 0.02
 
 
 def objects_of(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
@@ -51,26 +55,41 @@ def objects_of(points: Landmarks, config: ObjectConfig | None = None) -> tuple[M
 
 
 def _object(class_id: int, members: Landmarks, config: ObjectConfig) -> MapObject:
-    """Return the object of some points: the middle of the rectangle around them, made deep enough.
+    """Return the object of some points: the rectangle that they are the sides of, made deep enough.
 
     The rectangle's thin side grows away from where it was seen.
     """
-    centre, sides, angle_deg = cv2.minAreaRect(members.xy_m.astype(np.float32))
-    middle, angle = np.array(centre, dtype=float), np.radians(angle_deg)
-    for length, axis in zip(
-        sides,
-        (np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])),
-        strict=True,
-    ):
-        missing = (config.depth_m - length) / 2
-        if missing > 0.0:
-            seen_from = np.sign(np.mean((members.from_m - middle) @ axis))
-            middle = middle - seen_from * missing * axis
+    yaw_rad = _yaw_of_sides(members.xy_m, config)
+    axes = rotation(yaw_rad)  # its columns
+    along_m, from_m = members.xy_m @ axes, members.from_m @ axes
+    low_m, high_m = along_m.min(axis=0), along_m.max(axis=0)
+    missing_m = np.maximum(config.depth_m - (high_m - low_m), 0.0)
+    middle_m = (low_m + high_m) / 2
+    seen_from = np.sign((from_m - middle_m).mean(axis=0))
+    x_m, y_m = axes @ (middle_m - seen_from * missing_m / 2)
+    sides_m = high_m - low_m + missing_m
+    longer = int(sides_m.argmax())
     return MapObject(
         class_id=class_id,
-        x_m=float(middle[0]),
-        y_m=float(middle[1]),
-        size_m=float(max(*sides, config.depth_m)),
-        std_m=float(max(0.0, config.depth_m - min(sides)) / 2 + 0.03),
+        x_m=float(x_m),
+        y_m=float(y_m),
+        size_m=float(sides_m[longer]),
+        width_m=float(sides_m[1 - longer]),
+        yaw_rad=yaw_rad + longer * math.pi / 2,
+        std_m=float(missing_m.max() / 2 + 0.03),
         seen_s=float(members.seen_s.max()),
     )
+
+
+def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
+    """Return how the rectangle lies on whose sides points are, by the closeness to its sides.
+
+    The smallest rectangle around two sides lies along them or across, by chance. (Zhang et al.:
+    Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners, IV 2017.)
+    """
+    yaws = np.linspace(0.0, math.pi / 2, config.yaws, endpoint=False)
+    along_m = points_m @ np.stack([rotation(yaw) for yaw in yaws])  # (yaws, N, 2)
+    to_low_m = along_m - along_m.min(axis=1, keepdims=True)
+    to_high_m = along_m.max(axis=1, keepdims=True) - along_m
+    to_side_m = np.minimum(to_low_m, to_high_m).min(axis=-1)
+    return float(yaws[(1.0 / np.maximum(to_side_m, config.near_m)).sum(axis=1).argmax()])

@@ -44,7 +44,7 @@ class SiteMapperConfig:
 
     tracked_s: float = 0.6  # without ground followed for longer, telemetry alone is flown by
     displaced_m: float = 0.03  # a view further off the map adds nothing to it
-    lost_m: float = 0.1  # and in one still further off, nothing that moves is followed
+    lost_m: float = 0.05  # and in one still further off, nothing that moves is followed
     settled_s: float = 1.0  # points known for so long correct the drone's place
     residual_views: int = 200  # of so many views is the mean of how far they are off the map
     objects_s: float = 0.5  # objects are made of points so often

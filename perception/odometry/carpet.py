@@ -33,6 +33,7 @@ class CarpetOdometryConfig:
     """Which frames are compared."""
 
     width_px: int = 320  # of the images that points are followed in; a larger one only costs time
+    border_px: int = 2  # carpet so near to something else is left out: its corners are the other's
     max_gap_s: float = 0.5  # between two frames; telemetry alone after a longer one
     min_height_m: float = 0.5  # of the camera; lower the carpet rushes by
     following: OdometryConfig = field(default_factory=OdometryConfig)
@@ -147,7 +148,10 @@ class CarpetOdometry:
         size = (small_px, round(height_px * small_px / width_px))
         # Grey after shrinking: a quarter of the pixels to convert.
         small = cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA)
-        carpet = (class_map.ids == CARPET).astype(np.uint8)
+        carpet = cv2.resize(
+            (class_map.ids == CARPET).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
+        )
+        around = np.ones((2 * self._config.border_px + 1,) * 2, dtype=np.uint8)
         x_m, y_m = pose.to_world(camera.forward_offset_m, 0.0)
         return _Sight(
             view=GroundView(
@@ -156,9 +160,7 @@ class CarpetOdometry:
                 gimbal_pitch_rad=frame.gimbal_pitch_rad,
                 height_m=height_m,
             ),
-            carpet=np.asarray(
-                cv2.resize(carpet, size, interpolation=cv2.INTER_NEAREST_EXACT), dtype=np.uint8
-            ),
+            carpet=np.asarray(cv2.erode(carpet, around), dtype=np.uint8),
             lens=replace(pose, x_m=x_m, y_m=y_m),
         )
 

@@ -110,7 +110,8 @@ def _check(note: SiteMapNote) -> None:
         if not (np.abs(some_m) < _FAR_M).all():
             raise InputError("a place of a site map is not finite, or too far away")
     for item in note.objects:
-        if not (0 <= item.class_id < CLASS_COUNT and 0.0 <= item.size_m < _FAR_M):
+        sides_m = (item.size_m, item.width_m)
+        if not (0 <= item.class_id < CLASS_COUNT and all(0.0 <= side < _FAR_M for side in sides_m)):
             raise InputError(f"the object {item} of a site map is none")
     for mover in note.movers:
         sizes = (mover.speed_mps, mover.std_m, mover.std_mps, mover.radius_m)

@@ -26,6 +26,13 @@ class MapObject:
     size_m: float  # of the longer side of its base, as far as seen
     std_m: float  # one standard deviation of the position
     seen_s: float  # the capture of the newest frame that showed its base
+    width_m: float = 0.0  # of the shorter side
+    yaw_rad: float = 0.0  # of the longer side, from the map's x towards its y
+
+    def corners_m(self, *, margin_m: float = 0.0) -> Floats:
+        """Return the corners of its base and a margin around, (4, 2) in the map's frame."""
+        middle = Pose2D(x_m=self.x_m, y_m=self.y_m, yaw_rad=self.yaw_rad)
+        return np.array(middle.rectangle(self.size_m / 2 + margin_m, self.width_m / 2 + margin_m))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from behaviours.path.survey import Lately, Leg, Room, SurveyConfig, best_leg
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
-from uav_bt.types.site_map import SiteMap
+from uav_bt.types.site_map import MapObject, SiteMap
 
 CONFIG = SurveyConfig()
 NOTHING = np.empty((0, 2))
@@ -108,6 +108,36 @@ def test_a_drone_too_near_to_a_box_flies_on_as_near_and_away() -> None:
     found = leg(drawn_map(obstacles=np.array(rows)))
     assert found is not None
     assert np.hypot(*found.path_m[-1]) > 0.8
+
+
+def test_a_leg_ends_where_there_is_room() -> None:
+    """A drone in a gap flies out of it: it does not creep in, a step with each decision."""
+    gap = [(x, y) for x in np.arange(-0.2, 2.0, 0.05) for y in (-0.33, 0.33)]
+    x, y = np.indices((61, 61)) * 0.1 - 3.0
+    ahead = (np.abs(y) < 0.3) & (x > 0.55) & (x < 1.2)
+    site_map = drawn_map(obstacles=np.array(gap), passed=~ahead)
+    assert best_leg(Room(site_map, Lately())) is None
+    out_of_it = best_leg(Room(replace(site_map, passed=where("near")), Lately()))
+    assert out_of_it is not None
+    assert out_of_it.clear_m[-1] >= CONFIG.touch_m
+
+
+def test_objects_are_solid() -> None:
+    """A box of which one side was seen is kept away from on all sides."""
+    site_map = drawn_map()
+    box = MapObject(
+        class_id=4,
+        x_m=1.0,
+        y_m=0.0,
+        size_m=0.5,
+        width_m=0.4,
+        yaw_rad=math.radians(90.0),
+        std_m=0.05,
+        seen_s=1.0,
+    )
+    room = Room(replace(site_map, objects=(box,)), Lately())
+    for x_m, y_m, distance_m in ((0.0, 0.0, 0.8), (2.0, 0.0, 0.8), (1.0, 1.0, 0.75), (1.0, 0, 0)):
+        assert room.obstacle_m[site_map.cell_of(x_m, y_m)] == pytest.approx(distance_m, abs=0.11)
 
 
 def test_walls_all_round_shut_in() -> None:

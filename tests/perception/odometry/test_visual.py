@@ -14,6 +14,7 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
+from uav_bt.classes import CARPET
 from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, Frame
 
 SIZE_PX = (320, 180)
@@ -87,6 +88,29 @@ def test_without_a_view_of_the_carpet_telemetry_stays() -> None:
 
     assert odometry.now is not None
     assert odometry.now.x_m == pytest.approx(0.1)
+
+
+def test_the_border_of_the_carpet_is_left_out() -> None:
+    """A corner of a box that touches carpet in the image moves otherwise than the carpet does."""
+    here = pose(-1.0, 0.0)
+    (view,) = render_views(LAB, [here], size_px=SIZE_PX, profile=Profile.named("lab"))
+    ids = np.zeros_like(view.ids)
+    ids[100:103] = CARPET  # a strip that is all border
+    odometry = CarpetOdometry()
+    told = BodyVelocity(forward_mps=0.1)
+    for index in range(6):
+        time_s = index * STEP_S
+        odometry.predict(DroneState(captured_s=time_s, flying=FlyingState.FLYING, velocity=told))
+        frame = Frame(
+            image=view.image,
+            index=index,
+            captured_s=time_s,
+            gimbal_pitch_rad=PITCH_RAD,
+            height_above_carpet_m=HEIGHT_M,
+        )
+        odometry.see(ClassMap(ids=ids, captured_s=time_s), frame, CAMERA)
+    assert odometry.estimate is not None
+    assert odometry.estimate.tracked_s < 0.0  # never
 
 
 def test_before_the_first_telemetry_there_is_no_pose() -> None:

@@ -1,0 +1,67 @@
+"""Following legs of the map: what counts as seen lately, and where the drone steers to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from behaviours.path.following import FollowConfig, around, follow
+from behaviours.path.survey import Lately, Room, SurveyConfig, best_leg
+from tests.behaviours.path.test_survey import drawn_map, where
+from uav_bt.types import ObstaclePoints
+
+SURVEY = SurveyConfig()
+AHEAD = np.array([0.1, 0.0])
+BOX = np.array([[1.0, y_m] for y_m in np.arange(-0.2, 0.25, 0.1)])
+
+
+def seen(points_m: np.ndarray, edges_m: np.ndarray | None = None) -> ObstaclePoints:
+    edges = np.empty((0, 2)) if edges_m is None else edges_m
+    return ObstaclePoints(points_m=points_m, edges_m=edges, captured_s=1.0)
+
+
+def test_what_the_map_shows_too_is_where_the_map_shows_it() -> None:
+    """The memory has drifted by a decimetre since: it must not make the box larger."""
+    lately = around(seen(BOX - AHEAD, BOX + AHEAD), drawn_map(obstacles=BOX))
+    assert not len(lately.seen_m)
+    assert len(lately.edges_m) == len(BOX)  # the map knows of no edge there
+    mapped = replace(drawn_map(), edges_m=BOX)
+    assert not len(around(seen(BOX, BOX + AHEAD), mapped).edges_m)
+
+
+def test_what_is_not_on_the_map_counts_from_where_the_drone_is() -> None:
+    lately = around(seen(BOX), drawn_map(pose=(0.5, 0.0, math.pi / 2)))
+    assert np.allclose(lately.seen_m, np.column_stack([0.5 - BOX[:, 1], BOX[:, 0]]))
+
+
+def test_single_points_are_no_obstacle() -> None:
+    lonely = np.array([[1.0, 1.0], [1.1, 1.0], [-1.0, -1.0]])
+    assert not len(around(seen(lonely), drawn_map()).seen_m)
+    assert len(around(seen(np.vstack([lonely, [[1.0, 1.1]]])), drawn_map()).seen_m) == 3
+
+
+def test_nothing_seen_is_nothing_lately() -> None:
+    assert around(None, drawn_map()).seen_m.shape == (0, 2)
+
+
+def test_it_steers_around_a_corner_not_across_it() -> None:
+    """Beside the corner of a block; 0.6 m further the path has gone round it."""
+    block = np.array([(x, y) for x in np.arange(-1.0, 0.5, 0.05) for y in np.arange(0.4, 1.5, 0.1)])
+    room = Room(drawn_map(pose=(0.45, 0.0, 0.0), obstacles=block), Lately())
+    ahead = [(x_m, 0.0) for x_m in (0.5, 0.6, 0.7, 0.8, 0.9)]
+    path_m = ahead + [(0.9, y_m) for y_m in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)]
+    leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
+    way = follow(leg, room.map.pose, None, survey=SURVEY, config=FollowConfig())
+    assert way is not None
+    course = np.arange(0.0, 0.6, 0.05)[:, None] * (math.cos(way.yaw_rad), math.sin(way.yaw_rad))
+    nearest_m = np.linalg.norm((0.45, 0.0) + course[:, None] - block, axis=-1).min()
+    assert nearest_m >= leg.clear_m.min() - SURVEY.cut_m - 0.05  # half a cell
+
+
+def test_in_the_open_it_looks_far_ahead() -> None:
+    leg = best_leg(Room(drawn_map(passed=where("left")), Lately()))
+    assert leg is not None
+    assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)

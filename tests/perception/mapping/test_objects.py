@@ -1,0 +1,53 @@
+"""Objects made of the map's points: where their bases lie, and how large they are."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from perception.mapping.landmarks import seen_points
+from perception.mapping.objects import ObjectConfig, objects_of
+from uav_bt.types import Pose2D
+from uav_bt.types.site_map import MapObject
+
+FROM_ORIGIN = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+
+
+def object_of(points_m: list[tuple[float, float]]) -> MapObject:
+    points = seen_points(np.array(points_m), np.full(len(points_m), 4, np.uint8), FROM_ORIGIN, 0.0)
+    points.seen_s = points.first_s + 1.0
+    (found,) = objects_of(points)
+    return found
+
+
+def side(first: tuple[float, float], last: tuple[float, float]) -> list[tuple[float, float]]:
+    return [(float(x), float(y)) for x, y in np.linspace(first, last, 7)]
+
+
+@pytest.mark.parametrize("turn_deg", [0, 25, 60, 90, 140])
+def test_two_sides_make_the_whole_base(turn_deg: int) -> None:
+    turn = math.radians(turn_deg)
+    cos, sin = math.cos(turn), math.sin(turn)
+    corners = [(-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2), (0.3, 0.2)]
+    placed = [(2.0 + cos * x - sin * y, sin * x + cos * y) for x, y in corners]
+    found = object_of(side(placed[0], placed[1]) + side(placed[1], placed[2]))
+    assert (found.x_m, found.y_m) == pytest.approx((2.0, 0.0), abs=0.01)
+    assert (found.size_m, found.width_m) == pytest.approx((0.6, 0.4), abs=0.03)
+    for corner in placed:
+        assert np.linalg.norm(found.corners_m() - corner, axis=1).min() < 0.03
+
+
+def test_one_side_is_as_deep_as_boxes_are_away_from_where_it_was_seen() -> None:
+    depth_m = ObjectConfig().depth_m
+    found = object_of(side((1.0, -0.25), (1.0, 0.25)))
+    assert (found.x_m, found.y_m) == pytest.approx((1.0 + depth_m / 2, 0.0), abs=0.01)
+    assert found.corners_m()[:, 0].min() == pytest.approx(1.0, abs=0.01)
+    assert found.corners_m()[:, 0].max() == pytest.approx(1.0 + depth_m, abs=0.01)
+
+
+def test_a_margin_moves_all_sides() -> None:
+    found = object_of(side((1.0, -0.25), (1.0, 0.25)))
+    inner, outer = found.corners_m(margin_m=-0.05), found.corners_m()
+    assert np.ptp(outer, axis=0) - np.ptp(inner, axis=0) == pytest.approx([0.1, 0.1])
