@@ -135,11 +135,27 @@ def _reports(
     except FileError as error:
         yield Path(tree), findings_of(error, Path(tree))
         return
-    # What another file of the folder has wrong is in its own report.
-    others = {str(path.resolve()): path for path in files}
-    for path in files:
-        found = check_file(path, registry, tree_id=tree_id, lookup=lookup, engines=engines)
-        yield path, tuple(each for each in found if others.get(each.path, path) == path)
+    called = {str(path.resolve()): str(path) for path in files}
+    found = {
+        path: [
+            replace(each, path=called.get(each.path, each.path))
+            for each in check_file(path, registry, tree_id=tree_id, lookup=lookup, engines=engines)
+        ]
+        for path in files
+    }
+    # What another file of the folder has wrong is in its own report, unless it is wrong only in
+    # the way that this file uses it.
+    own = {_matter(each) for path, some in found.items() for each in some if each.path == str(path)}
+    for path, some in found.items():
+        yield (
+            path,
+            tuple(each for each in some if each.path == str(path) or _matter(each) not in own),
+        )
+
+
+def _matter(finding: Finding) -> tuple[object, ...]:
+    """Return what a finding is about; the node's path depends on the tree that is looked at."""
+    return finding.path, finding.position, finding.severity, finding.message
 
 
 def _print(path: Path, findings: tuple[Finding, ...]) -> None:

@@ -371,6 +371,62 @@ def test_a_folder_is_one_workspace(tmp_path: Path) -> None:
     assert "SubTree" in run("tree", "render", elsewhere, "--trees", tmp_path).stdout
 
 
+@pytest.mark.parametrize("through", ["include", "library"])
+@pytest.mark.parametrize(
+    ("body", "code", "words"),
+    [
+        ('<Land _skpIf="true"/>', 0, "4:7: warning: Land: attribute '_skpIf' means nothing here"),
+        ('<TakeOff height_m="15"/>', 0, "/TakeOff: attribute 'height_m': 15 m lies above"),
+        ('<Land hight="1"/>', 2, "4:7: Land: unknown attribute 'hight'"),
+        ('<Explore policy="none"/>', 2, "policy 'none'"),
+    ],
+)
+def test_what_is_wrong_with_a_used_file_is_reported_once(
+    tmp_path: Path, through: str, body: str, code: int, words: str
+) -> None:
+    """In its own report when it lies in the folder, else in that of the file that uses it."""
+    folder = tmp_path / "folder"
+    (folder / "sub").mkdir(parents=True)
+    part = folder / "sub" / "b.xml"
+    include = '<include path="sub/b.xml"/>' if through == "include" else ""
+    user = tree_file(folder, '<SubTree ID="B"/>', "a.xml")
+    user.write_text(user.read_text().replace('4">', f'4" main_tree_to_execute="Main">{include}'))
+    part.write_text(
+        f'<root BTCPP_format="4">\n<BehaviorTree ID="B">\n\n{body}\n</BehaviorTree>\n</root>\n'
+    )
+
+    def lines(*arguments: object) -> list[str]:
+        result = run("check", *arguments)
+        assert result.exit_code == code, result.output
+        return [line for line in result.stderr.splitlines() if words in line]
+
+    (line,) = lines(folder)
+    assert line.startswith(f"{part}:")
+    reports = map(json.loads, run("check", folder, "--format", "json").stdout.splitlines())
+    assert [report["findings"] for report in reports if report["file"] == str(user)] == [[]]
+    part.parent.rename(tmp_path / "outside")
+    user.write_text(user.read_text().replace("sub/b.xml", "../outside/b.xml"))
+    (line,) = lines(folder, "--include-root", tmp_path, "--trees", tmp_path / "outside")
+    assert line.startswith(f"{tmp_path / 'outside' / 'b.xml'}:")
+
+
+@pytest.mark.parametrize("include", ["", '<include path="sub/b.xml"/>'])
+def test_what_is_wrong_only_in_the_use_of_a_file_is_reported(tmp_path: Path, include: str) -> None:
+    """The used file is good by itself: its variable could be set from Python."""
+    (tmp_path / "sub").mkdir()
+    part = tree_file(tmp_path / "sub", '<AlwaysSuccess _failureIf="x"/>', "b.xml")
+    part.write_text(part.read_text().replace("Main", "B"))
+    user = tree_file(tmp_path, '<SubTree ID="B"/>', "a.xml")
+    user.write_text(user.read_text().replace("<BehaviorTree", f"{include}<BehaviorTree"))
+    result = run("check", tmp_path)
+    assert (result.exit_code, result.stdout) == (2, f"{part}: good\n")
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith(f"{part}:3:16: AlwaysSuccess: ")
+    assert f"nothing writes variable 'x' of tree 'B', and SubTree 'B' at {user}:3:" in result.stderr
+    user.write_text(user.read_text().replace('ID="B"/>', 'ID="B" x="0"/>'))
+    assert run("check", tmp_path).exit_code == 0
+
+
 def test_a_package_needs_a_folder(tmp_path: Path) -> None:
     path = tree_file(tmp_path, "<Land/>")
     assert_refused(run("check", path, "--ros-pkg", "robot"), "expected NAME=DIR")
