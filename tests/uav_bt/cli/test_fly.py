@@ -16,9 +16,15 @@ import pytest
 
 from tests.uav_bt.cli.cli_world import HOP, assert_refused, run, tree_file
 from uav_bt import app
+from uav_bt.board import SITE_MAP
+from uav_bt.board.blackboard import Blackboard
 from uav_bt.errors import InputError
 from uav_bt.groot import BtlogReader
+from uav_bt.mission.flight_report import FlightReport
+from uav_bt.mission.tick import TickListener, TickRecord
+from uav_bt.protocols import Drone
 from uav_bt.tree import Status
+from uav_bt.types.site_map import SiteMap
 
 SMALL = ("--image-size", "160x90", "--profile", "ideal")
 
@@ -380,3 +386,74 @@ def test_watch_refuses_what_a_changing_tree_does_not_go_with(
     tree_file(tmp_path, HOP)
     assert_refused(run("fly", tree, "--watch", *extra), "--watch", words)
     assert [file.name for file in tmp_path.iterdir()] == ["mission.xml"]
+
+
+WATCHED = """<ReactiveSequence>
+<Segment/><FindHelipad/><RememberObstacles/>
+<Sequence>
+<TakeOff height_m="{height}" gimbal_deg="-42"/><HoverFor name="{name}" seconds="{seconds}"/><Land/>
+</Sequence>
+</ReactiveSequence>"""
+
+
+class Editor:
+    """Follows a flight of the command line, and saves its tree file at some of its ticks."""
+
+    def __init__(self, path: Path, edits: dict[int, str]) -> None:
+        self.ticks: list[TickRecord] = []
+        self.maps: list[SiteMap | None] = []
+        self._path = path
+        self._edits = edits
+        self._board: Blackboard | None = None
+
+    def follow(self, flight: app.Flight[Drone]) -> list[TickListener]:
+        self._board = flight.context.board
+        return [self]
+
+    def on_tick(self, record: TickRecord) -> None:
+        assert self._board is not None
+        self.maps.append(self._board.read(SITE_MAP).value)
+        self.ticks.append(record)
+        if record.index in self._edits:
+            tree_file(self._path.parent, self._edits[record.index])
+
+
+def test_a_file_that_is_edited_in_flight_flies_from_the_next_tick_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bad edit is reported and the old tree flies on; clock and map go on through both."""
+    path = tree_file(tmp_path, WATCHED.format(height=1.0, name="first", seconds=250))
+    good = WATCHED.format(height=1.2, name="second", seconds=1)
+    editor = Editor(path, {60: good.replace("seconds", "secnds"), 70: good})
+    fly = app.fly
+
+    def followed(tree: str, options: app.FlightOptions, **given: Any) -> FlightReport:
+        listeners = [*given.pop("listeners"), editor.follow]
+        return fly(tree, replace(options, exact_masks=True), listeners=listeners, **given)
+
+    monkeypatch.setattr(app, "fly", followed)
+    monkeypatch.setattr("uav_bt.app.file_watch._POLL_S", 0.0)  # of wall time
+    small = ("--scene", "val-a", "--image-size", "320x180", "--profile", "ideal")
+    result = run("fly", path, "--watch", *small)
+    assert result.exit_code == 0, result.output
+    assert "success" in result.stdout
+
+    refused = result.stderr.index(f"{path}:6:")
+    assert "unknown attribute 'secnds'; did you mean 'seconds'?" in result.stderr[refused:]
+    flies_on = result.stderr.index("The edited tree is refused; the one before it flies on.")
+    flies = result.stderr.index(f"{path}: the edited tree flies, from its root on")
+    assert refused < flies_on < flies
+    assert result.stderr.count(str(path)) == 3  # the refusal has it twice
+
+    active = [" ".join(tick.active) for tick in editor.ticks]
+    assert all("first" in each for each in active[60:71])
+    assert not any("first" in each for each in active[71:])
+    assert any("second" in each for each in active[71:])
+    times = [tick.time_s for tick in editor.ticks]
+    assert times == pytest.approx([times[0] + 0.1 * tick for tick in range(len(times))])
+    before, after = editor.maps[70:72]
+    assert before is not None
+    assert after is not None
+    # What was seen on the way up, and is out of view since, is still known.
+    oldest_s = [one.seen_s[one.ground].min() for one in (before, after)]
+    assert oldest_s[0] == oldest_s[1] < times[50]
