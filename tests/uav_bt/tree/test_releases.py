@@ -23,6 +23,10 @@ RECORDED = [
 ]
 REGISTRY = NodeRegistry()
 NAMELESS = '<root BTCPP_format="4"><BehaviorTree><AlwaysSuccess/></BehaviorTree>'
+SWITCH = (
+    '<Switch2 variable="{v}" case_1="1" case_2="2"><AlwaysSuccess/><AlwaysSuccess/><AlwaysSuccess/>'
+    "</Switch2>"
+)
 INNER = '<SubTree ID="Inner" n="3"/>'
 
 
@@ -105,6 +109,23 @@ EXAMPLES: dict[Change, list[tuple[str, str]]] = {
             script("x := true || (true &amp;&amp; false)"),
         ),
     ],
+    Change.SWITCH_TEXT: [
+        (
+            file(f'<LoopInt queue="1;2" value="{{v}}">{SWITCH}</LoopInt>'),
+            file(
+                '<LoopInt queue="1;2" value="{n}"><Sequence><Script code="v := n"/>'
+                f"{SWITCH}</Sequence></LoopInt>"
+            ),
+        ),
+        (
+            file(f'<Sequence><Sleep msec="{{v}}"/>{SWITCH}</Sequence>'),
+            file(f'<Sequence>{SWITCH}<Sleep msec="{{v}}"/></Sequence>'),
+        ),
+        (
+            file(f'<Sequence><Repeat num_cycles="{{v}}">{SWITCH}</Repeat></Sequence>'),
+            file(f'<LoopString queue="1;2" value="{{v}}">{SWITCH}</LoopString>'),
+        ),
+    ],
     Change.NUMBER_ENTRY: [
         (
             inner('<Script code="n += 1"/>'),
@@ -163,6 +184,7 @@ CONCERNED = {
     Change.NO_ID: {"4.6", "4.8"},
     Change.AND_BESIDE_OR: {"4.6", "4.8"},
     Change.NUMBER_ENTRY: {"4.6", "4.8"},
+    Change.SWITCH_TEXT: {"4.6", "4.8", "4.10"},
     Change.REACTIVE_KIND_TAG: {"4.8", "4.10"},
     Change.DOUBLE_QUOTES: {"4.10"},
     Change.LETTERS: {"4.10"},

@@ -23,7 +23,7 @@ from uav_bt.tree.loading.scopes import Slot, Use
 from uav_bt.tree.loading.source import KIND_TAGS, Element, node_attributes, node_id_of, walk
 from uav_bt.tree.loading.variable_uses import VariableUses
 from uav_bt.tree.node import NodeKind
-from uav_bt.tree.nodes import ReactiveSequence, TryCatch
+from uav_bt.tree.nodes import ReactiveSequence, Switch2, TryCatch
 from uav_bt.tree.port import bind_ports
 from uav_bt.tree.registry import NodeRegistry
 from uav_bt.tree.script import SCRIPTS, ScriptError, parse_script
@@ -35,6 +35,8 @@ Version = tuple[int, int, int]
 
 RELEASES: Final[Mapping[str, Version]] = {"4.6": (4, 6, 2), "4.8": (4, 8, 4), "4.10": (4, 10, 0)}
 """The releases that can be asked for, with their newest patches."""
+
+_SWITCHED: Final = Switch2.VARIABLE  # all switches share it
 
 
 class Change(Enum):
@@ -50,6 +52,7 @@ class Change(Enum):
     AND_BESIDE_OR = "an `&&` after an or, without brackets", (4, 9, 0), ""
     TRY_CATCH = "the node `TryCatch`", (4, 9, 0), "taken since"
     NO_ID = "a tree without `ID` beside other elements", (4, 9, 0), ""
+    SWITCH_TEXT = "a `Switch` over the variable of a number's port", (5, 0, 0), ""
     NUMBER_ENTRY = "a SubTree's number is a number", (4, 9, 1), "a number since"
     REACTIVE_KIND_TAG = "`<Action ID>` in a `ReactiveSequence`", (4, 7, 0), "taken before"
     DOUBLE_QUOTES = "texts in double quotes", (4, 9, 0), "taken before"
@@ -133,6 +136,7 @@ def _traits(document: Document, registry: NodeRegistry, roots: list[str]) -> Ite
     for scope in VariableUses(document, registry).find(roots):
         for slot in scope.slots():
             yield from _number_entries(scope.door, slot, registry)
+            yield from _switched_numbers(slot)
 
 
 # --- structure ------------------------------------------------------------------------------------
@@ -259,3 +263,21 @@ def _computes(name: Name, use: Use) -> bool:
         if compares or (isinstance(part, Binary) and part.sign == ".."):
             harmless += names.count(name)
     return [*script.walk()].count(name) > harmless
+
+
+def _switched_numbers(slot: Slot) -> Iterator[_Trait]:
+    """Yield a Switch over a variable that a port has made a number: there it takes texts only."""
+    made = None
+    for use, port in slot.ports:
+        if port is _SWITCHED and made is not None:
+            yield _Trait(
+                Change.SWITCH_TEXT,
+                use.element,
+                f"variable '{slot.name}' is a number for {made}, and a text for {use.element.tag}",
+                f'copy it: <Script code="copy := {slot.name}"/>, {use.attribute}="{{copy}}"',
+                use.attribute,
+            )
+        elif port is _SWITCHED or port.type is str:
+            return  # the first to make a variable gives its type; a text is taken by all
+        elif port.type in {bool, int, float}:
+            made = made or use
