@@ -5,8 +5,9 @@ A forward-looking camera does not see what is beside the drone, nor the carpet n
 a bearing meets the carpet there. Those points are kept in the dead-reckoned frame for a while, and
 forgotten where the carpet is seen again. What reaches down to the image's lower edge and is not
 explained by such a point has an unknown range: its bearing is reported apart, and for a while it is
-assumed to stand anywhere on that bearing. Where the carpet ends is remembered in the same way, and
-bearings on which it has ended already where the view begins are reported like those of obstacles.
+assumed to stand anywhere on that bearing, until carpet is seen there or right behind it. Where the
+carpet ends is remembered in the same way, and bearings on which it has ended already where the view
+begins are reported like those of obstacles.
 """
 
 from __future__ import annotations
@@ -17,7 +18,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.obstacles.contact_scan import ContactScanConfig, GroundScan, find_bases, scan_ground
+from perception.obstacles.contact_scan import (
+    NO_CLASS,
+    ContactScanConfig,
+    GroundScan,
+    find_bases,
+    scan_ground,
+)
 from perception.odometry.carpet import CarpetOdometry
 from uav_bt.classes import GROUP_CARPET
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
@@ -96,9 +103,10 @@ class ObstacleMemory:
             return None
         cfg = self._config
         scan = scan_ground(class_map, frame, camera, cfg.scan)
-        self._forget_where_carpet_shows(scan.image_groups, pose, frame, camera)
-        bases = find_bases(scan)
         offset = np.array([camera.forward_offset_m, 0.0])
+        self._forget_where_carpet_shows(scan.image_groups, pose, frame, camera)
+        self._forget_before_carpet(scan, pose, offset)
+        bases = find_bases(scan)
         hidden = bases.hidden_m + offset
         for seen_m, age_s, kind in (
             (bases.placed_m, cfg.max_age_s, _Kind.BASE),
@@ -177,6 +185,24 @@ class ObstacleMemory:
         columns, rows = np.rint(pixels[inside]).astype(int).T
         shows_carpet[inside] = groups[rows, columns] == GROUP_CARPET
         self._keep(~shows_carpet)
+
+    def _forget_before_carpet(
+        self, scan: GroundScan, pose: Pose2D, offset: NDArray[np.float64]
+    ) -> None:
+        """Forget what is assumed nearer than the view begins, where that begins with carpet.
+
+        What stood there and reached up to the drone would hide that carpet.
+        """
+        begins = (scan.groups != NO_CLASS).argmax(axis=1)
+        first = np.arange(len(begins)), begins
+        bearings = np.arctan2(scan.level_m[:, 0, 1], scan.level_m[:, 0, 0])
+        local = pose.points_to_body(self._points) - offset
+        azimuths = np.arctan2(local[:, 1], local[:, 0])
+        nearest = np.abs(azimuths[:, None] - bearings).argmin(axis=1)
+        hidden = np.hypot(*local.T) < np.hypot(*scan.level_m[first].T)[nearest]
+        in_view = (azimuths >= bearings[0]) & (azimuths <= bearings[-1])
+        shows_carpet = scan.groups[first][nearest] == GROUP_CARPET
+        self._keep(~(hidden & in_view & shows_carpet & (self._kinds == _Kind.ASSUMED)))
 
     def _keep(self, which: NDArray[np.bool_]) -> None:
         self._points, self._until_s = self._points[which], self._until_s[which]

@@ -300,6 +300,21 @@ def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     assert len(memory.points().assumed_m) == 0
 
 
+def test_carpet_at_the_lower_edge_ends_what_is_assumed_before_it() -> None:
+    """The view begins further away than the first assumed range; a tall box would reach into it."""
+    memory = ObstacleMemory(NEAR_BOX)
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    assumed = memory.points().assumed_m
+    memory.predict(state(0.1, yaw_rad=math.pi))
+    look(memory, carpet(), 0.1)
+    assert len(memory.points().assumed_m) == len(assumed)  # it looks elsewhere
+
+    memory.predict(state(0.2))
+    look(memory, carpet(), 0.2)
+    assert len(memory.points().assumed_m) == 0
+
+
 def test_a_remembered_base_explains_the_near_box() -> None:
     """The base seen from further away is the same box: its range is known."""
     memory = ObstacleMemory()
