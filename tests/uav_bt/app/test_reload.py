@@ -198,6 +198,25 @@ def test_included_files_are_watched_those_of_a_refused_edit_too(path: Path) -> N
     assert world.flight.mission.sources[part.resolve()] == part.read_bytes()
 
 
+def test_trees_of_other_folders_are_watched(path: Path, tmp_path: Path) -> None:
+    """Their folders are looked through again for every edit."""
+    parts, drone = tmp_path / "parts", ScriptedDrone()
+    parts.mkdir()
+    part = parts / "part.xml"
+    part.write_text(text(HIGH).replace("Main", "Part"), encoding="utf-8")
+    path.write_text(text('<SubTree ID="Part"/>'), encoding="utf-8")
+    folders = app.TreeFolders(trees=[parts])
+    world = World(path, app.FlightOptions(drone=drone, tree_folders=folders))
+    assert not world.ask()
+    part.write_text(part.read_text().replace("high", "higher"), encoding="utf-8")
+    assert world.ask()
+    assert world.flight.mission.find("higher")
+    (parts / "more.xml").write_text(text(HIGH).replace("Main", "More"), encoding="utf-8")
+    path.write_text(text('<SubTree ID="More"/>'), encoding="utf-8")
+    assert world.ask()
+    assert world.flight.mission.find("high")
+
+
 def test_a_link_to_another_file_is_an_edit(path: Path, tmp_path: Path) -> None:
     link, other = tmp_path / "link.xml", tmp_path / "other.xml"
     other.write_text(text(ABOVE.format(height=1.2, name="higher")), encoding="utf-8")

@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.fly.land import Land
 from behaviours.policies.segmentation_rule import SegmentationRule
-from tests.uav_bt.record.record_world import FLIGHT, copy_part, fly_noisy, tree_file
+from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, copy_part, fly_noisy, tree_file
 from uav_bt import app
 from uav_bt.app import recorded_files
 from uav_bt.app.replay import ReplayOptions, replay
@@ -244,6 +244,40 @@ def test_an_attachment_that_leads_out_of_its_folder_is_refused(
     record, _ = fly_noisy(tmp_path, monkeypatch)
     monkeypatch.undo()
     with pytest.raises(FileError, match="lies outside its folder"):
+        replay(record)
+
+
+def fly_with_include(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str) -> Path:
+    """Return the record of a mission in two files, with these facts about its includes."""
+    monkeypatch.setattr("uav_bt.app.assembly.make_drone", lambda _: NoisyDrone())
+    values = {"tree_includes": facts} if facts else {}
+    monkeypatch.setattr("uav_bt.app.flight_record.tree_facts", lambda _: values)
+    (tmp_path / "parts").mkdir()
+    part = tree_file(tmp_path / "parts", FLIGHT, "part.xml")
+    part.write_text(part.read_text().replace("Main", "Part"))
+    main = tree_file(tmp_path, '<SubTree ID="Part"/>')
+    include = '4"><include path="parts/part.xml"/>'
+    main.write_text(main.read_text().replace('4">', include, 1))
+    record = tmp_path / "flight.mcap"
+    app.fly(main, app.FlightOptions(seed=5, record=record))
+    return record
+
+
+def test_a_record_without_facts_about_its_includes_goes_by_their_paths(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So older ones are."""
+    record = fly_with_include(tmp_path, monkeypatch, "")
+    assert "tree_includes" not in RecordReader(record).metadata
+    assert replay(record).same
+
+
+@pytest.mark.parametrize("facts", ["{", "3", '[["tree/mission.xml"]]', '[["a", null, "b", "c"]]'])
+def test_damaged_facts_about_includes_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, facts: str
+) -> None:
+    record = fly_with_include(tmp_path, monkeypatch, facts)
+    with pytest.raises(FileError, match="metadata is damaged: tree_includes"):
         replay(record)
 
 
