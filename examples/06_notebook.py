@@ -21,6 +21,7 @@ class Notes:
 
 notes = Notes()
 options = app.FlightOptions(scene="train-b", exact_masks=True, image_size_px=(320, 180))
+# With video="flight.mp4" it is filmed, too.
 report = app.fly("hover_and_look", options, listeners=[lambda _: [notes]])
 print(report.outcome, f"in {report.duration_s:.0f} s, {len(notes.ticks)} ticks")
 

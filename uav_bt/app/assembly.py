@@ -170,6 +170,10 @@ class Flight(Generic[DroneT]):
         )
 
 
+Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
+"""Makes what follows a flight tick by tick, once its drone is connected and its tree set up."""
+
+
 def assemble(
     tree: Mission, options: FlightOptions | None = None, *, registry: NodeRegistry | None = None
 ) -> Flight[Drone]:

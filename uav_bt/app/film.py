@@ -1,5 +1,7 @@
 """Films and the status line of a flight, composed: what the displays need to know about the lab.
 
+`app.fly(tree, video="flight.mp4")` films; with options of the film, or beside another one:
+
 with film.flight_video(Path("flight.mp4"), speed=2.0) as video:
     report = app.fly("survey_and_land", listeners=[video])
     video.conclude(report)
@@ -20,8 +22,7 @@ from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
 from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from sim_bridge.twin.scene import Scene
-from uav_bt.app.assembly import Flight
-from uav_bt.app.flight import Listeners
+from uav_bt.app.assembly import Flight, Listeners
 from uav_bt.board import METRIC_DEPTH, SITE_MAP
 from uav_bt.board.blackboard import Blackboard
 from uav_bt.classes import BOXES, CARPET, CLASS_COLOURS, CLASS_NAMES, HELIPAD_BOX
@@ -127,6 +128,17 @@ class VideoListeners:
             lines.append(f"{100 * report.landing_error_m:.0f} cm from the helipad's centre")
         good = report.outcome == Outcome.SUCCESS.value
         self._video.conclude(report.outcome.replace("_", " "), lines, good=good)
+
+    def finish(self, report: FlightReport) -> None:
+        """Show how the flight ended and finish the file.
+
+        Raises:
+            FileError: it could not be written to the end; nothing is left behind.
+        """
+        # A video that failed while it was drawn has no place for an end.
+        if FlightVideo.__name__ not in report.lost_outputs:
+            self.conclude(report)
+        self._video.close()
 
 
 def panes_of(

@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Final
 
-from uav_bt.app.assembly import Flight, assemble, frame_judge
+from uav_bt.app.assembly import Flight, Listeners, assemble, frame_judge
+from uav_bt.app.film import flight_video
 from uav_bt.app.interrupts import landing_on_signals
 from uav_bt.app.loading import Mission, load_mission
 from uav_bt.app.options import FlightOptions, as_file, given_options, site_of
@@ -32,9 +34,6 @@ from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
 from uav_bt.tree.shipped import shipped_trees
-
-Listeners = Callable[[Flight[Drone]], Sequence[TickListener]]
-"""Makes what follows a flight tick by tick, once its drone is connected and its tree set up."""
 
 STILL_IN_THE_AIR: Final = (
     "THE DRONE IS STILL IN THE AIR, as far as is known: take its remote control and land it"
@@ -64,6 +63,7 @@ def fly(
     *,
     registry: NodeRegistry | None = None,
     report: str | Path | None = None,
+    video: str | Path | None = None,
     listeners: Sequence[Listeners] = (),
     on_check: Callable[[Check], None] | None = None,
     controls: Callable[[MissionRunner], AbstractContextManager[None]] | None = None,
@@ -80,12 +80,14 @@ def fly(
         registry: the nodes that may occur; default: all installed. Own leaves fly without a
             package with `NodeRegistry.installed().with_nodes(Peek)`.
         report: where to write the report as JSON; it is also written when the mission fails.
-        listeners: make what follows the flight tick by tick (displays, videos, logs).
+        video: where to write a film of the flight, an mp4 file; it, too, is written when the
+            mission fails. `film.flight_video` has options.
+        listeners: make what follows the flight tick by tick (displays, logs).
         on_check: called with each line of the check before take-off.
         controls: what a person has at hand while the mission flies, a keyboard for instance.
         watch: read the tree file again whenever it is edited while it flies, and call this with
-            what became of it. For simulated drones, without record and report; listeners that
-            hold the tree itself go on showing the first one.
+            what became of it. For simulated drones, and without record, report and video;
+            listeners that hold the tree itself go on showing the first one.
 
     Raises:
         InputError: tree, scene, weights, policy or drone cannot be used; nothing was flown.
@@ -97,10 +99,12 @@ def fly(
     options = given_options(options)
     _check_listeners(listeners)
     report, record_file = as_file("report", report), as_file("record", options.record)
-    _check_outputs(tree, options, report)
-    watched = None if watch is None else reloadable_file(tree, options, report)
+    video = as_file("video", video)
+    outputs = {"report": report, "record": record_file, "video": video}
+    _check_outputs(tree, options, outputs)
+    watched = None if watch is None else reloadable_file(tree, outputs)
     flight = assemble(tree, options, registry=registry)
-    for file in filter(None, (report, record_file)):
+    for file in filter(None, outputs.values()):
         refuse_inputs(file, tuple(flight.mission.sources), shipped_trees())
     if watched is not None and flight.drone.live:
         raise InputError("watch: a tree is replaced in flight on simulated drones only")
@@ -114,30 +118,39 @@ def fly(
         if flight.drone.live:
             stack.enter_context(short_collections())
             _check_before_take_off(flight, on_check)
-        recorded = [] if record is None else [record.begin]
-        keep: dict[str, Callable[[FlightReport], None]] = {}
+        made: list[Listeners] = []
+        keep: dict[str, Callable[[FlightReport], None]] = {}  # the report last: it names losses
+        if video is not None:
+            film = stack.enter_context(flight_video(video))
+            made.append(film)
+            keep["video"] = film.finish
         if record is not None:
+            made.append(record.begin)
             keep["record"] = record.conclude
         if report is not None:
             keep["report"] = partial(write_report, path=report)
         next_tree = None
         if watched is not None and watch is not None:
             next_tree = TreeReload(flight, watched, registry, watch)
-        followers, at_hand = [*recorded, *listeners], controls or (lambda _: nullcontext())
+        followers, at_hand = [*made, *listeners], controls or (lambda _: nullcontext())
         return _run(flight, followers, keep, at_hand, next_tree)
 
 
-def _check_outputs(tree: Mission, options: FlightOptions, report: Path | None) -> None:
+def _check_outputs(
+    tree: Mission, options: FlightOptions, outputs: Mapping[str, Path | None]
+) -> None:
     """Refuse outputs that cannot be written, or must not be."""
-    record = as_file("record", options.record)
-    if report is not None and record is not None and same_file(report, record):
-        raise FileError(report, "is named for the report and for the record; choose another name")
     read = tuple(tree.sources) if isinstance(tree, MissionTree) else tree
     inputs = (read, *(getattr(options, name) for name in _FILES_OF_OPTIONS))
-    for file in (report, record):
-        if file is not None:
-            check_output(file)
-            refuse_inputs(file, inputs, shipped_trees())
+    files = [(name, file) for name, file in outputs.items() if file is not None]
+    for (first, file), (second, other) in combinations(files, 2):
+        if same_file(file, other):
+            raise FileError(
+                file, f"is named for the {first} and for the {second}; choose another name"
+            )
+    for _, file in files:
+        check_output(file)
+        refuse_inputs(file, inputs, shipped_trees())
 
 
 def _made(make: Listeners, flight: Flight[Drone]) -> Sequence[TickListener]:

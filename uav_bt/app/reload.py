@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from uav_bt.app.assembly import Flight
 from uav_bt.app.file_watch import FileWatch
 from uav_bt.app.loading import Mission, check_ceiling, is_text, load_mission
-from uav_bt.app.options import FlightOptions, limits_of
+from uav_bt.app.options import limits_of
 from uav_bt.errors import InputError, TreeError, UavBtError
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, NodeRegistry
@@ -83,26 +83,25 @@ def _files_of(error: UavBtError) -> Iterator[Path]:
             yield Path(finding.path).resolve()
 
 
-def reloadable_file(tree: Mission, options: FlightOptions, report: Path | None) -> Path:
+def reloadable_file(tree: Mission, outputs: Mapping[str, Path | None]) -> Path:
     """Return the tree file that can be watched while it flies.
 
     Args:
         tree: the mission as it was given.
-        options: how it is flown.
-        report: the report's file, None for no report.
+        outputs: files that the flight writes, by name; None where it does not.
 
     Raises:
-        InputError: it is no file, or a record or report is wanted, which speak of one tree.
+        InputError: it is no file, or an output is wanted: all show one tree.
     """
     if isinstance(tree, MissionTree) or is_text(tree) or not Path(tree).is_file():
         raise InputError(
             f"watch: expected a tree file, which can be edited while it flies, got {tree!r:.80}; "
             "`uav-bt new FILE` writes one"
         )
-    for what, file in (("record", options.record), ("report", report)):
+    for what, file in outputs.items():
         if file is not None:
             raise InputError(
-                f"watch: a {what} speaks of one tree, and this one may change in flight: "
+                f"watch: a {what} shows one tree, and this one may change in flight: "
                 f"leave {what} out, or fly without watch"
             )
     return Path(tree)

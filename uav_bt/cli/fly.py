@@ -207,10 +207,6 @@ def fly(
             stack.enter_context(film.live_status()),
             lambda _: [OrderLines(click.echo)] if rehearse else [],
         ]
-        filmed = None
-        if video is not None:
-            filmed = stack.enter_context(film.flight_video(video))
-            watchers.append(filmed)
         viewed = None
         if view is not None:
             # Lives as long as the command: a browser still shows it when the summary is printed.
@@ -232,6 +228,7 @@ def fly(
                 tree,
                 options,
                 report=report,
+                video=video,
                 listeners=watchers,
                 on_check=click.echo,
                 controls=pilot_keys,
@@ -241,10 +238,7 @@ def fly(
             when = "again while it landed" if flights else "before take-off: nothing flew"
             raise MissionError(f"{stopped_by(stop)} {when}") from stop
         Console().print(summary(flown))
-        lost = dict(flown.lost_outputs)
-        if filmed is not None and "FlightVideo" not in lost:
-            filmed.conclude(flown)
-        lost |= _closed(stack)
+        lost = {**flown.lost_outputs, **_closed(stack)}
     _name_files({"report": report, "record": record, "video": video, "btlog": btlog}, lost)
     if viewed is not None and view == "web":
         _wait_for(viewed)

@@ -67,11 +67,22 @@ def text_width_px(text: str, scale: float = 0.5, *, bold: bool = False) -> int:
     return int(width_px)
 
 
+def shortened(text: str, room_px: int, scale: float = 0.5, *, bold: bool = False) -> str:
+    """Return a text that is no wider than its room: cut, with three dots, where it must be."""
+    if text_width_px(text, scale, bold=bold) <= room_px:
+        return text
+    kept = len(text)
+    while kept and text_width_px(f"{text[:kept]}...", scale, bold=bold) > room_px:
+        kept -= 1
+    return f"{text[:kept].rstrip()}..."
+
+
 def tag(
     image: Image, text: str, at_px: tuple[int, int], *, colour: Colour = INK, scale: float = 0.45
 ) -> None:
     """Write a text on a dark plate, so that it reads on any image; kept inside the image."""
     height_px, width_px = image.shape[:2]
+    text = shortened(text, width_px - 12, scale)
     wide, high = text_width_px(text, scale) + 12, round(44 * scale)
     left = min(max(at_px[0], 0), max(width_px - wide, 0))
     top = min(max(at_px[1], 0), max(height_px - high, 0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -11,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -353,6 +355,70 @@ def test_a_listener_that_breaks_is_named_and_the_mission_flies_on(
     assert report.outcome == "success"
     assert list(report.lost_outputs.values()) == ["OSError: disk full"]
     assert not report.airborne_at_end
+
+
+def frames_of(film: Path) -> int:
+    with av.open(str(film)) as container:
+        return sum(1 for _ in container.decode(video=0))
+
+
+def test_a_flight_is_filmed_to_its_outcome(hangar: Hangar, tmp_path: Path) -> None:
+    film, ticks = tmp_path / "flight.mp4", list[int]()
+    tree = tree_file(tmp_path, HOP)
+    report = app.fly(tree, SCRIPTED, video=str(film), listeners=[doing(ticks.append)])
+    assert report.outcome == "success"
+    assert dict(report.lost_outputs) == {}
+    # The outcome is held at the end for two seconds.
+    assert frames_of(film) == pytest.approx(len(ticks) + 20, abs=2)
+
+
+def test_a_flight_that_fails_is_filmed_all_the_same(hangar: Hangar, tmp_path: Path) -> None:
+    def fail(index: int) -> None:
+        if index == 10:
+            hangar.drone.observe = lose  # type: ignore[method-assign]
+
+    def lose() -> Observation:
+        raise DroneError("no answer")
+
+    film = tmp_path / "flight.mp4"
+    with pytest.raises(DroneError, match="no answer"):
+        app.fly(tree_file(tmp_path, STAY), SCRIPTED, video=film, listeners=[doing(fail)])
+    assert frames_of(film) > 10
+
+
+def test_a_film_that_cannot_be_finished_is_lost_and_the_report_names_it(
+    hangar: Hangar, tmp_path: Path
+) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+
+    def lose(index: int) -> None:
+        if index == 3:
+            shutil.rmtree(folder)
+
+    path = tmp_path / "report.json"
+    report = app.fly(
+        tree_file(tmp_path, HOP),
+        SCRIPTED,
+        video=folder / "flight.mp4",
+        report=path,
+        listeners=[doing(lose)],
+    )
+    assert report.outcome == "success"
+    assert "flight.mp4" in report.lost_outputs["video"]
+    assert json.loads(path.read_text(encoding="utf-8"))["lost_outputs"] == report.lost_outputs
+
+
+def test_a_film_is_no_other_output_and_no_input(hangar: Hangar, tmp_path: Path) -> None:
+    tree = tree_file(tmp_path, HOP)
+    for given in ({"video": tmp_path / "a.mp4", "report": tmp_path / "a.mp4"}, {"video": tree}):
+        with pytest.raises(FileError):
+            app.fly(tree, SCRIPTED, **given)
+    with pytest.raises(InputError, match="video"):
+        app.fly(tree, SCRIPTED, video=3)
+    with pytest.raises(InputError, match="watch: a video shows one tree"):
+        app.fly(tree, SCRIPTED, video=tmp_path / "a.mp4", watch=print)
+    assert not (tmp_path / "a.mp4").exists()
 
 
 def test_a_report_that_cannot_be_written_hides_no_result(hangar: Hangar, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from uav_bt.display.canvas import (
     circle,
     line,
     put,
+    shortened,
     tag,
     text_width_px,
 )
@@ -36,6 +37,7 @@ _NEAR_M: Final = 0.3  # closer to the pad than this, a mark is of no use
 _BRANCH_ROW_PX: Final = 22
 _BRANCH_INDENT_PX: Final = 14
 _BRANCH_WIDTH_PX: Final = 300
+_MARGIN_PX: Final = 18
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +189,9 @@ def _draw_branch(image: Image, active: Sequence[str], at_px: tuple[int, int]) ->
             stem = left - _BRANCH_INDENT_PX + 4
             line(image, [(stem, base - 17), (stem, base - 5), (left - 3, base - 5)], DIM)
         is_leaf = depth == len(shown) - 1
-        put(image, name, (left, base), scale=0.48, colour=ACCENT if is_leaf else INK, bold=is_leaf)
+        colour = ACCENT if is_leaf else INK
+        words = shortened(name, _BRANCH_WIDTH_PX - left, 0.48, bold=is_leaf)
+        put(image, words, (left, base), scale=0.48, colour=colour, bold=is_leaf)
 
 
 def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
@@ -216,8 +220,10 @@ def _numbers(readings: Readings) -> list[tuple[str, str, Colour]]:
 def draw_rows(
     image: Image, rows: Sequence[tuple[str, str, Colour]], at_px: tuple[int, int]
 ) -> None:
-    """Write names and values, each in its colour, one row below the other."""
+    """Write names and values, each in its colour, one row below the other, inside the image."""
+    left = at_px[0] + 84
     for index, (name, value, colour) in enumerate(rows):
         base = at_px[1] + index * _BRANCH_ROW_PX
         put(image, name, (at_px[0], base), colour=DIM, scale=0.45)
-        put(image, value, (at_px[0] + 84, base), colour=colour, scale=0.45)
+        words = shortened(value, image.shape[1] - _MARGIN_PX - left, 0.45)
+        put(image, words, (left, base), colour=colour, scale=0.45)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from tests.uav_bt.display.display_world import CAMERA, PALETTE, World
 from uav_bt.board import CLASS_MAP, HELIPAD
-from uav_bt.display.canvas import ACCENT, ALARM
+from uav_bt.display.canvas import ACCENT, ALARM, shortened, text_width_px
+from uav_bt.display.phrases import describe_movement
 from uav_bt.display.video.class_pane import draw_class_map
 from uav_bt.display.video.panes import (
     Readings,
@@ -20,7 +21,7 @@ from uav_bt.display.video.panes import (
 from uav_bt.mission.safety import Override
 from uav_bt.mission.tick import TickRecord
 from uav_bt.testing import blank_frame
-from uav_bt.types import Frame, HelipadFix
+from uav_bt.types import Command, Frame, HelipadFix, Velocity
 
 PANE_PX = (638, 359)
 
@@ -110,3 +111,20 @@ def test_a_branch_deeper_than_the_pane_shows_its_lower_end() -> None:
     deep = tuple(f"node_{depth}" for depth in range(40))
     image = draw_readings(readings(world, world.tick(active=deep)), (638, 279))
     assert has(image[70:], ACCENT), "the leaf"
+
+
+def test_what_is_longer_than_its_column_is_cut_with_dots() -> None:
+    world, size_px = World(), (638, 279)
+    long = Velocity(forward_mps=0.6, right_mps=0.25, down_mps=-0.1, yaw_rate_radps=0.5)
+    record = world.tick(active=("Sequence", "A leaf " * 12))
+    record = replace(record, command=Command(movement=long))
+    image = draw_readings(readings(world, record), size_px)
+    panel = image[270, 5]
+    assert (image[60:, -17:] == panel).all()  # the right margin
+    assert (image[60:, 301:307] == panel).all()  # between the columns
+    words = describe_movement(long)
+    cut = shortened(words, 200, 0.45)
+    assert cut.endswith("...")
+    assert words.startswith(cut.removesuffix("..."))
+    assert 170 < text_width_px(cut, 0.45) <= 200
+    assert shortened(words, 2000, 0.45) == words
