@@ -44,7 +44,9 @@ def commit(folder: Path = Path(uav_bt.__file__).parent) -> str | None:
 def _output(git: str, folder: Path, *arguments: str) -> str | None:
     try:
         done = subprocess.run(  # noqa: S603 - git itself, with arguments of our own
-            [git, "-C", str(folder), *arguments],
+            # Without its locks: `status` would renew the index, and one that is stopped while it
+            # does leaves a lock behind that keeps people from committing.
+            [git, "--no-optional-locks", "-C", str(folder), *arguments],
             capture_output=True,
             text=True,
             check=True,

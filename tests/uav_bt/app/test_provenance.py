@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -37,3 +39,18 @@ def test_git_is_not_needed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> N
     provenance.commit.cache_clear()
     assert provenance.commit() is None
     provenance.commit.cache_clear()
+
+
+def test_looking_at_a_checkout_changes_nothing_in_it(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("one")
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b"]
+    for words in (["init", "-q"], ["add", "file"], ["commit", "-q", "-m", "one"]):
+        subprocess.run([*git, *words], check=True)  # noqa: S603 - git itself
+    os.utime(file, (1.0, 1.0))  # git looks at the file again, and would note that
+    index = tmp_path / ".git" / "index"
+    before = index.read_bytes()
+    head = provenance.commit(tmp_path)
+    assert head is not None
+    assert not head.endswith("+changes")
+    assert index.read_bytes() == before
