@@ -1,4 +1,8 @@
-"""The flight controller: movement commands in, accelerations out, as the ANAFI's own does it."""
+"""The flight controller: movement commands in, accelerations out, as the ANAFI's own does it.
+
+Here are its modes and what leads from one to the next; a reference moves as the mode wants
+(`reference`), and the drone is made to follow it (`control_law`).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 from sim_bridge.twin.airframe import CONTROL_STEP_S
+from sim_bridge.twin.control_law import Demand, demand
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.reference import Pace, Reference
 from sim_bridge.twin.sensors import Estimate
@@ -27,13 +32,8 @@ from uav_bt.types import (
 
 @dataclass(frozen=True, kw_only=True)
 class AutopilotConfig:
-    """Gains, and when a mode has run its course."""
+    """When a mode has run its course."""
 
-    # Of the position loop: critically damped at 2 rad/s, well below the thrust's lag.
-    position_gain: float = 4.0  # 1/s2
-    velocity_gain: float = 4.0  # 1/s
-    yaw_gain: float = 36.0  # 1/s2, critically damped at 6 rad/s
-    yaw_rate_gain: float = 12.0  # 1/s
     reach_m: float = 0.5  # how far the reference may run ahead of the drone
     settle_s: float = 0.2  # at its goal for so long, a movement is done
     max_settle_s: float = 3.0  # or so long after its reference arrived, in whatever wind
@@ -66,20 +66,12 @@ class Mode(enum.Enum):
 _FLYING = (Mode.HOLD, Mode.MOVE, Mode.VELOCITY)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Demand:
-    """Accelerations asked of the airframe; world axes, yaw counter-clockwise."""
-
-    acceleration_mps2: tuple[float, float, float]  # gravity not counted
-    yaw_acceleration_radps2: float
-
-
 class Autopilot:
     """Follows one movement command at a time.
 
     Args:
         profile: the drone's limits.
-        config: gains and thresholds.
+        config: thresholds.
     """
 
     def __init__(self, profile: Profile, config: AutopilotConfig | None = None) -> None:
@@ -216,7 +208,7 @@ class Autopilot:
         self._finish(estimate, touching=touching)
         if not self.lifting:
             return None
-        return self._demand(estimate)
+        return demand(self._reference, estimate, self._profile)
 
     def _follow(self, estimate: Estimate, height_m: float) -> None:
         """Move the reference as the mode wants."""
@@ -277,27 +269,3 @@ class Autopilot:
         if self._mode is Mode.MOVE and self.movement is not None:
             self.movement = MovementStatus(id=self.movement.id, state=MovementState.DONE)
         self._enter(Mode.HOLD)
-
-    def _demand(self, estimate: Estimate) -> Demand:
-        reference, profile, cfg = self._reference, self._profile, self._config
-        here = (estimate.x_m, estimate.y_m, estimate.z_m)
-        speed = (estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
-        wanted = [
-            reference.acceleration[axis]
-            + cfg.velocity_gain * (reference.trailing_velocity[axis] - speed[axis])
-            + cfg.position_gain * (reference.trailing[axis] - here[axis])
-            for axis in range(3)
-        ]
-        # Corrections may ask for more than the reference does, but tilt is bounded.
-        flat_limit = 2.0 * profile.max_acceleration_mps2
-        flat = math.hypot(wanted[0], wanted[1])
-        share = min(1.0, flat_limit / flat) if flat else 1.0
-        rise_limit = 2.0 * profile.max_climb_acceleration_mps2
-        rise = max(-rise_limit, min(rise_limit, wanted[2]))
-        turn = cfg.yaw_gain * reference.yaw_error(estimate.yaw_rad) + cfg.yaw_rate_gain * (
-            reference.yaw_rate_radps - estimate.yaw_rate_radps
-        )
-        return Demand(
-            acceleration_mps2=(wanted[0] * share, wanted[1] * share, rise),
-            yaw_acceleration_radps2=turn,
-        )

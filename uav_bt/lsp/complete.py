@@ -15,8 +15,8 @@ from uav_bt.lsp.page import Page, attribute_at, tree_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.editing.markup import Branch, Kind, Piece
 from uav_bt.tree.loading.builder import POLICY_PORT
+from uav_bt.tree.loading.elements import KIND_TAGS
 from uav_bt.tree.loading.models import PORT_DIRECTIONS
-from uav_bt.tree.loading.source import KIND_TAGS
 from uav_bt.tree.loading.variable_checker import key_fits
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import Port, port_text

@@ -12,7 +12,7 @@ from typing import Final
 from uav_bt.lsp.page import Page, node_id_of, tree_of
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.editing.markup import Attribute, Branch, resolve
-from uav_bt.tree.loading.source import EDITOR_ATTRIBUTES
+from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.registry import NodeRegistry

@@ -12,7 +12,8 @@ from typing import Final
 from lsprotocol import types
 
 from uav_bt.tree.editing.markup import Attribute, Branch, Kind, Piece, branches, scan
-from uav_bt.tree.loading.source import KIND_TAGS, MAX_BYTES
+from uav_bt.tree.loading.elements import KIND_TAGS
+from uav_bt.tree.loading.source import MAX_BYTES
 from uav_bt.tree.node import NodeKind
 
 _LINE_END: Final = re.compile(r"\r\n|\r|\n")

@@ -15,8 +15,9 @@ from typing import Final
 
 from uav_bt.tree import NodeKind, NodeRegistry
 from uav_bt.tree.loading.document import Document, outline
+from uav_bt.tree.loading.elements import node_id_of
 from uav_bt.tree.loading.findings import Findings, Position
-from uav_bt.tree.loading.source import Element, node_id_of, parse_source, read_source, walk
+from uav_bt.tree.loading.source import Element, parse_source, read_source, walk
 
 
 class Outcome(enum.Enum):

@@ -19,10 +19,11 @@ from py_trees import common
 from uav_bt.board.context import NO_CONTEXT, MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, Conditions, check_condition
-from uav_bt.tree.observer import NodeEvent, Observer, observe, unobserve
+from uav_bt.tree.observer import NodeEvent, Observer
 from uav_bt.tree.port import Port, check_declared
 from uav_bt.tree.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, Status
 from uav_bt.tree.surroundings import Surroundings
+from uav_bt.tree.visits import visited_tick
 
 if TYPE_CHECKING:
     from abc import ABC
@@ -51,7 +52,6 @@ _ANSWERED: Final = {
     FAILURE.value: NodeEvent.FAILED,
     SKIPPED.value: NodeEvent.SKIPPED,
 }
-_ANSWERS: Final = {event: Status(value) for value, event in _ANSWERED.items()}
 
 
 class NodeKind(enum.Enum):
@@ -114,7 +114,7 @@ class Node(Surroundings, Behaviour):
         }
         self._bind({key: value for key, value in given.items() if key not in scripts}, wrong)
         self._conditions = Conditions(scripts) if scripts else None
-        self._visited: Status | None = None  # shown to a visitor of py_trees instead of the status
+        self.visited: Status | None = None  # shown to a visitor of py_trees instead of the status
 
     # --- the tree ---------------------------------------------------------------------------------
 
@@ -265,37 +265,15 @@ class Node(Surroundings, Behaviour):
     @property
     def status(self) -> common.Status:
         """The status in py_trees' terms; while a visitor sees the node, what its tick answered."""
-        return (self._visited or self.node_status).py_trees
+        return (self.visited or self.node_status).py_trees
 
     @status.setter
     def status(self, status: common.Status) -> None:
         """Ignore the assignment of py_trees' constructor; `stop` is how py_trees changes it."""
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick as py_trees does, yielding every ticked node, children first, for its visitors.
-
-        Each node shows the status that its tick answered while it is being visited.
-        """
-        if self.node_status is SUCCESS or self.node_status is FAILURE:
-            self.reset()
-        visits: list[tuple[Node, Status]] = []
-
-        def note(node: Node, event: NodeEvent) -> None:
-            if event in _ANSWERS:
-                visits.append((node, _ANSWERS[event]))
-
-        nodes = list(self.iterate())
-        observe(nodes, note)
-        try:
-            self.execute_tick()
-        finally:
-            unobserve(nodes, note)
-        for node, answered in visits:
-            node._visited = answered  # noqa: SLF001  # of the same class
-            try:
-                yield node
-            finally:  # py_trees' composites leave the generator here
-                node._visited = None  # noqa: SLF001
+        """Tick as py_trees does, yielding every ticked node, children first, for its visitors."""
+        return visited_tick(self)
 
     def stop(self, new_status: common.Status = common.Status.INVALID) -> None:
         """Stop from outside, as py_trees' composites do."""

@@ -14,7 +14,7 @@ from uav_bt.board import MISSION_KEYS
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import MissionTree, parse_tree
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.loading.checker import node_attributes, node_id_of
+from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.source import Element, parse_source
 
 ROOT = Path(__file__).parents[3]

@@ -15,9 +15,10 @@ from typing import Final
 from uav_bt.errors import TreeError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.editing.markup import Attribute, Kind, Piece, resolve, scan
+from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES, KIND_TAGS
 from uav_bt.tree.loading.findings import WARNING, Finding, Findings, Position
 from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import EDITOR_ATTRIBUTES, KIND_TAGS, parse_source
+from uav_bt.tree.loading.source import parse_source
 
 # The last is a misspelling that version 3 had.
 _RENAMED: Final = {

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import Position
-from uav_bt.tree.loading.source import Element, node_attributes, node_id_of
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.mission_tree import child_paths
 from uav_bt.tree.node import NodeKind
 

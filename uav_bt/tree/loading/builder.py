@@ -11,10 +11,11 @@ from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.checker import Checker
 from uav_bt.tree.loading.document import Document
+from uav_bt.tree.loading.elements import node_id_of
 from uav_bt.tree.loading.findings import Finding, Findings, Position, errors_of
 from uav_bt.tree.loading.palette import PalettePort
 from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of
+from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.mission_tree import Place, child_paths
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree

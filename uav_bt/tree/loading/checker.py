@@ -9,9 +9,10 @@ from typing import Any, Final
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES, check_condition
 from uav_bt.tree.loading.document import Document, autoremaps
+from uav_bt.tree.loading.elements import node_attributes, node_id_of
 from uav_bt.tree.loading.findings import Findings
 from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import Element, node_attributes, node_id_of, walk
+from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.loading.structure import check_structure
 from uav_bt.tree.loading.variable_checker import check_variables, key_fits
 from uav_bt.tree.node import Node, NodeKind

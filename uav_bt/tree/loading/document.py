@@ -8,17 +8,12 @@ from pathlib import Path
 from typing import Final
 
 from uav_bt.errors import did_you_mean
+from uav_bt.tree.loading.elements import check_attributes, check_no_text, node_attributes
 from uav_bt.tree.loading.findings import WARNING, Findings
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
 from uav_bt.tree.loading.models import read_models
 from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import (
-    Element,
-    check_attributes,
-    check_no_text,
-    node_attributes,
-    walk,
-)
+from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SubTree
 from uav_bt.tree.registry import NodeRegistry

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from uav_bt.errors import did_you_mean
+from uav_bt.tree.loading.elements import check_attributes
 from uav_bt.tree.loading.findings import ERROR, WARNING, Findings
 from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import Element, check_attributes
+from uav_bt.tree.loading.source import Element
 from uav_bt.tree.node import NodeKind
 
 PORT_DIRECTIONS: Final = {"input_port": "input", "output_port": "output", "inout_port": "inout"}

@@ -17,10 +17,11 @@ from typing import Final
 
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.document import Document
+from uav_bt.tree.loading.elements import KIND_TAGS, node_attributes, node_id_of
 from uav_bt.tree.loading.findings import ERROR, WARNING, Findings
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.scopes import Slot, Use
-from uav_bt.tree.loading.source import KIND_TAGS, Element, node_attributes, node_id_of, walk
+from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.loading.variable_uses import VariableUses
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import ReactiveSequence, Switch2, TryCatch

@@ -18,8 +18,8 @@ from xml.etree import ElementTree as ET
 
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import NodeInfo, describe
+from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
 from uav_bt.tree.loading.models import PORT_DIRECTIONS
-from uav_bt.tree.loading.source import EDITOR_ATTRIBUTES
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port, port_text
 from uav_bt.tree.registry import NodeRegistry

@@ -16,13 +16,11 @@ from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-from uav_bt.errors import TreeError, did_you_mean
+from uav_bt.errors import TreeError
 from uav_bt.files import read_bounded
-from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
-from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Findings, Position
+from uav_bt.tree.loading.findings import WHOLE_FILE, Finding, Position
 from uav_bt.tree.loading.raw_text import Escaped, escape_raw
 from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.node import NodeKind
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
 MAX_DEPTH: Final = 256  # levels; the engine's own limit
@@ -224,39 +222,6 @@ def _refused(path: Path, message: str, position: Position = WHOLE_FILE) -> TreeE
     return TreeError(path, [Finding(str(path), position, message, rule=Rule.FILE)])
 
 
-KIND_TAGS: Final = frozenset(kind.value for kind in NodeKind)
-
-# What graphical editors write for themselves; it means nothing to the engine.
-EDITOR_ATTRIBUTES: Final = frozenset({"_collapsed", "_description", "_fullpath", "_uid"})
-
-
-def check_attributes(element: Element, known: frozenset[str], findings: Findings) -> None:
-    """Warn of every attribute that means nothing on an element which is no node.
-
-    Args:
-        element: of a tree file.
-        known: the attributes that it can have.
-        findings: where they are added.
-    """
-    for attribute in element.attributes:
-        if attribute in known or attribute in EDITOR_ATTRIBUTES:
-            continue
-        hint = did_you_mean(attribute, known)
-        findings.warn(element, f"attribute '{attribute}' means nothing here{hint}", attribute)
-
-
-def check_no_text(element: Element, findings: Findings) -> None:
-    """Warn of text between tags, which means nothing in a tree file.
-
-    Args:
-        element: of a tree file.
-        findings: where they are added.
-    """
-    text = element.text.strip()
-    if text:
-        findings.warn(element, f"text between tags means nothing: '{text[:40]}'")
-
-
 def walk(element: Element) -> Iterator[Element]:
     """Iterate over everything below an element."""
     waiting = element.children[::-1]
@@ -264,38 +229,3 @@ def walk(element: Element) -> Iterator[Element]:
         child = waiting.pop()
         yield child
         waiting += child.children[::-1]
-
-
-def node_id_of(element: Element) -> str:
-    """Return the id of the node; `<Explore/>` and `<Action ID="Explore"/>` are the same."""
-    if element.tag in KIND_TAGS and element.tag != NodeKind.SUBTREE.value:
-        return element.attributes.get("ID", "")
-    return element.tag
-
-
-def node_attributes(element: Element) -> dict[str, str]:
-    """Return the attributes that are ports (or a subtree's entries) or conditions.
-
-    Of others that begin with `_` the engine knows nothing, and passes them over.
-    """
-    return {
-        name: text
-        for name, text in element.attributes.items()
-        if name in CONDITION_ATTRIBUTES or not (name in {"ID", "name"} or name.startswith("_"))
-    }
-
-
-def check_private_attributes(element: Element, findings: Findings) -> None:
-    """Warn of a node's attributes that begin with `_` and mean nothing.
-
-    Args:
-        element: a node.
-        findings: where they are added.
-    """
-    known = {*CONDITION_ATTRIBUTES, *EDITOR_ATTRIBUTES}
-    if element.tag == NodeKind.SUBTREE.value:
-        known.add("_autoremap")
-    for name in element.attributes:
-        if name.startswith("_") and name not in known:
-            hint = did_you_mean(name, known - EDITOR_ATTRIBUTES)
-            findings.warn(element, f"attribute '{name}' means nothing here{hint}", name)

@@ -6,16 +6,15 @@ from typing import Final
 
 from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.document import Document, subtrees
-from uav_bt.tree.loading.findings import Findings
-from uav_bt.tree.loading.rules import Rule
-from uav_bt.tree.loading.source import (
+from uav_bt.tree.loading.elements import (
     KIND_TAGS,
-    Element,
     check_no_text,
     check_private_attributes,
     node_id_of,
-    walk,
 )
+from uav_bt.tree.loading.findings import Findings
+from uav_bt.tree.loading.rules import Rule
+from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import NodeKind
 from uav_bt.tree.nodes import ReactiveSequence
 from uav_bt.tree.registry import NodeRegistry

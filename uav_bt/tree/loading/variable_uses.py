@@ -10,8 +10,9 @@ from uav_bt.board.blackboard import Key
 from uav_bt.errors import InputError
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.loading.document import Document, autoremaps
+from uav_bt.tree.loading.elements import node_id_of
 from uav_bt.tree.loading.scopes import UNKNOWN, Read, Scope, Slot, Use, Write
-from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element, node_id_of
+from uav_bt.tree.loading.source import MAX_DEPTH, MAX_NODES, Element
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.nodes import SetBlackboard, UnsetBlackboard
 from uav_bt.tree.port import Port, Reference, bind_ports, parse_reference

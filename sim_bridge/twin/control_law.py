@@ -1,0 +1,56 @@
+"""The control law: from the reference and the estimate to the accelerations that close the gap."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from sim_bridge.twin.profile import Profile
+from sim_bridge.twin.reference import Reference
+from sim_bridge.twin.sensors import Estimate
+
+# Of the position loop: critically damped at 2 rad/s, well below the thrust's lag.
+_POSITION_GAIN: Final = 4.0  # 1/s2
+_VELOCITY_GAIN: Final = 4.0  # 1/s
+_YAW_GAIN: Final = 36.0  # 1/s2, critically damped at 6 rad/s
+_YAW_RATE_GAIN: Final = 12.0  # 1/s
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Demand:
+    """Accelerations asked of the airframe; world axes, yaw counter-clockwise."""
+
+    acceleration_mps2: tuple[float, float, float]  # gravity not counted
+    yaw_acceleration_radps2: float
+
+
+def demand(reference: Reference, estimate: Estimate, profile: Profile) -> Demand:
+    """Return what makes the drone follow its reference.
+
+    Args:
+        reference: where the drone should be, and how fast.
+        estimate: where it is, as far as it knows.
+        profile: its limits.
+    """
+    here = (estimate.x_m, estimate.y_m, estimate.z_m)
+    speed = (estimate.vx_mps, estimate.vy_mps, estimate.vz_mps)
+    wanted = [
+        reference.acceleration[axis]
+        + _VELOCITY_GAIN * (reference.trailing_velocity[axis] - speed[axis])
+        + _POSITION_GAIN * (reference.trailing[axis] - here[axis])
+        for axis in range(3)
+    ]
+    # Corrections may ask for more than the reference does, but tilt is bounded.
+    flat_limit = 2.0 * profile.max_acceleration_mps2
+    flat = math.hypot(wanted[0], wanted[1])
+    share = min(1.0, flat_limit / flat) if flat else 1.0
+    rise_limit = 2.0 * profile.max_climb_acceleration_mps2
+    rise = max(-rise_limit, min(rise_limit, wanted[2]))
+    turn = _YAW_GAIN * reference.yaw_error(estimate.yaw_rad) + _YAW_RATE_GAIN * (
+        reference.yaw_rate_radps - estimate.yaw_rate_radps
+    )
+    return Demand(
+        acceleration_mps2=(wanted[0] * share, wanted[1] * share, rise),
+        yaw_acceleration_radps2=turn,
+    )
