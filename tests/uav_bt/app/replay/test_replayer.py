@@ -92,8 +92,7 @@ def test_another_policy_differs_where_it_decides_otherwise(
     report = replay(perceived)
     assert not report.same
     assert report.command_ticks > 0
-    first = report.differences[0]
-    assert "Main/ReactiveSequence/Sequence/Fallback/Explore" in str(first)
+    assert "move 0.10 m forward" in str(report.differences[0])
 
 
 def test_a_small_record_replays_within_the_tolerance_it_states(tmp_path: Path) -> None:
