@@ -46,7 +46,7 @@ class SurveyConfig:
     unsure_m: float = 0.09  # no more is added
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
     unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
-    lane_m: float = 0.9  # where something moved and may come back while nobody looks
+    lane_m: float = 0.7  # where something moved and may come back while nobody looks
     edge_m: float = 0.30  # no leg passes the edge of the ground nearer
     slow_mps: float = 0.3  # at the smallest distance
     fast_mps: float = 0.6

@@ -29,7 +29,7 @@ class GroundGridConfig:
     passed_m: float = 0.5  # a cell this near to the flown path was passed
     around_m: float = 0.1  # of a place, seen to be ground: far ground is placed so far off
     # Where something moved it may come back, for so long, unless the ground was seen since.
-    lane_s: float = 15.0
+    lane_s: float = 90.0  # it may pause, and paths are long
     looked_s: float = 0.4  # so long ago at most
     lane_m: float = 0.2  # around the middle of what moved
     body_m: float = 0.35  # around the drone itself nothing can stand
@@ -116,7 +116,7 @@ class GroundGrid:
         return shown
 
     def note_moving(self, places_m: Floats, captured_s: float) -> None:
-        """Note where something moves.
+        """Note where something moves or may move.
 
         Args:
             places_m: (K, 2) of their middles, in the map's frame.

@@ -45,6 +45,7 @@ class MoverTracker:
         self._config = config or MoverConfig()
         self._tracks: list[MoverTrack] = []
         self._count = 0
+        self._has_moved = False  # anything, since the mission began
 
     def owns(self, points_m: Floats, time_s: float, *, margin_m: float = 0.15) -> Flags:
         """Return which points are of something that is known to move.
@@ -89,6 +90,7 @@ class MoverTracker:
             if owner is not None:
                 owner.sight(cluster.place_m, cluster.noise, cluster.radius_m, whole=cluster.whole)
                 stands[cluster.rows] = owner.stands
+                self._has_moved |= owner.moves
             elif not any(
                 math.dist(cluster.place_m, other.place_m) < cfg.same_m for other in self._tracks
             ):
@@ -102,13 +104,20 @@ class MoverTracker:
         """Return where everything that is followed should be, (K, 2) in the map's frame."""
         return np.array([track.place_m for track in self._tracks]).reshape(-1, 2)
 
-    def in_view_m(self, time_s: float) -> Floats:
-        """Return where the movers are that a view shows, (K, 2) in the map's frame.
+    def may_move_m(self, time_s: float) -> Floats:
+        """Return where a view shows something that moves or may move, (K, 2) in the map's frame.
+
+        Once anything has moved, what arrived and stands may be a mover that waits.
 
         Args:
             time_s: of the view.
         """
-        shown = [one.place_m for one in self._tracks if one.moves and one.seen_s == time_s]
+        least = self._config.sightings if self._has_moved else math.inf
+        shown = [
+            one.place_m
+            for one in self._tracks
+            if one.seen_s == time_s and (one.moves or one.sightings >= least)
+        ]
         return np.array(shown).reshape(-1, 2)
 
     def see_free(self, free: Flags, time_s: float) -> None:

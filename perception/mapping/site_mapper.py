@@ -130,7 +130,7 @@ class SiteMapper:
         cut = is_cut(seen.bases_m, frame, camera)
         self._add(seen, lens, time_s, cut=cut, off_m=0.0 if off_m is None else off_m)
         self._grid.see(scan, lens, time_s)
-        self._grid.note_moving(self._movers.in_view_m(time_s), time_s)
+        self._grid.note_moving(self._movers.may_move_m(time_s), time_s)
         self._movers.see_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
         if time_s - self._objects_s >= cfg.objects_s:
             self._objects, self._objects_s = objects_of(self._bases), time_s

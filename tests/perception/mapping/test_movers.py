@@ -267,6 +267,16 @@ def test_where_something_moved_is_known_until_the_ground_there_is_seen_again() -
     assert np.abs(lane_m[:, 0] - 0.8).max() < 0.4
 
 
+@pytest.mark.parametrize("moved", [True, False])
+def test_what_has_arrived_and_waits_may_move_on(*, moved: bool) -> None:
+    """Once anything has moved in a place, what stands on ground seen before is kept away from."""
+    before = crossing() + [None] * 30 if moved else [None] * 66
+    waits: list[tuple[float, float] | None] = [(1.7, 0.5)] * 20
+    found = list(mapped([None] * 4 + before + waits, SiteMapper()))[-1]
+    assert not found.movers
+    assert (near(found.lanes_m, 1.7, 0.5) >= 4) == moved
+
+
 def test_a_place_without_movers_has_none() -> None:
     for found in mapped([(0.8, -0.6)] * 40, SiteMapper()):
         assert found.movers == ()
