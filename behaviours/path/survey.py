@@ -42,8 +42,8 @@ class SurveyConfig:
     # Views of a drone that knows well where it is, and how high, are off the map by so much. What
     # they are off more is added, so many times, to the distance from obstacles and edges.
     sure_m: float = 0.025
-    unsure_times: float = 3.0
-    unsure_m: float = 0.09  # no more is added
+    unsure_times: float = 5.0
+    unsure_m: float = 0.12  # no more is added
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
     unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
     lane_m: float = 0.7  # where something moved and may come back while nobody looks

@@ -172,7 +172,7 @@ def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
 
 
 def test_views_that_are_off_the_map_widen_the_distances() -> None:
-    sure, unsure = CONFIG.by(0.02), CONFIG.by(0.05)
+    sure, unsure = CONFIG.by(0.02), CONFIG.by(0.04)
     assert sure == CONFIG
     assert unsure.touch_m == pytest.approx(CONFIG.touch_m + 0.075)
     assert unsure.edge_m == pytest.approx(CONFIG.edge_m + 0.075)
