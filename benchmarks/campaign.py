@@ -33,7 +33,7 @@ class MemoryPeak:
     """Watches what a process and all below it hold, twice a second."""
 
     def __init__(self) -> None:
-        self.most_bytes = 0
+        self.max_bytes = 0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
@@ -54,7 +54,7 @@ class MemoryPeak:
                     total += process.memory_info().rss
                 except psutil.NoSuchProcess:
                     continue  # it ended while we were looking
-            self.most_bytes = max(self.most_bytes, total)
+            self.max_bytes = max(self.max_bytes, total)
 
 
 def main() -> int:
@@ -111,7 +111,7 @@ def main() -> int:
             agree = agree and flights == first
             print(
                 f"{name:16s}{wall_s:9.1f}{3600 * len(plan) / wall_s:11.0f}"
-                f"{peak.most_bytes / 2**20:11.0f}{base_s / wall_s:10.2f}"
+                f"{peak.max_bytes / 2**20:11.0f}{base_s / wall_s:10.2f}"
                 f"  {'yes' if flights == first else 'NO'}"
             )
     return 0 if agree else 1

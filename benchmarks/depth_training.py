@@ -149,17 +149,17 @@ def labels(footage: Footage, truth: Truth, every: int) -> None:
     by_contact = contact_labels(footage, shipped_unet())
     both = add_parallax(footage, by_contact)
     groups = CLASS_TO_GROUP[truth.ids[:, 1::2, 1::2]]
-    for source, told in (
+    for source, depth_m in (
         ("contact", by_contact.depth_m),
         ("parallax, where contact is silent", _without(both, by_contact)),
     ):
         picked = slice(0, None, every)
         for group, name in enumerate(GROUP_NAMES):
             within = (groups[picked] == group) & (exact[picked] < 5.0)
-            known = within & np.isfinite(told[picked])
+            known = within & np.isfinite(depth_m[picked])
             if not known.any():
                 continue
-            error = np.abs(told[picked][known] - exact[picked][known]) / exact[picked][known]
+            error = np.abs(depth_m[picked][known] - exact[picked][known]) / exact[picked][known]
             print(
                 f"{source}, {name}: {known.sum() / max(within.sum(), 1):.3f} labelled, relative "
                 f"error median {np.median(error):.4f}, mean {error.mean():.4f}, "
@@ -206,10 +206,11 @@ def _motion(footage: Footage, truth: Truth, pairs: int) -> None:
             error = photometric_error(first, warped.values)
             errors.append(float((error * counts).sum() / counts.sum().clamp(min=1.0)))
         rows.append((errors[0], errors[1], errors[2]))
-    still, told, seen = np.mean(rows, axis=0)
+    still, telemetry, seen = np.mean(rows, axis=0)
     print(
         f"photometric error of {pairs} pairs with exact depth: not moved {still:.4f}, telemetry "
-        f"{told:.4f}, measured on the carpet {seen:.4f} ({silent} pairs showed too little of it)"
+        f"{telemetry:.4f}, measured on the carpet {seen:.4f} "
+        f"({silent} pairs showed too little of it)"
     )
 
 

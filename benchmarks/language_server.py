@@ -63,7 +63,7 @@ def expect(good: object, text: str) -> None:
         raise SystemExit(f"not as expected with this document:\n{text}")
 
 
-def told(what: str, seconds: list[float]) -> None:
+def print_times(what: str, seconds: list[float]) -> None:
     """Print the median and the worst of measured times."""
     median, worst = statistics.median(seconds) * 1e3, max(seconds) * 1e3
     print(f"{what:34} median {median:7.1f} ms   max {worst:7.1f} ms   n {len(seconds)}")
@@ -111,7 +111,7 @@ def time_typing(editor: Editor, text: str, times: int) -> None:
     editor.close_document(URI)
     editor.diagnostics(URI)
     for what, seconds in took.items():
-        told(what, seconds)
+        print_times(what, seconds)
 
 
 def behaviour(source: bytes) -> list[object]:

@@ -64,12 +64,12 @@ def served(
         *("--seed", str(seed), "--rate", f"{rate_hz:g}", *options),
     ]
     server = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)  # noqa: S603
-    said: list[str] = []
+    printed: list[str] = []
     try:
         assert server.stdout is not None  # noqa: S101  (asked for above)
         if not server.stdout.readline():  # printed once it listens
             raise InputError(f"no loopback ANAFI can be served at {address}")
-        yield said
+        yield printed
     finally:
         server.terminate()
-        said += server.communicate()[0].splitlines()
+        printed += server.communicate()[0].splitlines()

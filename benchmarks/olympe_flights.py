@@ -53,7 +53,7 @@ def fly(args: argparse.Namespace, number: int) -> tuple[TimedDrone, TimedQueue, 
         seed=number,
         rate_hz=args.rate,
         python=args.server_python,
-    ) as said:
+    ) as printed:
         wall_s, cpu_s = time.perf_counter(), time.process_time()
         cores_s, stolen_s = machine_s()
         report = app.fly(
@@ -65,7 +65,7 @@ def fly(args: argparse.Namespace, number: int) -> tuple[TimedDrone, TimedQueue, 
         share = (time.process_time() - cpu_s) / (time.perf_counter() - wall_s)
         all_s, gone_s = machine_s()
         stolen = (gone_s - stolen_s) / (all_s - cores_s)
-    print(f"drone: {'; '.join(said)}", flush=True)
+    print(f"drone: {'; '.join(printed)}", flush=True)
     p50, p95, p99 = drone.frame_to_command_ms()
     came_hz, used_hz = drone.used_hz()
     print(

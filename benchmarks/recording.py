@@ -104,7 +104,7 @@ def _overhead(rounds: int, hover_s: float, folder: Path) -> None:
             app.fly(tree, options, listeners=[kept.listeners])
             hands[name] += handed
             if record is not None:
-                sizes[name].append(_told(record))
+                sizes[name].append(_described(record))
     for name, kept in ticks.items():
         print(f"{name:9} tick  {percentiles(kept.compute_s)}  ({len(kept.compute_s)} ticks)")
         if hands[name]:
@@ -113,7 +113,7 @@ def _overhead(rounds: int, hover_s: float, folder: Path) -> None:
             print(f"{name:9} {line}")
 
 
-def _told(record: Path) -> str:
+def _described(record: Path) -> str:
     opened_s = []
     for _ in range(5):
         began_s = time.perf_counter()

@@ -41,13 +41,13 @@ def main() -> None:
     sizes = [len(path.read_text(encoding="utf-8").splitlines()) for path in source]
     late = sum(path.read_text(encoding="utf-8").count("noqa: PLC0415") for path in source)
     long = sum(length(each) > LONG_FUNCTION for tree in trees for each in functions(tree))
-    told, asked = described(trees)
+    documented, asked = described(trees)
     print(f"modules under {SHORT_MODULE} lines: {sum(size < SHORT_MODULE for size in sizes)}")
     print(f"functions over {LONG_FUNCTION} lines: {long}")
     print(f"late imports: {late}")
     print(
-        f"public functions with {SEVERAL} arguments or more that describe them: {told} of {asked}"
-        f" ({100 * told / asked:.0f} %)"
+        f"public functions with {SEVERAL} arguments or more that describe them: "
+        f"{documented} of {asked} ({100 * documented / asked:.0f} %)"
     )
 
 
@@ -109,7 +109,7 @@ def length(function: ast.FunctionDef) -> int:
 
 def described(trees: list[ast.Module]) -> tuple[int, int]:
     """Return how many public functions of several arguments have `Args:`, and of how many."""
-    told = asked = 0
+    documented = asked = 0
     for tree in trees:
         holders = [tree, *(node for node in tree.body if isinstance(node, ast.ClassDef))]
         for holder in holders:
@@ -121,8 +121,8 @@ def described(trees: list[ast.Module]) -> tuple[int, int]:
                 count -= isinstance(holder, ast.ClassDef)
                 if count >= SEVERAL:
                     asked += 1
-                    told += "Args:" in (ast.get_docstring(function) or "")
-    return told, asked
+                    documented += "Args:" in (ast.get_docstring(function) or "")
+    return documented, asked
 
 
 def row(counts: Counter[str]) -> str:

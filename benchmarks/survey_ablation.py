@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from mission_text import explore_and_come_home
 
 from behaviours.perceive.class_map import RememberObstacles
 from behaviours.policies.coverage import Coverage
@@ -81,41 +82,16 @@ class Variant:
     def tree(self) -> str:
         """Return the mission as the text of a tree file."""
         yields = "false" if self.explore in {"segmentation", "random"} else "true"
-        return f"""
-<root BTCPP_format="4">
-  <BehaviorTree ID="Survey">
-    <ReactiveSequence>
-      <Segment/>
-      <FindHelipad/>
-      <{self.memory}/>
-      <Fallback>
-        <Sequence>
-          <TakeOff height_m="1.5" gimbal_deg="{-42 if self.explore != "segmentation" else -30}"/>
-          <ForceSuccess>
-            <Timeout msec="{SURVEY_S * 1000}">
-              <RetryUntilSuccessful num_attempts="-1">
-                <Fallback>
-                  <Explore policy="{self.explore}" gives_way="{yields}"/>
-                  <ForceFailure>
-                    <Avoid policy="{self.explore}" gives_way="{yields}"/>
-                  </ForceFailure>
-                </Fallback>
-              </RetryUntilSuccessful>
-            </Timeout>
-          </ForceSuccess>
-          <RetryUntilSuccessful num_attempts="5">
-            <Sequence>
-              <ReturnToBase gives_way="{yields}"/>
-              <HelipadCenter/>
-            </Sequence>
-          </RetryUntilSuccessful>
-          <Land/>
-        </Sequence>
-        <EmergencyLand/>
-      </Fallback>
-    </ReactiveSequence>
-  </BehaviorTree>
-</root>"""
+        return explore_and_come_home(
+            explore=f"""<RetryUntilSuccessful num_attempts="-1"><Fallback>
+                <Explore policy="{self.explore}" gives_way="{yields}"/>
+                <ForceFailure><Avoid policy="{self.explore}" gives_way="{yields}"/></ForceFailure>
+                </Fallback></RetryUntilSuccessful>""",
+            explore_s=SURVEY_S,
+            home=f'<ReturnToBase gives_way="{yields}"/>',
+            gimbal_deg=-42 if self.explore != "segmentation" else -30,
+            memory=self.memory,
+        )
 
 
 VARIANTS = {

@@ -10,7 +10,7 @@ blackboard client there. Each engine has leaves of its own kind, for a leaf of o
 composite of py_trees would be ticked through two engines.
 
 All contestants run in turn, a short while each, over many rounds, so that a busy machine slows all
-of them; medians and quartiles over the rounds are told, and ratios are taken within a round.
+of them; medians and quartiles over the rounds are printed, and ratios are taken within a round.
 """
 
 from __future__ import annotations

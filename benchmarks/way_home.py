@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from mission_text import explore_and_come_home
 
 from behaviours.fly.return_to_base import ReturnToBase
 from uav_bt import app
@@ -64,27 +65,12 @@ class Task:
 
 def _tree(task: Task) -> str:
     leaf = "ReturnToBase" if task.home == "map" else "ReturnUnderPolicy"
-    pitch_deg = -42 if task.explore == "survey" else -30
-    return f"""
-<root BTCPP_format="4">
-  <BehaviorTree ID="WayHome">
-    <ReactiveSequence>
-      <Segment/><FindHelipad/><RememberObstacles/>
-      <Fallback>
-        <Sequence>
-          <TakeOff height_m="1.5" gimbal_deg="{pitch_deg}"/>
-          <ForceSuccess><Timeout msec="{_EXPLORE_S}000">{_EXPLORES[task.explore]}</Timeout>
-          </ForceSuccess>
-          <RetryUntilSuccessful num_attempts="5">
-            <Sequence><{leaf} policy="segmentation"/><HelipadCenter/></Sequence>
-          </RetryUntilSuccessful>
-          <Land/>
-        </Sequence>
-        <EmergencyLand/>
-      </Fallback>
-    </ReactiveSequence>
-  </BehaviorTree>
-</root>"""
+    return explore_and_come_home(
+        explore=_EXPLORES[task.explore],
+        explore_s=_EXPLORE_S,
+        home=f'<{leaf} policy="segmentation"/>',
+        gimbal_deg=-42 if task.explore == "survey" else -30,
+    )
 
 
 def _fly(task: Task) -> tuple[Task, FlightReport]:

@@ -25,7 +25,7 @@ options = app.FlightOptions(scene="train-b", exact_masks=True, image_size_px=(32
 report = app.fly("hover_and_look", options, listeners=[lambda _: [notes]])
 print(report.outcome, f"in {report.duration_s:.0f} s, {len(notes.ticks)} ticks")
 
-# %% Height: what telemetry said, and what was so.
+# %% Height: what telemetry reported, and the truth.
 times = [tick.time_s for tick in notes.ticks]
 states = [tick.observation.state for tick in notes.ticks]
 poses = [tick.truth.pose for tick in notes.ticks if tick.truth is not None]

@@ -103,7 +103,7 @@ def check_output_folder(folder: Path) -> None:
         there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         if not there.is_dir():
             raise FileError(folder, f"cannot be written to: '{there}' is a file and no folder")
-        # Permissions do not say it all: /proc refuses, whoever asks.
+        # Permissions do not say it all: /proc refuses every user.
         with tempfile.TemporaryFile(dir=there):
             pass
 

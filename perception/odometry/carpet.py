@@ -77,15 +77,15 @@ class CarpetOdometry:
         pose, seen = self.now, self.at(self._seen_s)
         if pose is None or seen is None or math.isinf(self._seen_s):
             return None
-        told, (x_mps, y_mps) = self._odometry.velocity, map(float, self._error.mps)
+        reported, (x_mps, y_mps) = self._odometry.velocity, map(float, self._error.mps)
         forward_mps, right_mps = rotate(x_mps, y_mps, -pose.yaw_rad)
         return MotionEstimate(
             pose=pose,
             seen=seen,
             velocity=BodyVelocity(
-                forward_mps=told.forward_mps + forward_mps,
-                right_mps=told.right_mps + right_mps,
-                down_mps=told.down_mps,
+                forward_mps=reported.forward_mps + forward_mps,
+                right_mps=reported.right_mps + right_mps,
+                down_mps=reported.down_mps,
             ),
             error=BodyVelocity(forward_mps=forward_mps, right_mps=right_mps),
             tracked_s=self._tracked_s,

@@ -30,7 +30,7 @@ class SelfReport:
     def __init__(self, *, return_home: bool | None = None) -> None:
         self._return_home = return_home
         self._wrong: dict[str, DroneFault] = {}
-        self._told: set[str] = set()
+        self._received: set[str] = set()
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
         """Take an event.
@@ -39,7 +39,7 @@ class SelfReport:
             name: its full name.
             args: its arguments, enumerations as names.
         """
-        self._told.add(name)
+        self._received.add(name)
         reader = _READERS.get(name)
         for key, fault in (reader(args) if reader is not None else {}).items():
             if fault is None:
@@ -53,7 +53,7 @@ class SelfReport:
         """All that is wrong."""
         faults = tuple(self._wrong.values())
         # It is switched off before a take-off, on firmware that knows how.
-        if self._return_home is False and _AUTO_TRIGGER not in self._told:
+        if self._return_home is False and _AUTO_TRIGGER not in self._received:
             faults += (_RETURNS_HOME,)
         return faults
 

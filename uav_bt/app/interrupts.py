@@ -26,7 +26,7 @@ class _Stop:
     def install(self) -> None:
         for number in _SIGNALS:
             before = signal.getsignal(number)
-            if before is not signal.SIG_IGN:  # nohup: whoever ignores a signal means it
+            if before is not signal.SIG_IGN:  # nohup: an ignored signal stays so
                 self._before[number] = before
                 signal.signal(number, self._on_signal)
 

@@ -30,7 +30,7 @@ from uav_bt.mission.tick import TickRecord
 from uav_bt.types import DroneState
 
 _REDRAW_S: Final = 0.2  # wall time between redraws: faster cannot be read
-_DESCENT_LINE_EVERY_S: Final = 5.0  # wall time: whoever must act now has no ten seconds
+_DESCENT_LINE_EVERY_S: Final = 5.0  # wall time: a person who must act now has no ten
 _LINE_EVERY_S: Final = 10.0  # mission time between lines where there is no terminal
 _ACT: Final = {  # what a person must do at once; it stays on the screen
     Override.CUT: "keep clear, then take the remote control",

@@ -88,8 +88,8 @@ class PositionHold:
         self._keep_place(wanted, motion, passed_s, done, now_s)
         extra = self._correction(motion)
         if isinstance(movement, Hover):
-            least_mps = cfg.end_mps if self._holds else cfg.begin_mps
-            self._holds = math.hypot(*extra) > least_mps
+            min_mps = cfg.end_mps if self._holds else cfg.begin_mps
+            self._holds = math.hypot(*extra) > min_mps
             if not self._holds:
                 return movement
         # It will have turned on by the time at which it does this.
@@ -173,8 +173,8 @@ class PositionHold:
         settled = self._ordered.steady and self._last_s >= self._learns_from_s
         if motion.untracked_s > cfg.fresh_s or not settled:
             return
-        told = _world(motion, motion.velocity, less=motion.error)
-        beyond = add(told, -1.0, self._ordered.mps)
+        reported = _world(motion, motion.velocity, less=motion.error)
+        beyond = add(reported, -1.0, self._ordered.mps)
         share = 1.0 - math.exp(-passed_s / cfg.learn_s)
         self._unordered = limited(
             add(self._unordered, share, add(beyond, -1.0, self._unordered)), cfg.disturbance_mps

@@ -83,11 +83,11 @@ class MotionEstimate:
 
     def over_ground(self, state: DroneState) -> DroneState:
         """Return telemetry with the velocity over the ground."""
-        told = state.velocity
+        reported = state.velocity
         velocity = BodyVelocity(
-            forward_mps=told.forward_mps + self.error.forward_mps,
-            right_mps=told.right_mps + self.error.right_mps,
-            down_mps=told.down_mps + self.error.down_mps,
+            forward_mps=reported.forward_mps + self.error.forward_mps,
+            right_mps=reported.right_mps + self.error.right_mps,
+            down_mps=reported.down_mps + self.error.down_mps,
         )
         return replace(state, velocity=velocity)
 

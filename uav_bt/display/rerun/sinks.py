@@ -66,7 +66,7 @@ def saved(path: Path) -> Iterator[rr.RecordingStream]:
 
     if path.suffix.lower() != ".rrd":
         raise FileError(path, "a view's name must end in .rrd")
-    # The threads of a stream that nobody has any more end when Rerun is told to look, as `rr.init`
+    # The threads of a stream that nobody has any more end when Rerun is asked to look, as `rr.init`
     # does it: here those of the file before.
     flush_and_cleanup_orphaned_recordings()
     with whole_file(path) as partial:

@@ -1,0 +1,40 @@
+"""The mission that ablations vary: explore for a time, come home, land."""
+
+from __future__ import annotations
+
+
+def explore_and_come_home(
+    *, explore: str, explore_s: int, home: str, gimbal_deg: int, memory: str = "RememberObstacles"
+) -> str:
+    """Return the text of a tree file.
+
+    Args:
+        explore: the node that explores.
+        explore_s: s after which it is halted.
+        home: the leaf that flies back to the helipad.
+        gimbal_deg: where the camera points from the take-off on, deg.
+        memory: the leaf that remembers obstacles.
+    """
+    return f"""
+<root BTCPP_format="4">
+  <BehaviorTree ID="Mission">
+    <ReactiveSequence>
+      <Segment/>
+      <FindHelipad/>
+      <{memory}/>
+      <Fallback>
+        <Sequence>
+          <TakeOff height_m="1.5" gimbal_deg="{gimbal_deg}"/>
+          <ForceSuccess>
+            <Timeout msec="{explore_s * 1000}">{explore}</Timeout>
+          </ForceSuccess>
+          <RetryUntilSuccessful num_attempts="5">
+            <Sequence>{home}<HelipadCenter/></Sequence>
+          </RetryUntilSuccessful>
+          <Land/>
+        </Sequence>
+        <EmergencyLand/>
+      </Fallback>
+    </ReactiveSequence>
+  </BehaviorTree>
+</root>"""
