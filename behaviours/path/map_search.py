@@ -37,9 +37,6 @@ class MapSearchConfig:
     kept: float = 0.4  # a view is flown to while it shows this share of what it showed at first
     doubted_s: float = 2.0  # a map that the views contradict for so long is not flown by
     survey: SurveyConfig = field(default_factory=SurveyConfig)
-    tight: SurveyConfig = field(  # where there is no way with that much room
-        default_factory=lambda: SurveyConfig(touch_m=0.38)
-    )
     follow: FollowConfig = field(default_factory=FollowConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
 
@@ -111,9 +108,14 @@ class MapSearch:
             self.pause()
         # Where there is no other way, it leads through where something moved, too.
         crossing = replace(site_map, lanes_m=np.empty((0, 2)))
+        survey, lately = self.config.survey, around(obstacles, site_map)
         rooms = [
-            Room(known, around(obstacles, site_map), config=survey)
-            for known, survey in ((site_map, self.config.survey), (crossing, self.config.tight))
+            Room(known, lately, config=config)
+            for known, config in (
+                (site_map, survey),
+                (crossing, survey.tight()),
+                (crossing, survey.tightest()),
+            )
         ]
         mark = self.mark_of(site_map)
         if mark is not None:
@@ -197,7 +199,7 @@ class MapSearch:
             leg,
             pose,
             corridor,
-            survey=room.config,
+            survey=self.config.survey.by(room.map.residual_m),
             config=config,
             movers=room.map.movers,
             reason=reason,

@@ -39,17 +39,20 @@ class SurveyConfig:
 
     touch_m: float = 0.38  # no leg passes an obstacle nearer: a hull's 0.2 m, drift, and sway
     wide_m: float = 0.75  # from here on the full speed
+    tight_m: float = 0.34  # where legs with all that room lead nowhere
+    tightest_m: float = 0.30  # where without it there is no way out of where the drone flew in
     # Views of a drone that knows well where it is, and how high, are off the map by so much. What
     # they are off more is added, so many times, to the distance from obstacles and edges.
     sure_m: float = 0.025
     unsure_times: float = 5.0
     unsure_m: float = 0.12  # no more is added
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
-    unknown_m: float = 0.3  # what was never seen may be the hidden side of a box
+    unknown_m: float = 0.35  # what was never seen may be the hidden side of a box
     lane_m: float = 0.7  # where something moved and may come back while nobody looks
     edge_m: float = 0.30  # no leg passes the edge of the ground nearer
     slow_mps: float = 0.3  # at the smallest distance
     fast_mps: float = 0.6
+    away_mps: float = 0.1  # where the drone begins nearer: the shortest way is away
     # Around the drone, which may be nearer to something already, a leg goes on as near, not nearer.
     start_m: float = 0.7
     start_slack_m: float = 0.03
@@ -64,7 +67,9 @@ class SurveyConfig:
     cut_m: float = 0.03  # where the straight line there comes hardly nearer to things than the path
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.slow_mps <= self.fast_mps or not self.touch_m < self.wide_m:
+        if not 0.0 < self.away_mps <= self.slow_mps <= self.fast_mps or not (
+            self.least_start_m <= self.touch_m < self.wide_m
+        ):
             raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
 
     def by(self, residual_m: float) -> SurveyConfig:
@@ -78,10 +83,18 @@ class SurveyConfig:
             edge_m=self.edge_m + more_m,
         )
 
+    def tight(self) -> SurveyConfig:
+        """Return how near legs pass in narrow places."""
+        return replace(self, touch_m=self.tight_m)
+
+    def tightest(self) -> SurveyConfig:
+        """Return how near legs pass where the drone is shut in, however well it knows its place."""
+        return replace(self, touch_m=self.tightest_m, unsure_m=0.0)
+
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return how fast the drone flies with so much room around it."""
-        share = np.clip((clear_m - self.touch_m) / (self.wide_m - self.touch_m), 0.0, 1.0)
-        return np.asarray(self.slow_mps + share * (self.fast_mps - self.slow_mps))
+        at_m = self.least_start_m, self.touch_m, self.wide_m
+        return np.interp(clear_m, at_m, (self.away_mps, self.slow_mps, self.fast_mps))
 
 
 def _nothing() -> Floats:

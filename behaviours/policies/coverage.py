@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.survey import Floats, Room, SurveyConfig, best_leg, new_ground_per_second
@@ -18,7 +18,6 @@ class CoverageConfig:
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     # When legs with all that room bring less new ground than this, narrower ones are tried.
     little_m2ps: float = 0.03
-    tight_m: float = 0.34  # from obstacles; nearer, `Avoid` would step away from them
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     follow: FollowConfig = field(default_factory=FollowConfig)
 
@@ -47,12 +46,15 @@ class Coverage:
         )
         if site_map is None:
             return turn
-        room = Room(site_map, around(view.obstacles, site_map), config=cfg.survey)
+        lately = around(view.obstacles, site_map)
+        room = Room(site_map, lately, config=cfg.survey)
         leg = best_leg(room, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
-            narrow = replace(cfg.survey, touch_m=cfg.tight_m)
-            room = Room(site_map, around(view.obstacles, site_map), config=narrow)
+            room = Room(site_map, lately, config=cfg.survey.tight())
             leg = best_leg(room, self._value) or leg
+        if leg is None and room.shut_in:
+            room = Room(site_map, lately, config=cfg.survey.tightest())
+            leg = best_leg(room, self._value)
         if leg is None:
             # What moves is in the way of ground for a while only.
             still = not site_map.movers and not len(site_map.lanes_m)

@@ -89,6 +89,19 @@ def test_it_flies_to_the_mark_and_says_when_it_is_there() -> None:
     assert nearest_m > 0.3
 
 
+def test_home_leads_through_a_gap_where_there_is_no_other_way() -> None:
+    """The hull has 0.2 m, the gap 0.3 m to each side of its middle."""
+    mark = MapMark(x_m=2.0, y_m=0.0, std_m=0.03, seen_s=0.0)
+    wall = tuple((0.0, y_m) for y_m in np.arange(-4.9, 5.0, 0.1) if abs(y_m) > 0.25)
+    place = known(DrawnHall(side_m=10.0, boxes=wall, box_m=0.05))
+    place.pose = Pose2D(x_m=-2.0, y_m=1.0, yaw_rad=0.0)
+    search, decision = MapSearch(), TURN
+    while not decision.done and place.now_s < 60.0:
+        decision = search.decide(place.map(mark), None, None, SIGHT) or TURN
+        place.fly(decision)
+    assert place.pose.x_m > 0.5
+
+
 def test_a_mark_that_is_gone_is_not_flown_to_until_it_is_seen_again() -> None:
     mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=5.0)
     search, place = MapSearch(), known(hall(2.6, 2.2, -2.4))

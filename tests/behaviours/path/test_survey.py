@@ -149,7 +149,7 @@ def test_walls_all_round_shut_in() -> None:
 def test_the_speed_rises_with_the_room() -> None:
     speeds = CONFIG.speed_mps(np.array([0.0, CONFIG.touch_m, 0.6, CONFIG.wide_m, 3.0]))
     assert np.all(np.diff(speeds) >= 0.0)
-    assert speeds[0] == CONFIG.slow_mps
+    assert list(speeds[:2]) == [CONFIG.away_mps, CONFIG.slow_mps]
     assert speeds[-1] == CONFIG.fast_mps
 
 

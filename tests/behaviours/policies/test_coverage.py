@@ -69,6 +69,15 @@ def test_covered_after_a_full_turn_without_a_leg() -> None:
     assert decide(covered, full_turns=1).done
 
 
+def test_a_drone_that_is_shut_in_leaves_through_the_gap_that_it_came_by() -> None:
+    x_m = np.linspace(-2.0, 2.0, 41)
+    wall = np.column_stack([x_m, np.full(41, -0.5)])[np.abs(x_m) > 0.29]
+    behind = drawn_map(obstacles=wall, passed=where("left"), pose=(0.0, -1.0, math.pi / 2))
+    assert not decide(behind).blocked
+    closed = replace(behind, obstacles_m=np.vstack([wall, [[0.0, -0.5]]]))
+    assert decide(closed).blocked
+
+
 def test_while_something_moves_nothing_is_covered_for_good() -> None:
     lane = replace(drawn_map(passed=ALL), lanes_m=np.array([[1.0, 1.0]]))
     assert not decide(lane, full_turns=1).done
