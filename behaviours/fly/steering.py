@@ -133,9 +133,12 @@ class SteeringLeaf(MovingLeaf):
             self.propose(self.turn_keeping_away(yaw_rate))
             return
         down_mps = cfg.climb_per_s * self._too_high_m(state)
+        # The heading follows the way; what pushes the drone aside on it is beside the view.
+        _, right_mps = push_away_mps(self.read(OBSTACLES).value, cfg.keep_away)
         self.propose(
             Velocity(
                 forward_mps=speed_mps,
+                right_mps=right_mps,
                 down_mps=max(-cfg.climb_mps, min(cfg.climb_mps, down_mps)),
                 yaw_rate_radps=yaw_rate,
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from behaviours.fly.explore import Explore
@@ -14,7 +15,7 @@ from tests.behaviours.leaf_world import (
     show,
     steering_bench,
 )
-from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, FRAME, HELD_TURN, PHASE, STATE
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
 from uav_bt.errors import NodeFailedError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
@@ -27,6 +28,7 @@ from uav_bt.types import (
     HeldTurn,
     MoveBy,
     MovementState,
+    ObstaclePoints,
     Velocity,
 )
 
@@ -280,6 +282,18 @@ def test_at_a_speed_the_height_is_kept() -> None:
     live(bench, seconds=0.3, height_m=1.2)
     assert isinstance(bench.proposed, Velocity)
     assert bench.proposed.down_mps < 0.0
+
+
+@pytest.mark.parametrize(("beside_m", "goes"), [(-0.35, 1.0), (0.35, -1.0), (0.6, 0.0)])
+def test_at_a_speed_it_keeps_away_from_what_is_beside_it(beside_m: float, goes: float) -> None:
+    bench = steering_bench(Explore, Says(Decision(forward_m=1.0, speed_mps=0.4)))
+    live(bench)
+    bench.board[OBSTACLES] = ObstaclePoints(points_m=np.array([[0.1, beside_m]]), captured_s=0.0)
+    bench.allow_stale()
+    live(bench, seconds=0.3)
+    assert isinstance(bench.proposed, Velocity)
+    assert bench.proposed.forward_mps == 0.4
+    assert np.sign(bench.proposed.right_mps) == goes
 
 
 def test_a_speed_is_not_flown_on_blind() -> None:
