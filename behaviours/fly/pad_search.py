@@ -28,6 +28,7 @@ class PadSearchConfig:
     scan_pitch_rad: float = math.radians(-65)
     scan_rate_radps: float = 0.8
     track_std_m: float = 0.3  # a pad that is carried this well is flown to without a search
+    by_map_m: float = 1.5  # further away, that goes by the map where it knows a way
     agrees_m: float = 0.7  # a pad further from the map's mark is another thing
     mark_pitch_rad: float = math.radians(-50)  # the camera follows the mark down to this
 
@@ -90,8 +91,16 @@ class PadSearch:
         return math.hypot(x_m - mark.x_m, y_m - mark.y_m) <= self._config.agrees_m
 
     def work(self, state: DroneState) -> Status:
-        """Search; SUCCESS when the pad is in view, or carried well enough to be flown to."""
-        if self._is_found():
+        """Search; SUCCESS when the pad is in view, or carried well enough to be flown to.
+
+        A pad further away is flown to by the map first, which knows what stands before it.
+        """
+        fix = self._found()
+        self._leaf.write(PHASE, MissionPhase.SEARCH if fix is None else MissionPhase.APPROACH)
+        if fix is not None:
+            far = fix.range_m > self._config.by_map_m
+            if far and self._to_scan_rad <= 0.0 and self._follow_map(state, to_mark=True):
+                return Status.RUNNING
             return Status.SUCCESS
         if self._to_scan_rad > 0.0:
             self._scan(state)
@@ -112,18 +121,24 @@ class PadSearch:
         mark_rad = -math.atan2(above_m, max(range_m, 0.05))
         return min(self._flight_rad, max(mark_rad, self._config.mark_pitch_rad))
 
-    def _is_found(self) -> bool:
+    def _found(self) -> HelipadFix | None:
+        """Return the pad that can be flown to."""
         fix = self._leaf.read(HELIPAD).value
         if fix is None or not self.believes(fix):
-            return False
+            return None
         carried = fix.std_m <= self._config.track_std_m and fix.captured_s > self._tried_s
-        return fix.detected or (self._by_map and carried)
+        return fix if fix.detected or (self._by_map and carried) else None
 
     def _site_map(self) -> SiteMap | None:
         return self._leaf.read(SITE_MAP).value if self._by_map else None
 
-    def _follow_map(self, state: DroneState) -> bool:
-        """Fly by the map; False when there is none, or none that knows a way."""
+    def _follow_map(self, state: DroneState, *, to_mark: bool = False) -> bool:
+        """Fly by the map; False when there is none, or none that knows a way.
+
+        Args:
+            state: of the drone.
+            to_mark: only to the landing mark.
+        """
         site_map = self._site_map()
         if site_map is None:
             return False
@@ -132,13 +147,15 @@ class PadSearch:
             return True
         if site_map.captured_s > self._planned_s:
             self._planned_s = site_map.captured_s
-            self._plan(site_map, state)
+            self._plan(site_map, state, to_mark=to_mark)
         elif self._led:
             self._leaf.fly_on(state, None)
         return self._led
 
-    def _plan(self, site_map: SiteMap, state: DroneState) -> None:
+    def _plan(self, site_map: SiteMap, state: DroneState, *, to_mark: bool) -> None:
         decision = self._decide(site_map, state)
+        if decision is not None and to_mark and (decision.done or self._map.aim is not Aim.MARK):
+            decision = None
         self._led = decision is not None
         if decision is None:
             return

@@ -183,6 +183,27 @@ def test_it_flies_to_the_mark_of_the_map() -> None:
     assert len(policy.views) <= 1
 
 
+@pytest.mark.parametrize("by_map", [True, False])
+def test_a_pad_further_away_is_flown_to_by_the_map(*, by_map: bool) -> None:
+    """The map knows a box on the way that is out of the memory by now."""
+    box = np.column_stack([np.full(9, 0.8), np.linspace(-0.7, 0.1, 9)])
+    known = replace(marked(1.8, 0.0), obstacles_m=box)
+    bench = searching(Says(ADVANCE))
+    fly(bench, (1.8, 0.0), unseen_s=2.0, std_m=0.05, site_map=known if by_map else None)
+
+    assert bench.board[PHASE] == "approach"
+    assert (velocity(bench).yaw_rate_radps > 0.2) == by_map
+
+
+def test_a_pad_that_the_map_knows_no_way_to_is_approached_by_its_track() -> None:
+    wall = np.column_stack([np.full(41, 0.8), np.linspace(-2.0, 2.0, 41)])
+    bench = searching(Says(ADVANCE))
+    fly(bench, (1.8, 0.0), site_map=replace(marked(1.8, 0.0), obstacles_m=wall))
+
+    assert bench.board[PHASE] == "approach"
+    assert velocity(bench).forward_mps > 0.0
+
+
 def test_it_turns_to_a_mark_behind() -> None:
     bench = searching(Says(ADVANCE))
     fly(bench, site_map=marked(-1.6, 0.4))
