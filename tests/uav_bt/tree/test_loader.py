@@ -241,6 +241,41 @@ def test_a_described_subtree_has_defaults(world: World) -> None:
     assert "variable 'speed' holds a value that does not fit (expected a number" in found[0]
 
 
+def supply(*members: str) -> str:
+    inner = "".join(f"<Member {member}/>" for member in members)
+    return f'<TreeNodesModel><Enumeration ID="Supply">{inner}</Enumeration></TreeNodesModel>'
+
+
+def test_scripts_read_the_members_of_the_files_enumerations(world: World) -> None:
+    """In subtrees, too, whatever a variable of that name holds."""
+    text = document(
+        """<Sequence><Script code="FULL := 1; level := FULL"/><SubTree ID="In" at="{level}"/>
+        </Sequence>""",
+        '<BehaviorTree ID="In"><ScriptCondition code="at == FULL &amp;&amp; at - LOW == 5"/>',
+        "</BehaviorTree>",
+        supply('name="FULL" value="4"', 'name="LOW" value="-1"'),
+    )
+    tree = parse_tree(text, REGISTRY)
+    tree.setup(world.context)
+    assert tree.tick() is Status.SUCCESS
+
+
+@pytest.mark.parametrize(
+    ("member", "message"),
+    [
+        ('name="2x" value="1"', "'name': expected a name that scripts can use, got '2x'"),
+        ('name="true" value="1"', "'name': expected a name that scripts can use, got 'true'"),
+        ('name="LOW" value="0.5"', "'value': expected an integer, got '0.5'"),
+        ('name="FULL" value="5"', "'FULL' is 4 already"),
+        ('value="5"', "'name': expected a name"),
+    ],
+)
+def test_refused_members_of_an_enumeration(member: str, message: str) -> None:
+    found = findings(document("<Safe/>", supply('name="FULL" value="4"', member)))
+    assert len(found) == 1
+    assert message in found[0]
+
+
 def test_all_errors_come_together_with_their_places() -> None:
     """Line and column lead to the attribute itself; the order is the file's."""
     text = """<root BTCPP_format="4">

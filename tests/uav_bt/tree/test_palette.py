@@ -11,6 +11,7 @@ from tests.uav_bt.tree.tree_world import World, document
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeKind, NodeRegistry, Port, Status, parse_tree
 from uav_bt.tree.describe import palette_xml
+from uav_bt.tree.loading.loader import unset_variables
 from uav_bt.tree.loading.palette import PaletteLeaf, read_palette, with_palette
 from uav_bt.tree.nodes import Sequence
 
@@ -137,7 +138,7 @@ def test_a_foreign_node_is_not_ticked(foreign: NodeRegistry, world: World) -> No
 def test_the_palette_of_our_own_nodes_can_be_read_again(tmp_path: Path) -> None:
     """Ids, kinds and ports survive the way through the exported model."""
     ours = NodeRegistry.installed()
-    read = {node.node_id: node for node in read_palette(written(tmp_path, palette_xml(ours)))}
+    read = {node.node_id: node for node in read_palette(written(tmp_path, palette_xml(ours))).nodes}
     assert set(read) == set(ours) - set(NodeRegistry())
     for node_id, node in read.items():
         known = ours[node_id]
@@ -178,7 +179,7 @@ def test_a_project_file_with_trees_and_includes_is_a_palette_too(tmp_path: Path)
         '<root BTCPP_format="4" project_name="P"><include path="../x.xml"/>'
         f'<BehaviorTree ID="A"><Unknown/></BehaviorTree>{FOREIGN}</root>'
     )
-    assert len(read_palette(written(tmp_path, text))) == 4
+    assert len(read_palette(written(tmp_path, text)).nodes) == 4
 
 
 @pytest.mark.parametrize(
@@ -193,3 +194,19 @@ def test_a_palette_that_makes_no_sense_is_refused(tmp_path: Path, text: str, mes
         read_palette(written(tmp_path, text))
     assert message in error.value.findings[0]
     assert error.value.findings[0].startswith(f"{tmp_path / 'palette.xml'}:1:")
+
+
+def test_enumerations_of_a_palette_are_known_to_scripts(tmp_path: Path) -> None:
+    palette = written(
+        tmp_path,
+        '<root BTCPP_format="4"><TreeNodesModel><Enumeration ID="Supply">'
+        '<Member name="SUPPLY_FULL" value="4"/></Enumeration></TreeNodesModel></root>',
+    )
+    tree = tmp_path / "tree.xml"
+    tree.write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="A">'
+        '<ScriptCondition code="SUPPLY_FULL == 4"/></BehaviorTree></root>'
+    )
+    registry = with_palette(NodeRegistry.installed(), read_palette(palette))
+    assert unset_variables(tree, registry) == ()
+    assert unset_variables(tree) == ("SUPPLY_FULL",)

@@ -155,6 +155,7 @@ class _Read:
             inclusions=document.inclusions,
             places=builder.places,
             replaced=builder.replaced,
+            members=document.members,
         )
 
 

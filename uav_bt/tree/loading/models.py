@@ -1,7 +1,11 @@
-"""Node models: how a TreeNodesModel describes nodes and their ports to graphical editors."""
+"""Node models: how a TreeNodesModel describes nodes and their ports to graphical editors.
+
+This loader reads enumerations in it besides: their members are the constants of scripts.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +24,11 @@ _MODEL_ATTRIBUTES: Final = frozenset({"ID", "editable"})
 _PORT_ATTRIBUTES: Final = frozenset({"name", "type", "default"})
 # What engines and editors write into a model beside its ports, for people.
 _REMARKS: Final = frozenset({"MetadataFields", "description"})
+ENUMERATION: Final = "Enumeration"
+"""The tag of an enumeration, which has an ID, and of each member a name and a value."""
+MEMBER: Final = "Member"
+_MEMBER_NAME: Final = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_MEMBER_VALUE: Final = re.compile(r"-?[0-9]{1,9}")
 
 
 @dataclass(frozen=True)
@@ -47,8 +56,8 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
     for model in models.children:
         kind = _KINDS.get(model.tag)
         if kind is None:
-            if model.tag not in _REMARKS:
-                hint = did_you_mean(model.tag, _KINDS)
+            if model.tag not in {ENUMERATION, *_REMARKS}:
+                hint = did_you_mean(model.tag, [*_KINDS, ENUMERATION])
                 findings.warn(model, f"<{model.tag}> means nothing in <TreeNodesModel>{hint}")
             continue
         check_attributes(model, _MODEL_ATTRIBUTES, findings)
@@ -60,6 +69,42 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
         else:
             found[node_id] = NodeModel(model, kind, node_id, _read_ports(model, findings))
     return list(found.values())
+
+
+def read_members(models: Element, findings: Findings) -> dict[str, int]:
+    """Return the members of the enumerations in a TreeNodesModel.
+
+    BehaviorTree.CPP has no form for them in a file: there, a program registers them.
+
+    Args:
+        models: the TreeNodesModel.
+        findings: where errors are added.
+    """
+    found: dict[str, int] = {}
+    for enumeration in models.children:
+        if enumeration.tag != ENUMERATION:
+            continue
+        check_attributes(enumeration, frozenset({"ID"}), findings)
+        for member in enumeration.children:
+            message = _wrong_member(member, found)
+            if message:
+                findings.note(member, message, rule=Rule.NODE_MODEL)
+            else:
+                found[member.attributes["name"]] = int(member.attributes["value"])
+    return found
+
+
+def _wrong_member(member: Element, found: dict[str, int]) -> str:
+    name, value = (member.attributes.get(key, "") for key in ("name", "value"))
+    if member.tag != MEMBER:
+        return f"<{member.tag}> is no member of an enumeration: write <{MEMBER} name= value=/>"
+    if not _MEMBER_NAME.fullmatch(name) or name in {"true", "false"}:
+        return f"attribute 'name': expected a name that scripts can use, got '{name}'"
+    if not _MEMBER_VALUE.fullmatch(value):
+        return f"attribute 'value': expected an integer, got '{value}'"
+    if name in found and found[name] != int(value):
+        return f"'{name}' is {found[name]} already: scripts could not tell which is meant"
+    return ""
 
 
 def _read_ports(model: Element, findings: Findings) -> dict[str, Element]:

@@ -8,7 +8,6 @@ and such a node cannot be ticked.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +15,7 @@ from typing import Any, Final
 from uav_bt.errors import MissionError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import WARNING, Findings
-from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_models
+from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_members, read_models
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
@@ -83,8 +82,16 @@ _BASES: Final[dict[NodeKind, type[Node]]] = {
 }
 
 
-def read_palette(path: Path, odd: Findings | None = None) -> tuple[type[Node], ...]:
-    """Return node classes for what a file's TreeNodesModel describes.
+@dataclass(frozen=True)
+class Palette:
+    """What a palette describes."""
+
+    nodes: tuple[type[Node], ...]
+    members: dict[str, int]  # of its enumerations, for scripts
+
+
+def read_palette(path: Path, odd: Findings | None = None) -> Palette:
+    """Return node classes for what a file's TreeNodesModel describes, and its enumerations.
 
     Trees and includes in the file are passed over, subtrees in the model, too: they are no nodes
     of their own. A port's type or default that cannot be read is passed over likewise; the node
@@ -105,12 +112,14 @@ def read_palette(path: Path, odd: Findings | None = None) -> tuple[type[Node], .
         expected = f"expected a <TreeNodesModel>, or a <root> that holds one; got <{root.tag}>"
         findings.add(path, root.position, expected, rule=Rule.NODE_MODEL)
     nodes: dict[str, type[Node]] = {}
+    members: dict[str, int] = {}
     for element in models:
+        members |= read_members(element, findings)
         for model in read_models(element, findings):
             if model.kind in _BASES:
                 nodes.setdefault(model.node_id, _node_of(model, findings))
     findings.raise_any(path)
-    return tuple(nodes.values())
+    return Palette(tuple(nodes.values()), members)
 
 
 def _node_of(model: NodeModel, findings: Findings) -> type[Node]:
@@ -169,7 +178,7 @@ def _type_of(name: str) -> tuple[type, tuple[str, ...]]:
     return int if name in _UNSIGNED else _TYPES.get(name, object), ()
 
 
-def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeRegistry:
+def with_palette(registry: NodeRegistry, palette: Palette) -> NodeRegistry:
     """Return a registry with the nodes of a palette beside those of another registry.
 
     Its trees may name any key of a board, as theirs has others than ours.
@@ -181,9 +190,9 @@ def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeR
 
     Args:
         registry: the installed nodes.
-        palette: the described nodes.
+        palette: what it describes.
     """
-    described = {node.node_id: node for node in palette}
+    described = {node.node_id: node for node in palette.nodes}
     chosen: dict[str, type[Node]] = {}
     for node_id in registry:
         known = registry[node_id]
@@ -193,6 +202,7 @@ def with_palette(registry: NodeRegistry, palette: Iterable[type[Node]]) -> NodeR
     both = NodeRegistry([*chosen.values(), *described.values()], policies=registry.policies)
     both.faults = registry.faults
     both.foreign_board = True
+    both.members = {**registry.members, **palette.members}
     return both
 
 

@@ -19,7 +19,7 @@ from xml.etree import ElementTree as ET
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.describe import NodeInfo, describe
 from uav_bt.tree.loading.elements import EDITOR_ATTRIBUTES
-from uav_bt.tree.loading.models import PORT_DIRECTIONS
+from uav_bt.tree.loading.models import ENUMERATION, MEMBER, PORT_DIRECTIONS
 from uav_bt.tree.node import Node, NodeKind
 from uav_bt.tree.port import PORT_TYPES, REFERENCE_KEY, Port, port_text
 from uav_bt.tree.registry import NodeRegistry
@@ -141,6 +141,12 @@ def _add_models(schema: ET.Element) -> None:
     kinds = _add(models, "choice", minOccurs="0", maxOccurs="unbounded")
     for tag in _KIND_TAGS:
         _add(kinds, "element", name=tag, type="model")
+    enumeration = _add(_add(kinds, "element", name=ENUMERATION), "complexType")
+    members = _add(enumeration, "sequence", minOccurs="0", maxOccurs="unbounded")
+    member = _add(_add(members, "element", name=MEMBER), "complexType")
+    _add_attribute(member, "name", "value.name", required=True)
+    _add_attribute(member, "value", "xs:integer", required=True)
+    _add_attribute(enumeration, "ID", "value.name")
     _add(models, "attributeGroup", ref="editor")
 
 

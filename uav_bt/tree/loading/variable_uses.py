@@ -203,9 +203,12 @@ class VariableUses:
         for part in script.walk():
             if isinstance(part, Assignment):
                 self._assignment(part, scope, use)
-            elif isinstance(part, Name) and not part.name.startswith("@"):
+            elif isinstance(part, Name) and self._is_variable(part):
                 self._name(part, scope, use, needed=id(part) in script.certain)
         self._changed(script, scope, use)
+
+    def _is_variable(self, name: Name) -> bool:
+        return not name.name.startswith("@") and name.name not in self._document.members
 
     def _name(self, name: Name, scope: Scope, use: Use, *, needed: bool) -> None:
         slot = scope.place(name.name)
@@ -226,7 +229,7 @@ class VariableUses:
         if slot is None:
             return
         source = None
-        if isinstance(part.value, Name) and not part.value.name.startswith("@"):
+        if isinstance(part.value, Name) and self._is_variable(part.value):
             source = scope.place(part.value.name)
         kind = kind_of(part.value) or UNKNOWN
         if isinstance(source, Key):

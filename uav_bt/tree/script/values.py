@@ -7,7 +7,6 @@ it began with.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any, Final
 
 from uav_bt.board.blackboard import Blackboard
@@ -106,18 +105,15 @@ class Environment:
     Args:
         variables: the tree's variables.
         board: the mission board, for names that begin with `@`.
-        enums: named integers; they come before variables of the same name.
     """
 
     def __init__(
         self,
         variables: Variables,
         board: Blackboard | None = None,
-        enums: Mapping[str, int] | None = None,
     ) -> None:
         self._variables = variables
         self._board = board
-        self._enums = dict(enums or {})
 
     def read(self, name: str) -> Value:
         """Return what a name stands for.
@@ -125,12 +121,13 @@ class Environment:
         Raises:
             ScriptError: nothing, nothing fresh, or nothing that a script can use.
         """
-        if name in self._enums:
-            return float(self._enums[name])
+        members = self._variables.members
+        if name in members:  # before a variable of the same name, as in the engine
+            return float(members[name])
         key = self._board_key(name)
         value = self._variables.get(name) if key is None else self._read_board(key)
         if value is None:
-            hint = did_you_mean(name, [*self._variables, *self._enums])
+            hint = did_you_mean(name, [*self._variables, *members])
             raise ScriptError(f"'{name}' has no value{hint}")
         if not isinstance(value, (int, float, str)):
             kind = type(value).__name__
