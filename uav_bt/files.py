@@ -32,13 +32,16 @@ def reading(path: Path, error: Failure = FileError) -> Iterator[None]:
         raise error(path, f"cannot be read: {cause.strerror or cause}") from cause
 
 
-def read_bounded(path: Path, max_bytes: int, error: Failure = FileError) -> bytes:
+def read_bounded(
+    path: Path, max_bytes: int, error: Failure = FileError, *, cure: str = ""
+) -> bytes:
     """Return a file's bytes.
 
     Args:
         path: the file.
         max_bytes: what it may have.
         error: makes what is raised.
+        cure: what to do about a file that is too large.
 
     Raises:
         FileError: it is absent, no regular file, too large, or cannot be read.
@@ -51,7 +54,7 @@ def read_bounded(path: Path, max_bytes: int, error: Failure = FileError) -> byte
         with path.open("rb") as file:
             data = file.read(max_bytes + 1)
     if len(data) > max_bytes:
-        raise error(path, f"larger than {max_bytes} bytes")
+        raise error(path, f"larger than {max_bytes} bytes{f': {cure}' if cure else ''}")
     return data
 
 

@@ -105,7 +105,8 @@ class Blackboard:
         if self._keys.get(key.name) != key:
             raise BoardAccessError(f"board key '{key.name}' was never declared on this board")
         accepted = (int, float) if key.type is float else key.type
-        if not isinstance(value, accepted) or (isinstance(value, bool) and key.type is not bool):
+        no_number = isinstance(value, bool) and key.type not in {bool, object}
+        if not isinstance(value, accepted) or no_number:
             raise BoardAccessError(
                 f"board key '{key.name}' holds {key.type.__name__}, got {type(value).__name__}"
             )

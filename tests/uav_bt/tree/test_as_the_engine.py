@@ -23,6 +23,10 @@ SPARE = '<BehaviorTree ID="B">{}</BehaviorTree>'
     ("text", "message"),
     [
         (document('<Condition ID="Steer"/>'), "'Steer' is of kind Action, not Condition"),
+        (
+            document('<SubTree ID="B" __shared_blackboard="1"/>', SPARE.format("<Safe/>")),
+            """of BehaviorTree.CPP 3; in version 4 write _autoremap="true\"""",
+        ),
         (document('<Steer _skipif="true"/>'), "'_skipif' means nothing here; did you mean '_skip"),
         (document('<Steer _favorite="true"/>'), "attribute '_favorite' means nothing here"),
         (document("<Steer>text</Steer>"), "text between tags means nothing: 'text'"),
@@ -141,6 +145,7 @@ def test_subtrees_are_found_in_other_files(tmp_path: Path) -> None:
     (tmp_path / "b2.xml").write_text(tree("B", "<Safe/>"))
     (finding,) = check_file(main, REGISTRY, lookup=Lookup(Library(files_in(tmp_path))))
     assert "tree 'B' stands in several files" in finding.message
+    assert finding.message.endswith("rename one")
     assert f"{part}:1:24" in finding.message
 
 

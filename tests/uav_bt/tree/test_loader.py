@@ -14,7 +14,7 @@ from uav_bt.board import HELIPAD
 from uav_bt.errors import NodeFailedError, TreeError
 from uav_bt.tree import Leaf, NodeRegistry, Port, Status, load_tree, parse_tree
 from uav_bt.tree.loading.findings import WARNING
-from uav_bt.tree.loading.loader import check_text
+from uav_bt.tree.loading.loader import check_file, check_text
 from uav_bt.tree.observer import observe
 from uav_bt.types import HelipadFix
 
@@ -171,7 +171,11 @@ def test_refused_nodes(body: str, message: str) -> None:
         ('<root a="1" a="2"/>', "duplicate attribute"),
         ("<tree/>", "expected the element <root>, got <tree>"),
         ('<root BTCPP_format="4"/>', "the file has no BehaviorTree"),
-        (document("<Safe/>").replace('"4"', '"3"'), "expected BTCPP_format=\"4\", got '3'"),
+        (document("<Safe/>").replace('"4"', '"3"'), "'uav-bt tree migrate' makes"),
+        (
+            "no tree\nat all",
+            "1:1: not well-formed XML: expected a tag such as <root>, got 'no tree'",
+        ),
         (document("<Safe/>").replace('execute="Main"', 'execute="Mian"'), "did you mean 'Main'"),
         (document("<Safe/><Safe/>"), "needs exactly one child, has 2"),
         (document("<Safe/>", "<BehaviorTree><Safe/></BehaviorTree>"), "'ID' is missing"),
@@ -373,6 +377,13 @@ def test_hostile_documents_are_refused(text: str, message: str) -> None:
     found = findings(text)
     assert len(found) == 1
     assert message in found[0]
+
+
+def test_a_file_of_many_megabytes_is_refused_with_a_cure(tmp_path: Path) -> None:
+    path = tmp_path / "large.xml"
+    path.write_text(" " * 50_000_000, encoding="utf-8")
+    (finding,) = check_file(path, REGISTRY)
+    assert finding.message == "larger than 2000000 bytes: SubTrees can stand in other files"
 
 
 @pytest.mark.parametrize(

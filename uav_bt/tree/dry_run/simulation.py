@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from uav_bt.board import ELAPSED, MISSION_KEYS
-from uav_bt.board.blackboard import Blackboard
+from uav_bt.board.blackboard import Blackboard, Key
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import ManualClock
 from uav_bt.errors import BoardAccessError, FileError, NodeFailedError, ValueRangeError
@@ -56,6 +56,16 @@ class SimulatedTick:
     changed: Mapping[str, Any]  # variables (those of subtrees as `subtree.name`) and `@board_key`s
 
 
+class _ForeignBoard(Blackboard):
+    """The board of trees that were written elsewhere: any key is there, and holds anything."""
+
+    def key(self, name: str) -> Key[Any]:
+        """Return a key by name."""
+        if name not in self.keys:
+            self.declare(Key(name, object, "of a board that is not ours"))
+        return super().key(name)
+
+
 class Simulation:
     """A mission file with scripted leaves, ready to be ticked.
 
@@ -90,7 +100,9 @@ class Simulation:
         self._find_unset = partial(unset_variables, tree, registry, tree_id=tree_id, lookup=lookup)
         self._tick_s = tick_s
         self._clock = ManualClock()
-        self._board = Blackboard(self._clock, MISSION_KEYS)
+        foreign = registry is not None and registry.foreign_board
+        board = _ForeignBoard if foreign else Blackboard
+        self._board = board(self._clock, MISSION_KEYS)
         self._names = _short_names(self.tree)
         self._answers: list[Answer] = []
         self._halted: list[str] = []
@@ -149,6 +161,14 @@ class Simulation:
             error.add_note(
                 f"nothing in the tree file sets {', '.join(unset)}: give them values in "
                 f"{self._script.path}, as in variables: {{{values}}}"
+            )
+        written = self._board.snapshot()
+        theirs = [name for name, key in self._board.keys.items() if key.type is object]
+        if empty := [name for name in theirs if name not in written]:
+            values = ", ".join(f"{name}: 0" for name in empty)
+            error.add_note(
+                f"the board is not ours, and nothing has set {', '.join(empty)}: give them values "
+                f"in {self._script.path}, as in board: {{{values}}}"
             )
 
     # --- values -----------------------------------------------------------------------------------

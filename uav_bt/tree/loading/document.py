@@ -144,7 +144,8 @@ def _check_root(root: Element, findings: Findings) -> bool:
         findings.warn(root, f"{expected} nothing", rule=Rule.ROOT)
     elif version != "4":
         where = root.at("BTCPP_format")
-        findings.add(path, where, f"{expected} '{version}'", "root", rule=Rule.ROOT)
+        cure = ": 'uav-bt tree migrate' makes a file of version 4 of it" if version == "3" else ""
+        findings.add(path, where, f"{expected} '{version}'{cure}", "root", rule=Rule.ROOT)
     return True
 
 
@@ -222,7 +223,7 @@ def _fetch(document: Document, lookup: Lookup, registry: NodeRegistry, findings:
             continue
         if len(found) > 1:
             places = " and ".join(f"{each.path}:{each.position}" for each, _ in found)
-            message = f"tree '{tree_id}' stands in several files: {places}"
+            message = f"tree '{tree_id}' stands in several files: {places}; rename one"
             findings.note(node, message, "ID", rule=Rule.UNKNOWN_TREE)
         tree, file = found[0]
         _read_tree(tree, document, registry, findings, alone=False)

@@ -7,6 +7,7 @@ it begins.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import re
 from collections.abc import Callable, Iterator
@@ -23,6 +24,7 @@ from uav_bt.tree.loading.raw_text import Escaped, escape_raw
 from uav_bt.tree.loading.rules import Rule
 
 MAX_BYTES: Final = 2_000_000  # a mission has some kilobytes
+_SMALLER: Final = "SubTrees can stand in other files"
 MAX_DEPTH: Final = 256  # levels; the engine's own limit
 MAX_ELEMENTS: Final = 20_000
 MAX_NODES: Final = 20_000  # of a tree; subtrees inside subtrees multiply
@@ -157,7 +159,7 @@ def read_source(path: Path) -> bytes:
     Raises:
         TreeError: there is no such file, it cannot be read or it is too large.
     """
-    return read_bounded(path, MAX_BYTES, _refused)
+    return read_bounded(path, MAX_BYTES, _refused, cure=_SMALLER)
 
 
 def parse_source(data: bytes, path: Path) -> Element:
@@ -171,7 +173,7 @@ def parse_source(data: bytes, path: Path) -> Element:
         TreeError: it is no well-formed XML, or has what a tree file must not have.
     """
     if len(data) > MAX_BYTES:
-        raise _refused(path, f"larger than {MAX_BYTES} bytes: SubTrees can stand in other files")
+        raise _refused(path, f"larger than {MAX_BYTES} bytes: {_SMALLER}")
     _check_utf8(data, path)
     try:
         return _parsed(data, path)
@@ -182,6 +184,10 @@ def parse_source(data: bytes, path: Path) -> Element:
                 return _placed_back(_parsed(escaped.data, path), escaped)
         where = Position(error.lineno, error.offset + 1)
         reason = expat.errors.messages[error.code]
+        begin = data.removeprefix(codecs.BOM_UTF8).strip()
+        if begin and not begin.startswith(b"<"):
+            line = begin.partition(b"\n")[0].decode()[:40].rstrip()
+            reason = f"expected a tag such as <root>, got '{line}'"
         raise _refused(path, f"not well-formed XML: {reason}", where) from error
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from uav_bt.errors import FileError
+from uav_bt.errors import FileError, NodeFailedError
 from uav_bt.tree import NodeRegistry
 from uav_bt.tree.dry_run import Simulation, read_script
 from uav_bt.tree.loading.palette import read_palette, with_palette
@@ -55,3 +55,30 @@ def test_a_table_that_does_not_fit_is_refused(
     with pytest.raises(FileError, match=r"answers\.yaml") as error:
         simulation(tmp_path, TABLE.replace(old, new))
     assert message in str(error.value)
+
+
+FOREIGN_KEYS = """
+<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+  <PlanPath goal="{@goal}" path="{@path}"/>
+  <Script code="next := @stage + 1"/>
+  <ScriptCondition code="@armed"/>
+</Sequence></BehaviorTree></root>
+"""
+
+
+def test_keys_of_a_foreign_board_are_what_the_script_gives(tmp_path: Path) -> None:
+    tree, answers = tmp_path / "tree.xml", tmp_path / "answers.yaml"
+    tree.write_text(FOREIGN_KEYS, encoding="utf-8")
+    answers.write_text("default: S\nboard: {stage: 2, armed: true}", encoding="utf-8")
+    (tick,) = Simulation(tree, read_script(answers), REGISTRY).run(3)
+    assert tick.status.name == "SUCCESS"
+    assert tick.changed["next"] == 3
+
+
+def test_keys_of_a_foreign_board_without_a_value_are_named(tmp_path: Path) -> None:
+    tree, answers = tmp_path / "tree.xml", tmp_path / "answers.yaml"
+    tree.write_text(FOREIGN_KEYS, encoding="utf-8")
+    answers.write_text("default: S\nboard: {goal: 1}", encoding="utf-8")
+    with pytest.raises(NodeFailedError, match="'@stage' has no value") as error:
+        list(Simulation(tree, read_script(answers), REGISTRY).run(3))
+    assert "as in board: {path: 0, stage: 0}" in error.value.__notes__[0]
