@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+
 from hypothesis import settings
 
 # No time limit for an example: how fast a machine is belongs in benchmarks.
 settings.register_profile("uav-bt", deadline=None)
 settings.load_profile("uav-bt")
+
+# A shell's background job ignores Ctrl-C, and so would all programs that tests interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
