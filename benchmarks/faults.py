@@ -38,7 +38,7 @@ from uav_bt.types import MissionPhase
 PHASES = (
     MissionPhase.TAKE_OFF,
     MissionPhase.EXPLORE,
-    MissionPhase.SEARCH,
+    MissionPhase.APPROACH,
     MissionPhase.CENTER,
     MissionPhase.LAND,
 )
