@@ -18,7 +18,7 @@ from behaviours.path.giving_way import (
     standing_alone,
     way_out,
 )
-from behaviours.path.survey import Room, SurveyConfig
+from behaviours.path.room import Margins, Room
 from uav_bt.board import OBSTACLES, ODOMETRY, SITE_MAP
 from uav_bt.tree import Port
 from uav_bt.types import Velocity
@@ -49,7 +49,7 @@ class GivingWay:
 
     def __init__(self, leaf: SteeringLeaf, config: GiveWayConfig | None = None) -> None:
         self._leaf, self._config = leaf, config or GiveWayConfig()
-        self._survey = SurveyConfig(touch_m=_TOUCH_M, least_start_m=_TOUCH_M, edge_m=_EDGE_M)
+        self._margins = Margins(touch_m=_TOUCH_M, min_start_m=_TOUCH_M, edge_m=_EDGE_M)
         self._decided_s = -math.inf  # on the map of then
         self._way: Way | None = None
 
@@ -93,7 +93,7 @@ class GivingWay:
             near = around(leaf.read(OBSTACLES).value, site_map)
             standing_m = near.seen_m[~is_of_movers(site_map.movers, near.seen_m)]
             near = replace(near, seen_m=standing_m)
-            room = Room(standing_alone(site_map), near, config=self._survey)
+            room = Room(standing_alone(site_map), near, self._margins)
             return way_out(room, site_map.movers, cfg, before=self._way)
         motion = leaf.read(ODOMETRY).value
         if motion is None:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from behaviours.path.moving import MovingConfig, yielding_mps
-from behaviours.path.survey import Floats, Lately, Leg, SurveyConfig
+from behaviours.path.room import Floats, Lately, Leg, Margins
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import MapMover, SiteMap
@@ -22,6 +22,8 @@ _NEAREST: Final = 2  # cells ahead: nearer ones give no course
 class FollowConfig:
     """When the drone flies on, and from which speed it can stop."""
 
+    ahead_m: float = 0.6  # on the path: where the drone steers to,
+    cut_m: float = 0.03  # where the straight line there comes hardly nearer to things than the path
     facing_rad: float = math.radians(35)  # it flies on below this error of its heading
     # The corridor is wider than the way past a box whose place the map knows: what it shows ahead
     # slows the drone down, and stops it only so near.
@@ -70,7 +72,7 @@ def follow(
     pose: Pose2D,
     corridor: Corridor | None,
     *,
-    survey: SurveyConfig,
+    margins: Margins,
     config: FollowConfig,
     movers: Sequence[MapMover] = (),
     reason: str = "",
@@ -83,7 +85,7 @@ def follow(
         leg: from where the drone is.
         pose: of the drone in the map.
         corridor: what it shows ahead; None without depth.
-        survey: how fast legs are flown.
+        margins: how fast legs are flown beside things.
         config: how they are followed.
         movers: of the map.
         reason: for the status line.
@@ -91,7 +93,7 @@ def follow(
     Returns:
         None when the corridor is blocked right ahead.
     """
-    bearing_rad, speed_mps = _course(leg, pose, survey, config)
+    bearing_rad, speed_mps = _course(leg, pose, margins, config)
     facing = abs(bearing_rad) < config.facing_rad
     if facing:
         speed_mps = min(speed_mps * math.cos(bearing_rad), _by_corridor(corridor, config))
@@ -107,21 +109,19 @@ def follow(
     )
 
 
-def _course(
-    leg: Leg, pose: Pose2D, survey: SurveyConfig, config: FollowConfig
-) -> tuple[float, float]:
+def _course(leg: Leg, pose: Pose2D, margins: Margins, config: FollowConfig) -> tuple[float, float]:
     """Return bearing and speed to the furthest place of the path that is reached straight."""
     apart = np.hypot(*(leg.path_m - leg.path_m[0]).T)
-    furthest = int(np.argmax(apart >= survey.ahead_m)) or len(leg.path_m) - 1
+    furthest = int(np.argmax(apart >= config.ahead_m)) or len(leg.path_m) - 1
     # Around a corner, not across it.
     along_m = np.minimum.accumulate(leg.clear_m)
     straight = np.flatnonzero(
-        leg.straight_m[: furthest + 1] >= along_m[: furthest + 1] - survey.cut_m
+        leg.straight_m[: furthest + 1] >= along_m[: furthest + 1] - config.cut_m
     )
     ahead = max(int(straight[-1]), min(_NEAREST, furthest))
     x_m, y_m = leg.path_m[ahead]
     forward_m, right_m = pose.to_body(float(x_m), float(y_m))
-    speed = float(survey.speed_mps(leg.clear_m[: ahead + 1]).min())
+    speed = float(margins.speed_mps(leg.clear_m[: ahead + 1]).min())
     left_m = float(apart.max())
     braking = math.sqrt(2.0 * config.brake_mps2 * max(left_m - 0.05, 0.0)) + 0.1
     return math.atan2(right_m, forward_m), min(speed, braking)

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from behaviours.path.moving import Floats, MovingConfig, room_m
-from behaviours.path.survey import Flags, Room
+from behaviours.path.room import Flags, Room
 from uav_bt.types.site_map import MapMover, SiteMap
 
 _AROUND_M: Final = 0.15  # of a mover's circle: so far off its points may be

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from behaviours.path.next_view import (
     still_shows_m2,
     unseen,
 )
-from behaviours.path.survey import Flags, Floats, Leg, Room, SurveyConfig
+from behaviours.path.room import Flags, Floats, Leg, Margins, Room, Rooms, Width
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -36,7 +35,7 @@ class MapSearchConfig:
     at_view_m: float = 0.25
     kept: float = 0.4  # a view is flown to while it shows this share of what it showed at first
     doubted_s: float = 2.0  # a map that the views contradict for so long is not flown by
-    survey: SurveyConfig = field(default_factory=SurveyConfig)
+    margins: Margins = field(default_factory=Margins)
     follow: FollowConfig = field(default_factory=FollowConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
 
@@ -62,7 +61,7 @@ class MapSearch:
         self._round_s = -math.inf  # ground seen before is looked at again
         self._in_vain_m = np.empty((0, 2))  # places that stayed unseen from where they should show
         self._restarts = 0
-        self._tight = 0  # the view is flown to with little room
+        self._width = Width.ORDINARY  # of the way to the view
         self.pause()
 
     def pause(self) -> None:
@@ -107,25 +106,16 @@ class MapSearch:
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
         # Where there is no other way, it leads through where something moved, too.
-        crossing = replace(site_map, lanes_m=np.empty((0, 2)))
-        survey, lately = self.config.survey, around(obstacles, site_map)
-        rooms = [
-            Room(known, lately, config=config)
-            for known, config in (
-                (site_map, survey),
-                (crossing, survey.tight()),
-                (crossing, survey.tightest()),
-            )
-        ]
+        rooms = Rooms(site_map, around(obstacles, site_map), self.config.margins, crossing=True)
         mark = self.mark_of(site_map)
         if mark is not None:
             self.aim = Aim.MARK
-            for room in rooms:
-                decision = self._to_mark(room, mark, corridor)
+            for width in Width:
+                decision = self._to_mark(rooms[width], mark, corridor)
                 if decision is not None:
                     return decision
         self.aim = Aim.GROUND
-        return self._to_ground(rooms, corridor, sight)
+        return self._to_ground(rooms, site_map.captured_s, corridor, sight)
 
     def _to_mark(self, room: Room, mark: MapMark, corridor: Corridor | None) -> Decision | None:
         cfg, site_map, time_s = self.config, room.map, room.fastest.time_s
@@ -147,28 +137,29 @@ class MapSearch:
         return self._follow(leg, room, corridor, reason)
 
     def _to_ground(
-        self, rooms: Sequence[Room], corridor: Corridor | None, sight: Sight
+        self, rooms: Rooms, now_s: float, corridor: Corridor | None, sight: Sight
     ) -> Decision | None:
-        if self._view is not None and not self._is_settled(self._view, rooms[self._tight], sight):
-            return self._to_view(self._view, rooms[self._tight], corridor, sight)
+        if self._view is not None and not self._is_settled(self._view, rooms[self._width], sight):
+            return self._to_view(self._view, rooms[self._width], corridor, sight)
         if not self._choose(rooms, sight):
-            if self._round_s >= rooms[0].map.captured_s:
+            if self._round_s >= now_s:
                 return None
             # All was seen: the search begins anew.
-            self._round_s = rooms[0].map.captured_s
+            self._round_s = now_s
             self._in_vain_m = np.empty((0, 2))
             self._choose(rooms, sight)
         if self._view is None:
             return None
-        return self._to_view(self._view, rooms[self._tight], corridor, sight)
+        return self._to_view(self._view, rooms[self._width], corridor, sight)
 
-    def _choose(self, rooms: Sequence[Room], sight: Sight) -> bool:
+    def _choose(self, rooms: Rooms, sight: Sight) -> bool:
         """Choose the next view, with as much room as there is; False when none is worth it."""
         self.pause()
-        for tight, room in enumerate(rooms):
+        for width in Width:
+            room = rooms[width]
             view = best_view(room, self._wanted(room), sight, self.config.view)
             if view is not None:
-                self._view, self._tight = view, tight
+                self._view, self._width = view, width
                 return True
         return False
 
@@ -199,7 +190,7 @@ class MapSearch:
             leg,
             pose,
             corridor,
-            survey=self.config.survey.by(room.map.residual_m),
+            margins=self.config.margins.by(room.map.residual_m),
             config=config,
             movers=room.map.movers,
             reason=reason,
@@ -215,7 +206,7 @@ class MapSearch:
         if not math.isfinite(time_s[row, column]) and not self._is_at(view, room.map):
             return True
         left_m2 = still_shows_m2(view, room, self._wanted(room), sight, cfg.view)
-        return left_m2 < max(cfg.kept * view.shows_m2, cfg.view.least_m2)
+        return left_m2 < max(cfg.kept * view.shows_m2, cfg.view.min_view_m2)
 
     def _is_at(self, view: View, site_map: SiteMap) -> bool:
         apart_m = math.hypot(view.x_m - site_map.pose.x_m, view.y_m - site_map.pose.y_m)

@@ -28,7 +28,7 @@ class MovingConfig:
     body_m: float = 0.2  # half of the body's diagonal
     spare_m: float = 0.2  # beside that, between body and mover
     yields_by: float = 0.5  # the speeds that are tried: each that share of the one before,
-    least_mps: float = 0.12  # down to this; then the drone waits
+    min_mps: float = 0.12  # down to this; then the drone waits
 
     @property
     def times_s(self) -> Floats:
@@ -62,13 +62,13 @@ def room_m(movers: Sequence[MapMover], places_m: Floats, config: MovingConfig) -
         (...) the least over the time; infinite without movers.
     """
     times_s = config.times_s
-    least_m = np.full(places_m.shape[:-2], math.inf)
+    min_left_m = np.full(places_m.shape[:-2], math.inf)
     for mover in movers:
         doubt_m = np.hypot(mover.std_m, mover.std_mps * np.minimum(times_s, config.doubted_s))
         apart_m = np.linalg.norm(places_m - mover.at(times_s), axis=-1)
         left_m = apart_m - mover.radius_m - doubt_m - config.body_m
-        least_m = np.minimum(least_m, left_m.min(axis=-1))
-    return least_m
+        min_left_m = np.minimum(min_left_m, left_m.min(axis=-1))
+    return min_left_m
 
 
 def yielding_mps(
@@ -86,7 +86,7 @@ def yielding_mps(
         return speed_mps
     along_m = np.concatenate([[0.0], np.hypot(*np.diff(path_m, axis=0).T).cumsum()])
     tried_mps = speed_mps
-    while tried_mps >= config.least_mps:
+    while tried_mps >= config.min_mps:
         flown_m = tried_mps * config.times_s
         places_m = np.stack([np.interp(flown_m, along_m, axis) for axis in path_m.T], axis=-1)
         if float(room_m(movers, places_m, config)) >= config.spare_m:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.survey import Flags, Floats, Room
+from behaviours.path.room import Flags, Floats, Room
 from uav_bt.types import CameraModel
 
 _SOLID_CELLS = 1.5  # so near to a point of an obstacle nothing is seen through
@@ -26,7 +26,7 @@ class ViewConfig:
     far_m: float = 3.5  # the map takes in hardly more, and the mark is small there
     bearings: int = 48  # round each place
     grid_step: int = 4  # of the places that are tried, cells
-    least_m2: float = 0.15  # a view that shows less is not worth it; a pad has 0.25
+    min_view_m2: float = 0.15  # a view that shows less is not worth it; a pad has 0.25
     look_s: float = 1.0  # for the view itself
     yaw_rate_radps: float = 0.8
 
@@ -98,7 +98,7 @@ def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> Vi
     places = np.argwhere(tried & np.isfinite(room.fastest.time_s))
     shown_m2 = _shown_m2(room, wanted, places, sight, config)
     spent_s = config.look_s + _times_s(room, places, config)
-    worth = np.where(shown_m2 >= config.least_m2, shown_m2 / spent_s, 0.0)
+    worth = np.where(shown_m2 >= config.min_view_m2, shown_m2 / spent_s, 0.0)
     place, bearing = np.unravel_index(int(worth.argmax()), worth.shape)
     if worth[place, bearing] <= 0.0:
         return None

@@ -113,19 +113,19 @@ class CorridorRule:
         reach_m = carpet_reach(groups, view, cfg) + view.camera.forward_offset_m
         by_carpet_m = reach_m - cfg.edge_margin_m + relief_m
         by_corridor_m = view.corridor.free_distance_m - cfg.front_margin_m + relief_m
-        least_m = cfg.shortest_step_m + (cfg.hysteresis_m if view.turning else 0.0)
-        carpet_ends = by_carpet_m < least_m
+        min_step_m = cfg.shortest_step_m + (cfg.hysteresis_m if view.turning else 0.0)
+        carpet_ends = by_carpet_m < min_step_m
         margin_m = cfg.side_margin_m - relief_m
         free_m = self._beside(view, max(0.0, min(cfg.longest_step_m, by_corridor_m)), margin_m)
         step_m = min(cfg.longest_step_m, by_carpet_m, by_corridor_m)
-        if step_m >= least_m:
+        if step_m >= min_step_m:
             as_far = by_carpet_m >= min(cfg.longest_step_m, by_corridor_m)
             step_m = free_m if as_far else self._beside(view, step_m, margin_m)
-        if step_m >= cfg.shortest_step_m and not carpet_ends and by_corridor_m >= least_m:
+        if step_m >= cfg.shortest_step_m and not carpet_ends and by_corridor_m >= min_step_m:
             return Decision(forward_m=step_m, reason="clear", free_m=free_m)
         if carpet_ends:
             side = self._more(groups, view, GROUP_CARPET)
-            reason = "edge" if by_corridor_m >= least_m else "corner"
+            reason = "edge" if by_corridor_m >= min_step_m else "corner"
         else:
             side = self._away(groups, view)
             reason = "obstacle"

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.survey import Floats, Room, SurveyConfig, best_leg, new_ground_per_second
+from behaviours.path.room import Floats, Margins, Rooms, Width
+from behaviours.path.survey import SurveyConfig, best_leg, new_ground_per_second
 from uav_bt.protocols import Decision, PolicyView
 
 
@@ -15,6 +16,7 @@ from uav_bt.protocols import Decision, PolicyView
 class CoverageConfig:
     """How legs are flown."""
 
+    margins: Margins = field(default_factory=Margins)
     survey: SurveyConfig = field(default_factory=SurveyConfig)
     # When legs with all that room bring less new ground than this, narrower ones are tried.
     little_m2ps: float = 0.03
@@ -46,15 +48,15 @@ class Coverage:
         )
         if site_map is None:
             return turn
-        lately = around(view.obstacles, site_map)
-        room = Room(site_map, lately, config=cfg.survey)
-        leg = best_leg(room, self._value)
+        rooms = Rooms(site_map, around(view.obstacles, site_map), cfg.margins)
+        room = rooms[Width.ORDINARY]
+        leg = best_leg(room, cfg.survey, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
-            room = Room(site_map, lately, config=cfg.survey.tight())
-            leg = best_leg(room, self._value) or leg
+            room = rooms[Width.TIGHT]
+            leg = best_leg(room, cfg.survey, self._value) or leg
         if leg is None and room.shut_in:
-            room = Room(site_map, lately, config=cfg.survey.tightest())
-            leg = best_leg(room, self._value)
+            room = rooms[Width.TIGHTEST]
+            leg = best_leg(room, cfg.survey, self._value)
         if leg is None:
             # What moves is in the way of ground for a while only.
             still = not site_map.movers and not len(site_map.lanes_m)
@@ -65,7 +67,7 @@ class Coverage:
             leg,
             site_map.pose,
             view.corridor,
-            survey=cfg.survey.by(site_map.residual_m),
+            margins=cfg.margins.by(site_map.residual_m),
             config=cfg.follow,
             movers=site_map.movers,
             reason=reason,

@@ -41,8 +41,8 @@ class LandmarkConfig:
     # A point goes when the ground is seen at it and at this distance to all four sides, in more
     # views than placed it: a pose that is off for a moment must not wipe out what would correct it.
     probe_m: float = 0.05
-    least_missed: float = 3.0
-    most_missed: float = 10.0
+    min_missed: float = 3.0
+    max_missed: float = 10.0
     min_pitch_rad: float = -1.0  # looking further down, roofs are nearer than bases
 
     def reach_m(self, height_m: float) -> float:
@@ -205,7 +205,7 @@ def without_missed(known: Landmarks, free: Flags, config: LandmarkConfig) -> Lan
         config: how often is too often.
     """
     known.missed += free
-    enough = np.clip(known.weight, config.least_missed, config.most_missed)
+    enough = np.clip(known.weight, config.min_missed, config.max_missed)
     return known.take(known.missed < enough)
 
 

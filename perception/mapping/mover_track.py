@@ -24,7 +24,7 @@ class MoverConfig:
     min_points: int = 3
     max_width_m: float = 1.2  # wider ones are walls that a displaced view shows
     depth_m: float = 0.4  # of a thing; its base is seen from one side, its middle lies behind
-    least_radius_m: float = 0.25
+    min_radius_m: float = 0.25
     # Of a cluster's middle, and of its range besides.
     std_m: float = 0.06
     cut_std_m: float = 0.3  # where the end of the view cuts it off
@@ -38,8 +38,8 @@ class MoverConfig:
     sightings: int = 5
     moved_m: float = 0.3
     moved_slowly_m: float = 0.45
-    least_mps: float = 0.1
-    most_mps: float = 1.5
+    min_mps: float = 0.1
+    max_mps: float = 1.5
     sure: float = 2.0
     # It stands when it has stayed so near to one place for so long.
     stays_m: float = 0.2
@@ -50,7 +50,7 @@ class MoverConfig:
     trail_s: float = 3.0  # of a mover's past places that are kept
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.least_mps < self.most_mps or self.sightings < 2:
+        if not 0.0 < self.min_mps < self.max_mps or self.sightings < 2:
             raise ValueRangeError(f"a mover needs speeds in order and sightings, got {self}")
 
 
@@ -74,7 +74,7 @@ class MoverTrack:
         self.first_s = self.seen_s = self.time_s = self.anchor_s = time_s
         self._begin(place_m, noise)
         self.free_since_s: float | None = None
-        self.radius_m = config.least_radius_m
+        self.radius_m = config.min_radius_m
         self.sightings = 1
         self.moves = self.stands = False
         self.is_whole = True  # it was seen as a whole
@@ -106,7 +106,7 @@ class MoverTrack:
     def is_under_way(self) -> bool:
         """Whether it is on its way, surely or most likely."""
         speed_mps = float(np.hypot(*self.velocity_mps))
-        fast = speed_mps >= max(self._config.least_mps, self._config.sure * self.std(1))
+        fast = speed_mps >= max(self._config.min_mps, self._config.sure * self.std(1))
         return self.moves or (fast and not self.stands and self.sightings >= 3)
 
     def predict(self, time_s: float) -> None:
@@ -142,7 +142,7 @@ class MoverTrack:
         self.is_whole |= whole
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
         # What is seen of it grows and shrinks with its place in the view.
-        self.radius_m = max(cfg.least_radius_m, radius_m, 0.98 * self.radius_m)
+        self.radius_m = max(cfg.min_radius_m, radius_m, 0.98 * self.radius_m)
         self._judge()
 
     def _judge(self) -> None:
@@ -159,7 +159,7 @@ class MoverTrack:
         if (
             self.sightings >= cfg.sightings
             and moved_m >= cfg.moved_m
-            and cfg.least_mps <= speed_mps <= cfg.most_mps
+            and cfg.min_mps <= speed_mps <= cfg.max_mps
             and (speed_mps >= cfg.sure * self.std(1) or moved_m >= cfg.moved_slowly_m)
         ):
             self.moves, self.stands = True, False

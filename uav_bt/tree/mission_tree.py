@@ -69,7 +69,7 @@ class MissionTree:
         inclusions: which of these files each `<include>` stands for.
         places: where the tree file has the nodes, by path; empty for a tree composed in Python.
         replaced: attributes that nodes have instead of what the tree file says, by path.
-        members: of enumerations, integers by the names that scripts read.
+        enum_members: of enumerations, integers by the names that scripts read.
     """
 
     # Called with every tree of the process once it is made: for tools such as coverage, which
@@ -85,7 +85,7 @@ class MissionTree:
         inclusions: Mapping[Inclusion, Path] | None = None,
         places: Mapping[str, Place] | None = None,
         replaced: Mapping[str, Mapping[str, str]] | None = None,
-        members: Mapping[str, int] | None = None,
+        enum_members: Mapping[str, int] | None = None,
     ) -> None:
         self.root = root
         self.name = name
@@ -94,7 +94,7 @@ class MissionTree:
         self.places = dict(places or {})
         self.replaced = {path: dict(given) for path, given in (replaced or {}).items()}
         self.variables = Variables()
-        self.variables.members.update(members or {})
+        self.variables.enum_members.update(enum_members or {})
         self._ready = False
         counts = Counter(self.nodes())
         if (twice := next((node for node in counts if counts[node] > 1), None)) is not None:

@@ -36,7 +36,7 @@ class NodeRegistry:
     ) -> None:
         self.policies = None if policies is None else frozenset(policies)
         self.faults: tuple[str, ...] = ()  # of installed packages, whose nodes are missing here
-        self.members: dict[str, int] = {}  # of a palette's enumerations, for scripts
+        self.enum_members: dict[str, int] = {}  # of a palette's enumerations, for scripts
         self.foreign_board = False  # trees of another engine name keys of a board that is not ours
         self._nodes: dict[str, type[Node]] = {}
         for node in (*BUILTIN_NODES, *nodes):
@@ -104,7 +104,7 @@ class NodeRegistry:
         registry = NodeRegistry(nodes, policies=policies)
         registry.faults = self.faults
         registry.foreign_board = self.foreign_board
-        registry.members = dict(self.members)
+        registry.enum_members = dict(self.enum_members)
         return registry
 
     def _add(self, node: type[Node | Behaviour]) -> None:

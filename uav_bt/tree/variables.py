@@ -49,7 +49,7 @@ class Variables:
         self._autoremap = autoremap
         self._texts: _Texts = _Texts() if parent is None else parent._texts  # noqa: SLF001  # of the same class
         # Of enumerations: constants of scripts, the same in all scopes of a tree.
-        self.members: dict[str, int] = {} if parent is None else parent.members
+        self.enum_members: dict[str, int] = {} if parent is None else parent.enum_members
         self._entries = {key: Entry(value) for key, value in (constants or {}).items()}
         # Where names lead, found once: the walk through the doors is most of a read.
         self._places: dict[str, tuple[Variables, str]] = {}

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.survey import Lately, Room, SurveyConfig, best_leg
+from behaviours.path.room import Lately, Margins, Room
+from behaviours.path.survey import best_leg
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types import ObstaclePoints
 
-SURVEY = SurveyConfig()
+MARGINS = Margins()
 AHEAD = np.array([0.1, 0.0])
 BOX = np.array([[1.0, y_m] for y_m in np.arange(-0.2, 0.25, 0.1)])
 
@@ -54,11 +55,11 @@ def test_it_steers_around_a_corner_not_across_it() -> None:
     ahead = [(x_m, 0.0) for x_m in (0.5, 0.6, 0.7, 0.8, 0.9)]
     path_m = ahead + [(0.9, y_m) for y_m in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)]
     leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
-    way = follow(leg, room.map.pose, None, survey=SURVEY, config=FollowConfig())
+    way = follow(leg, room.map.pose, None, margins=MARGINS, config=FollowConfig())
     assert way is not None
     course = np.arange(0.0, 0.6, 0.05)[:, None] * (math.cos(way.yaw_rad), math.sin(way.yaw_rad))
     nearest_m = np.linalg.norm((0.45, 0.0) + course[:, None] - block, axis=-1).min()
-    assert nearest_m >= leg.clear_m.min() - SURVEY.cut_m - 0.05  # half a cell
+    assert nearest_m >= leg.clear_m.min() - FollowConfig().cut_m - 0.05  # half a cell
 
 
 def test_in_the_open_it_looks_far_ahead() -> None:

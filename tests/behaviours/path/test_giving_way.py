@@ -19,7 +19,8 @@ from behaviours.path.giving_way import (
     way_out,
 )
 from behaviours.path.moving import MovingConfig, room_m, taken_m, yielding_mps
-from behaviours.path.survey import Lately, Room, best_leg
+from behaviours.path.room import Lately, Room
+from behaviours.path.survey import best_leg
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types.site_map import MapMover, SiteMap
 
@@ -51,7 +52,7 @@ def escape(site_map: SiteMap, before: Way | None = None) -> Way:
     return way_out(room, site_map.movers, CONFIG, before=before)
 
 
-def least_room_m(way: Way, site_map: SiteMap) -> float:
+def min_room_m(way: Way, site_map: SiteMap) -> float:
     """Return how much room a drone that flies a way leaves to what moves, after its reaction."""
     flown_s = np.maximum(MOVING.times_s - CONFIG.reaction_s, 0.0)
     speed_mps = math.hypot(way.x_mps, way.y_mps)
@@ -136,8 +137,8 @@ def test_in_the_open_it_gets_out_of_the_way(azimuth: float, speed_mps: float) ->
     towards = np.array([math.cos(azimuth), math.sin(azimuth)])
     start_m, velocity = -towards * (0.6 + 2.0 * speed_mps), towards * speed_mps
     site_map = with_movers(mover(*map(float, start_m), *map(float, velocity)))
-    assert least_room_m(Way(), site_map) < 0.0
-    assert least_room_m(escape(site_map), site_map) > 0.05
+    assert min_room_m(Way(), site_map) < 0.0
+    assert min_room_m(escape(site_map), site_map) > 0.05
 
 
 def test_a_wall_to_the_one_side_is_no_way_out() -> None:

@@ -16,7 +16,7 @@ from behaviours.path.next_view import (
     still_shows_m2,
     unseen,
 )
-from behaviours.path.survey import Lately, Room
+from behaviours.path.room import Lately, Room
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types import CameraModel
 from uav_bt.types.site_map import SiteMap

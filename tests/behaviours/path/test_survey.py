@@ -11,12 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from behaviours.path.survey import Lately, Leg, Room, SurveyConfig, best_leg
+from behaviours.path.room import Lately, Leg, Margins, Room
+from behaviours.path.survey import best_leg
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
 
-CONFIG = SurveyConfig()
+MARGINS = Margins()
 NOTHING = np.empty((0, 2))
 
 
@@ -51,7 +52,7 @@ def where(condition: str) -> NDArray[np.bool_]:
 
 
 def leg(site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING) -> Leg | None:
-    return best_leg(Room(site_map, Lately(assumed_m=assumed), config=CONFIG))
+    return best_leg(Room(site_map, Lately(assumed_m=assumed), MARGINS))
 
 
 def test_the_leg_leads_to_the_half_that_was_not_passed() -> None:
@@ -74,7 +75,7 @@ def test_all_passed_is_no_leg() -> None:
 def test_ground_behind_a_wall_is_not_flown_to() -> None:
     wall = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, 0.8)])
     found = leg(drawn_map(passed=where("left") | where("near"), obstacles=wall))
-    assert found is None or found.path_m[:, 1].max() < 0.8 - CONFIG.touch_m + 0.1
+    assert found is None or found.path_m[:, 1].max() < 0.8 - MARGINS.touch_m + 0.1
 
 
 def test_unknown_ground_is_not_flown_over() -> None:
@@ -96,10 +97,10 @@ def test_no_leg_passes_an_obstacle_or_the_edge_too_near(places: list[tuple[float
     found = leg(drawn_map(obstacles=obstacles))
     if found is None:
         return
-    away = found.path_m[np.hypot(*found.path_m.T) > CONFIG.start_m]
-    assert np.abs(away).max(initial=0.0) <= 2.0 - CONFIG.edge_m + 0.1
+    away = found.path_m[np.hypot(*found.path_m.T) > MARGINS.start_m]
+    assert np.abs(away).max(initial=0.0) <= 2.0 - MARGINS.edge_m + 0.1
     for place in obstacles:
-        assert np.hypot(*(away - place).T).min(initial=9.0) >= CONFIG.touch_m - 0.1
+        assert np.hypot(*(away - place).T).min(initial=9.0) >= MARGINS.touch_m - 0.1
 
 
 def test_a_drone_too_near_to_a_box_flies_on_as_near_and_away() -> None:
@@ -119,7 +120,7 @@ def test_a_leg_ends_where_there_is_room() -> None:
     assert best_leg(Room(site_map, Lately())) is None
     out_of_it = best_leg(Room(replace(site_map, passed=where("near")), Lately()))
     assert out_of_it is not None
-    assert out_of_it.clear_m[-1] >= CONFIG.touch_m
+    assert out_of_it.clear_m[-1] >= MARGINS.touch_m
 
 
 def test_objects_are_solid() -> None:
@@ -147,10 +148,10 @@ def test_walls_all_round_shut_in() -> None:
 
 
 def test_the_speed_rises_with_the_room() -> None:
-    speeds = CONFIG.speed_mps(np.array([0.0, CONFIG.touch_m, 0.6, CONFIG.wide_m, 3.0]))
+    speeds = MARGINS.speed_mps(np.array([0.0, MARGINS.touch_m, 0.6, MARGINS.wide_m, 3.0]))
     assert np.all(np.diff(speeds) >= 0.0)
-    assert list(speeds[:2]) == [CONFIG.away_mps, CONFIG.slow_mps]
-    assert speeds[-1] == CONFIG.fast_mps
+    assert list(speeds[:2]) == [MARGINS.away_mps, MARGINS.slow_mps]
+    assert speeds[-1] == MARGINS.fast_mps
 
 
 def test_a_drone_off_the_grid_plans_from_its_edge() -> None:
@@ -159,7 +160,7 @@ def test_a_drone_off_the_grid_plans_from_its_edge() -> None:
 
 def test_speeds_in_the_wrong_order_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="in order"):
-        SurveyConfig(slow_mps=1.0, fast_mps=0.5)
+        Margins(slow_mps=1.0, fast_mps=0.5)
 
 
 def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
@@ -172,11 +173,11 @@ def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
 
 
 def test_views_that_are_off_the_map_widen_the_distances() -> None:
-    sure, unsure = CONFIG.by(0.02), CONFIG.by(0.04)
-    assert sure == CONFIG
-    assert unsure.touch_m == pytest.approx(CONFIG.touch_m + 0.075)
-    assert unsure.edge_m == pytest.approx(CONFIG.edge_m + 0.075)
-    assert CONFIG.by(1.0).touch_m == pytest.approx(CONFIG.touch_m + CONFIG.unsure_m)
+    sure, unsure = MARGINS.by(0.02), MARGINS.by(0.04)
+    assert sure == MARGINS
+    assert unsure.touch_m == pytest.approx(MARGINS.touch_m + 0.075)
+    assert unsure.edge_m == pytest.approx(MARGINS.edge_m + 0.075)
+    assert MARGINS.by(1.0).touch_m == pytest.approx(MARGINS.touch_m + MARGINS.unsure_m)
     site_map = drawn_map(obstacles=np.array([[1.0, 0.0]]))
     open_now = Room(site_map, Lately()).open.sum()
     assert Room(replace(site_map, residual_m=0.05), Lately()).open.sum() < open_now

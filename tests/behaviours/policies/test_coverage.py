@@ -49,12 +49,12 @@ def test_facing_new_ground_it_flies() -> None:
     assert decision.speed_mps > 0.25
 
 
-@pytest.mark.parametrize(("free_m", "most_mps"), [(0.4, 0.25), (0.6, 0.25), (1.0, 0.6)])
-def test_what_the_corridor_shows_limits_the_speed(free_m: float, most_mps: float) -> None:
+@pytest.mark.parametrize(("free_m", "max_mps"), [(0.4, 0.25), (0.6, 0.25), (1.0, 0.6)])
+def test_what_the_corridor_shows_limits_the_speed(free_m: float, max_mps: float) -> None:
     ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
     speed = decide(ahead, corridor=corridor(free_m)).speed_mps
     assert speed is not None
-    assert speed <= most_mps
+    assert speed <= max_mps
 
 
 def test_what_the_corridor_shows_right_ahead_blocks() -> None:

@@ -161,7 +161,7 @@ def test_what_is_seen_not_to_be_there_is_forgotten() -> None:
 
 def test_speeds_in_the_wrong_order_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="in order"):
-        MoverConfig(least_mps=2.0)
+        MoverConfig(min_mps=2.0)
 
 
 # --- on exact views -------------------------------------------------------------------------------

@@ -280,6 +280,22 @@ def test_refused_members_of_an_enumeration(member: str, message: str) -> None:
     assert message in found[0]
 
 
+def test_a_member_has_one_value_in_all_files_and_the_palette(tmp_path: Path) -> None:
+    full, other = supply('name="FULL" value="4"'), supply('name="FULL" value="5"')
+    part, path = tmp_path / "part.xml", tmp_path / "tree.xml"
+    part.write_text(f'<root BTCPP_format="4">{other}</root>')
+    tree = '<BehaviorTree ID="A"><Safe/></BehaviorTree>'
+    path.write_text(f'<root BTCPP_format="4"><include path="part.xml"/>{tree}{full}</root>')
+    with pytest.raises(TreeError, match="'FULL' is 4 already"):
+        load_tree(path, REGISTRY)
+    part.write_text(f'<root BTCPP_format="4">{full}</root>')
+    load_tree(path, REGISTRY)
+    registry = NodeRegistry([Safe])
+    registry.enum_members["FULL"] = 3
+    with pytest.raises(TreeError, match="'FULL' is 3 already"):
+        load_tree(path, registry)
+
+
 def test_all_errors_come_together_with_their_places() -> None:
     """Line and column lead to the attribute itself; the order is the file's."""
     text = """<root BTCPP_format="4">

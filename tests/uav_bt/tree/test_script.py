@@ -164,7 +164,7 @@ def test_both_sides_are_evaluated() -> None:
 def test_enumerations_come_before_variables() -> None:
     """A named integer can be used like a number."""
     scope = _scope({"RED": 7})
-    scope.members["RED"] = 2
+    scope.enum_members["RED"] = 2
     assert parse_script("RED + 1").run(Environment(scope)) == 3.0
 
 

@@ -11,7 +11,7 @@ from uav_bt.errors import did_you_mean
 from uav_bt.tree.loading.elements import check_attributes, check_no_text, node_attributes
 from uav_bt.tree.loading.findings import WARNING, Findings
 from uav_bt.tree.loading.lookup import Includes, Inclusion, Lookup
-from uav_bt.tree.loading.models import read_members, read_models
+from uav_bt.tree.loading.models import read_enumerations, read_models
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, walk
 from uav_bt.tree.node import Node, NodeKind
@@ -42,7 +42,7 @@ class Document:
     # Ports of the trees that the file describes as SubTree in its TreeNodesModel: default by name,
     # None where a SubTree has to give an entry.
     subtree_ports: dict[str, dict[str, str | None]] = field(default_factory=dict)
-    members: dict[str, int] = field(default_factory=dict)  # of enumerations, for scripts
+    enum_members: dict[str, int] = field(default_factory=dict)  # of enumerations, for scripts
 
     @property
     def unused(self) -> tuple[str, ...]:
@@ -108,7 +108,7 @@ def outline(
         TreeError: an included file cannot be read or is no XML.
     """
     lookup = lookup or Lookup()
-    document = Document(root.path, members=dict(registry.members))
+    document = Document(root.path, enum_members=dict(registry.enum_members))
     included = Includes(root.path, lookup)
     waiting = [root]
     while waiting:
@@ -270,7 +270,7 @@ def find_main(document: Document, root: Element, findings: Findings, tree_id: st
 def _read_models(
     models: Element, document: Document, registry: NodeRegistry, findings: Findings
 ) -> None:
-    document.members |= read_members(models, findings)
+    read_enumerations(models, document.enum_members, findings)
     for model in read_models(models, findings):
         if model.kind is NodeKind.SUBTREE:
             document.subtree_ports[model.node_id] = {

@@ -155,7 +155,7 @@ class _Read:
             inclusions=document.inclusions,
             places=builder.places,
             replaced=builder.replaced,
-            members=document.members,
+            enum_members=document.enum_members,
         )
 
 

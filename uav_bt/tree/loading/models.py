@@ -71,30 +71,30 @@ def read_models(models: Element, findings: Findings) -> list[NodeModel]:
     return list(found.values())
 
 
-def read_members(models: Element, findings: Findings) -> dict[str, int]:
-    """Return the members of the enumerations in a TreeNodesModel.
+def read_enumerations(models: Element, enum_members: dict[str, int], findings: Findings) -> None:
+    """Read the enumerations in a TreeNodesModel.
 
-    BehaviorTree.CPP has no form for them in a file: there, a program registers them.
+    BehaviorTree.CPP has no form for them in a file: there, a program registers them. It refuses
+    a name with two values, too.
 
     Args:
         models: the TreeNodesModel.
+        enum_members: the members that are known, to which these are added.
         findings: where errors are added.
     """
-    found: dict[str, int] = {}
     for enumeration in models.children:
         if enumeration.tag != ENUMERATION:
             continue
         check_attributes(enumeration, frozenset({"ID"}), findings)
         for member in enumeration.children:
-            message = _wrong_member(member, found)
+            message = _wrong_member(member, enum_members)
             if message:
                 findings.note(member, message, rule=Rule.NODE_MODEL)
             else:
-                found[member.attributes["name"]] = int(member.attributes["value"])
-    return found
+                enum_members[member.attributes["name"]] = int(member.attributes["value"])
 
 
-def _wrong_member(member: Element, found: dict[str, int]) -> str:
+def _wrong_member(member: Element, known: dict[str, int]) -> str:
     name, value = (member.attributes.get(key, "") for key in ("name", "value"))
     if member.tag != MEMBER:
         return f"<{member.tag}> is no member of an enumeration: write <{MEMBER} name= value=/>"
@@ -102,8 +102,8 @@ def _wrong_member(member: Element, found: dict[str, int]) -> str:
         return f"attribute 'name': expected a name that scripts can use, got '{name}'"
     if not _MEMBER_VALUE.fullmatch(value):
         return f"attribute 'value': expected an integer, got '{value}'"
-    if name in found and found[name] != int(value):
-        return f"'{name}' is {found[name]} already: scripts could not tell which is meant"
+    if known.get(name, int(value)) != int(value):
+        return f"'{name}' is {known[name]} already: scripts could not tell which is meant"
     return ""
 
 

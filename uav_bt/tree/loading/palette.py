@@ -15,7 +15,7 @@ from typing import Any, Final
 from uav_bt.errors import MissionError
 from uav_bt.tree.leaf import Leaf
 from uav_bt.tree.loading.findings import WARNING, Findings
-from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_members, read_models
+from uav_bt.tree.loading.models import PORT_DIRECTIONS, NodeModel, read_enumerations, read_models
 from uav_bt.tree.loading.rules import Rule
 from uav_bt.tree.loading.source import Element, parse_source, read_source
 from uav_bt.tree.node import Node, NodeKind
@@ -87,7 +87,7 @@ class Palette:
     """What a palette describes."""
 
     nodes: tuple[type[Node], ...]
-    members: dict[str, int]  # of its enumerations, for scripts
+    enum_members: dict[str, int]  # of its enumerations, for scripts
 
 
 def read_palette(path: Path, odd: Findings | None = None) -> Palette:
@@ -112,14 +112,14 @@ def read_palette(path: Path, odd: Findings | None = None) -> Palette:
         expected = f"expected a <TreeNodesModel>, or a <root> that holds one; got <{root.tag}>"
         findings.add(path, root.position, expected, rule=Rule.NODE_MODEL)
     nodes: dict[str, type[Node]] = {}
-    members: dict[str, int] = {}
+    enum_members: dict[str, int] = {}
     for element in models:
-        members |= read_members(element, findings)
+        read_enumerations(element, enum_members, findings)
         for model in read_models(element, findings):
             if model.kind in _BASES:
                 nodes.setdefault(model.node_id, _node_of(model, findings))
     findings.raise_any(path)
-    return Palette(tuple(nodes.values()), members)
+    return Palette(tuple(nodes.values()), enum_members)
 
 
 def _node_of(model: NodeModel, findings: Findings) -> type[Node]:
@@ -202,7 +202,7 @@ def with_palette(registry: NodeRegistry, palette: Palette) -> NodeRegistry:
     both = NodeRegistry([*chosen.values(), *described.values()], policies=registry.policies)
     both.faults = registry.faults
     both.foreign_board = True
-    both.members = {**registry.members, **palette.members}
+    both.enum_members = {**registry.enum_members, **palette.enum_members}
     return both
 
 

@@ -208,7 +208,7 @@ class VariableUses:
         self._changed(script, scope, use)
 
     def _is_variable(self, name: Name) -> bool:
-        return not name.name.startswith("@") and name.name not in self._document.members
+        return not name.name.startswith("@") and name.name not in self._document.enum_members
 
     def _name(self, name: Name, scope: Scope, use: Use, *, needed: bool) -> None:
         slot = scope.place(name.name)

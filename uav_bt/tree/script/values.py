@@ -121,7 +121,7 @@ class Environment:
         Raises:
             ScriptError: nothing, nothing fresh, or nothing that a script can use.
         """
-        members = self._variables.members
+        members = self._variables.enum_members
         if name in members:  # before a variable of the same name, as in the engine
             return float(members[name])
         key = self._board_key(name)
