@@ -57,7 +57,20 @@ def test_a_queue_in_a_variable_is_used_up(world: World) -> None:
     assert queue == []
     assert tree.variables["v"] == 5
     tree.variables["q"] = 3
-    with pytest.raises(NodeFailedError, match="expected a list, got int"):
+    with pytest.raises(NodeFailedError, match="expected a list, or a text like 1;2;3, got int"):
+        tree.tick()
+
+
+def test_a_text_in_a_variable_is_a_queue_at_each_activation(world: World) -> None:
+    tree = world.tree(f'<LoopInt queue="{{q}}" value="{{v}}">{leaf("a", "S")}</LoopInt>')
+    seen = []
+    for text in ("4;5", "4;5", "6"):
+        tree.variables["q"] = text
+        while tree.tick() is Status.RUNNING:
+            seen.append(tree.variables["v"])
+    assert seen == [4, 5, 4, 5, 6]
+    tree.variables["q"] = "4;x"
+    with pytest.raises(NodeFailedError, match="expected an integer, got 'x'"):
         tree.tick()
 
 

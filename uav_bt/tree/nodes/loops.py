@@ -26,15 +26,15 @@ def _queue(value: Port[Any]) -> Port[Any]:
         if isinstance(queue, str):
             _split(value, queue)
 
-    doc = "elements as 1;2;3, or {variable} with a list, which is used up"
+    doc = "elements as 1;2;3, or {variable} with such a text, or with a list, which is used up"
     return Port("queue", object, doc=doc, check=check)
 
 
 class _Loop(DecoratorNode):
     """Ticks its child once for each element.
 
-    A queue written as `1;2;3` is gone through again at each activation; one in a variable is used
-    up.
+    A queue written as `1;2;3`, here or in a variable, is gone through again at each activation; a
+    list in a variable is used up.
     """
 
     QUEUE: ClassVar[Port[Any]]
@@ -49,22 +49,20 @@ class _Loop(DecoratorNode):
     def __init__(self, name: str | None, child: Node, /, **given: object) -> None:
         super().__init__(name, child, **given)
         self._busy = False  # the child runs: no new element until it ends
-        self._left: MutableSequence[Any] | None = None
+        self._own: deque[Any] | None = None  # of a text; None: the variable's list
 
     def update(self) -> Status:
         """Tick the child."""
-        fixed = self.QUEUE.name in self._literals
         if self.node_status is IDLE:
             self._busy = False
-            if fixed:
-                self._left = deque(_split(self.VALUE, self.port(self.QUEUE)))
+            text = self.port_reading(self.QUEUE).value
+            self._own = deque(_split(self.VALUE, text)) if isinstance(text, str) else None
         if not self._busy:
-            if not fixed:
-                self._left = self._shared_queue()
-            if not self._left:
+            left = self._shared_queue() if self._own is None else self._own
+            if not left:
                 return Status[self.port(IF_EMPTY)]
-            element = self._left[0]
-            del self._left[0]
+            element = left[0]
+            del left[0]
             self.set_port(self.VALUE, element)
         if self.node_status is IDLE:
             self.set_status(RUNNING)
@@ -77,7 +75,8 @@ class _Loop(DecoratorNode):
         if value is None or isinstance(value, MutableSequence):
             return value
         raise BoardAccessError(
-            f"node '{self.path}', port 'queue': expected a list, got {type(value).__name__}"
+            f"node '{self.path}', port 'queue': expected a list, or a text like 1;2;3, got "
+            f"{type(value).__name__}"
         )
 
 
