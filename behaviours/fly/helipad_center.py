@@ -1,7 +1,10 @@
 """HelipadCenter: point the camera straight down, climb a little, and centre it above the pad.
 
 It centres twice: from above, where the pad is sure to be in view, and again lower down, because the
-drone drifts while it descends and the last descent, which is blind, should be short.
+drone drifts while it descends and the last descent, which is blind, should be short. Centring is
+position-based visual servoing (Chaumette and Hutchinson, 2006): a velocity in proportion to what
+the camera is off, on every frame. In gusts, steps do not come to an end: each is some centimetres
+off by the time it is over.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from behaviours.fly.movement import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points
 from behaviours.fly.mover import Progress
 from uav_bt.board import CAMERA, FRAME, HELIPAD, PHASE, STATE
 from uav_bt.tree import Port, Status
-from uav_bt.types import CameraModel, DroneState, HelipadFix, MissionPhase
+from uav_bt.types import CameraModel, DroneState, HelipadFix, MissionPhase, Velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +28,9 @@ class CenterConfig:
     wait_s: float = 1.0  # without a detection at one height, then the drone climbs to see more
     max_height_m: float = 2.2  # above the carpet: higher, only more of the boxes' roofs is in view
     confirmations: int = 2  # detections within the tolerance before the pad counts as centred
+    gain_per_s: float = 0.8  # of the velocity; images may be 0.6 s late with it
+    max_mps: float = 0.25
+    held_s: float = 0.3  # without another detection the velocity is held for so long
 
 
 class HelipadCenter(MovingLeaf):
@@ -76,6 +82,7 @@ class HelipadCenter(MovingLeaf):
         self._climb_next_m = self.port_value("climb_m")
         self._confirmed = 0
         self._judged_s = -math.inf
+        self._course, self._steered_s = Velocity(), -math.inf
         self._low = False  # centring the second time, lower down
 
     def gimbal_pitch_rad(self) -> float:
@@ -99,7 +106,7 @@ class HelipadCenter(MovingLeaf):
         fix, camera = self._fix_from_above(), self.read(CAMERA).value
         if fix is not None and camera is not None:
             return self._centre(state, fix, camera)
-        return self._climb_to_see(state)
+        return self._go_on_unseen(state)
 
     def _fix_from_above(self) -> HelipadFix | None:
         """Return a detection made looking straight down since the last movement ended."""
@@ -116,20 +123,29 @@ class HelipadCenter(MovingLeaf):
         forward_m = fix.forward_m - camera.forward_offset_m
         offset_m = math.hypot(forward_m, fix.right_m)
         self.feedback_message = f"{100 * offset_m:.0f} cm off"
-        if offset_m > self.port_value("tolerance_m"):
-            self._confirmed = 0
-            self.start_move(forward_m=forward_m, right_m=fix.right_m)
-            return Status.RUNNING
-        self._confirmed += 1
+        self._course, self._steered_s = self._towards(forward_m, fix.right_m), self.clock.now()
+        centred = offset_m <= self.port_value("tolerance_m")
+        self._confirmed = self._confirmed + 1 if centred else 0
         if self._confirmed < self.config.confirmations:
+            self.propose(self._course)
             return Status.RUNNING
         if self._low:
             return Status.SUCCESS
-        self._low, self._confirmed = True, 0
+        self._low, self._confirmed, self._steered_s = True, 0, -math.inf
         self.start_move(down_m=state.height_above_carpet_m - self.port_value("low_m"))
         return Status.RUNNING
 
-    def _climb_to_see(self, state: DroneState) -> Status:
+    def _towards(self, forward_m: float, right_m: float) -> Velocity:
+        """Return the velocity that brings the camera above the pad."""
+        cfg, offset_m = self.config, math.hypot(forward_m, right_m)
+        per_s = min(cfg.gain_per_s, cfg.max_mps / max(offset_m, 1e-6))
+        return Velocity(forward_mps=per_s * forward_m, right_mps=per_s * right_m)
+
+    def _go_on_unseen(self, state: DroneState) -> Status:
+        """Hold the course until the next frame is due; then wait, and climb to see more."""
+        if self.clock.now() - self._steered_s < self.config.held_s:
+            self.propose(self._course)
+            return Status.RUNNING
         since_s = max(self._mover.ended_s, self._started_s, self._judged_s)
         waited_s = self.clock.now() - max(since_s, self.leaf_clock.resumed_s)
         if waited_s > self.config.wait_s and state.height_above_carpet_m < self.config.max_height_m:

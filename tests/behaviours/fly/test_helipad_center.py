@@ -12,7 +12,7 @@ from tests.behaviours.leaf_world import halted_proposals, show
 from uav_bt.board import FRAME, HELIPAD, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
-from uav_bt.types import GimbalTo, HelipadFix, MoveBy, MovementState, MovementStatus
+from uav_bt.types import GimbalTo, HelipadFix, MoveBy, MovementState, MovementStatus, Velocity
 
 DOWN = GimbalTo(pitch_rad=-math.pi / 2)
 CAMERA_FORWARD_M = 0.15
@@ -63,6 +63,11 @@ def moved(bench: LeafBench) -> MoveBy:
     return bench.proposed
 
 
+def steered(bench: LeafBench) -> Velocity:
+    assert isinstance(bench.proposed, Velocity)
+    return bench.proposed
+
+
 def test_climbs_first_looking_down() -> None:
     """Before anything is judged."""
     bench = climbed(climb_m=0.2)
@@ -72,29 +77,53 @@ def test_climbs_first_looking_down() -> None:
     assert bench.board[PHASE] == "center"
 
 
-def test_moves_by_what_the_camera_is_off() -> None:
-    """The camera, not the body, goes above the centre."""
+def test_flies_towards_the_pad_in_proportion() -> None:
+    """The camera, not the body, goes above the centre; the nearer it is, the slower."""
     bench = climbed()
-    look(bench, (0.3, -0.2), seconds=1.0, ended=1)
+    look(bench, (0.15, -0.2), seconds=1.0, ended=1)
+    far = steered(bench)
+    look(bench, (0.06, -0.08))
+    near = steered(bench)
 
-    move = moved(bench)
-    assert (move.forward_m, move.right_m, move.down_m) == pytest.approx((0.3, -0.2, 0.0))
+    assert far.forward_mps / 0.15 == pytest.approx(far.right_mps / -0.2)
+    assert near.forward_mps == pytest.approx(0.4 * far.forward_mps)
+    assert near.right_mps == pytest.approx(0.4 * far.right_mps)
+    assert far.forward_mps > 0.0
+
+
+def test_far_from_it_the_speed_is_limited() -> None:
+    bench = climbed()
+    look(bench, (3.0, -4.0), seconds=1.0, ended=1)
+
+    assert math.hypot(steered(bench).forward_mps, steered(bench).right_mps) <= 0.25 + 1e-9
+
+
+def test_between_two_frames_it_flies_on_but_not_blindly() -> None:
+    bench = climbed()
+    look(bench, (0.1, 0.0), seconds=1.0, ended=1)
+    course = steered(bench)
+    assert search(bench, 0.2) is Status.RUNNING
+    assert steered(bench) == course
+    search(bench, 0.2)
+    assert bench.proposed is None
 
 
 def test_where_the_lens_sits_is_the_cameras_business() -> None:
     """A calibrated camera's offset counts, not the nominal one."""
     bench = climbed()
+    look(bench, (0.1, 0.0), seconds=1.0, ended=1)
+    known = steered(bench).forward_mps
     bench.camera = replace(bench.camera, forward_offset_m=CAMERA_FORWARD_M - 0.08)
-    look(bench, (0.3, 0.0), seconds=1.0, ended=1)
+    look(bench, (0.02, 0.0))
 
-    assert moved(bench).forward_m == pytest.approx(0.38)
+    assert steered(bench).forward_mps == pytest.approx(known)
 
 
 def test_centred_twice_then_lower_then_centred_again() -> None:
     """Two looks in a row agree, high up and again low down; then success, proposing nothing."""
     bench = climbed(tolerance_m=0.04, low_m=1.1)
     look(bench, (0.01, 0.02), seconds=1.0, ended=1)
-    assert bench.proposed is None
+    assert steered(bench).right_mps > 0.0
     assert look(bench, (0.01, 0.02)) is Status.RUNNING
     descent = moved(bench)
     assert descent.down_m == pytest.approx(1.7 - 1.1)
@@ -109,9 +138,8 @@ def test_one_look_does_not_confirm() -> None:
     bench = climbed()
     look(bench, (0.0, 0.0), seconds=1.0, ended=1)
     look(bench, (0.1, 0.0))
-    correction = moved(bench)
-    look(bench, (0.0, 0.0), seconds=1.0, ended=correction.id)
-    assert bench.proposed is None  # one again, not two
+    look(bench, (0.0, 0.0))
+    assert isinstance(bench.proposed, Velocity)  # one again, not two: no descent yet
 
 
 def test_a_movement_is_held_until_it_ends() -> None:
