@@ -2,6 +2,7 @@
 
     python benchmarks/way_home.py --explore rule
     python benchmarks/way_home.py --explore hall --home map
+    python benchmarks/way_home.py --home map --profile harsh
 
 Exact masks at 320x180 and no depth, so that only the flying differs. `--explore rule` and `survey`
 explore for 30 s, under the segmentation rule and under the coverage policy; `hall` is the hall of
@@ -60,6 +61,7 @@ class Task:
     explore: str
     scene: str
     seed: int
+    profile: str
     start: tuple[float, float, float] | None = None  # x, y, yaw in degrees
 
 
@@ -83,7 +85,11 @@ def _fly(task: Task) -> tuple[Task, FlightReport]:
             scene = str(Path(folder) / "hall.yaml")
             Path(scene).write_text(yaml.safe_dump(lab), encoding="utf-8")
         options = app.FlightOptions(
-            scene=scene, seed=task.seed, exact_masks=True, image_size_px=(320, 180)
+            scene=scene,
+            seed=task.seed,
+            profile=task.profile,
+            exact_masks=True,
+            image_size_px=(320, 180),
         )
         registry = NodeRegistry.installed().with_nodes(ReturnUnderPolicy)
         return task, app.fly(_tree(task), options, registry=registry)
@@ -126,13 +132,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--explore", choices=sorted(_EXPLORES), default="rule")
     parser.add_argument("--home", choices=("map", "rule", "both"), default="both")
+    parser.add_argument("--profile", choices=("ideal", "lab", "harsh"), default="lab")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     places = [(scene, seed, None) for scene, seed in _FLIGHTS]
     if arguments.explore == "hall":
         places = [("hall", seed, start) for seed in (1, 2) for start in _HALL_STARTS]
     homes = ("map", "rule") if arguments.home == "both" else (arguments.home,)
-    tasks = [Task(home, arguments.explore, *place) for place in places for home in homes]
+    tasks = [
+        Task(home, arguments.explore, scene, seed, arguments.profile, start)
+        for scene, seed, start in places
+        for home in homes
+    ]
     flights = []
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
         for task, report in pool.map(_fly, tasks):
