@@ -63,8 +63,10 @@ def around(
 
 def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
     """Return the points that have none of the known ones so near."""
-    apart_m = np.linalg.norm(points_m[:, None] - known_m, axis=-1)
-    return np.asarray(points_m[(apart_m >= near_m).all(axis=1)])
+    from scipy.spatial import cKDTree  # noqa: PLC0415  (`uav-bt check` must answer at once)
+
+    nearest_m, _ = cKDTree(known_m).query(points_m, distance_upper_bound=near_m)
+    return np.asarray(points_m[nearest_m >= near_m])
 
 
 def follow(
