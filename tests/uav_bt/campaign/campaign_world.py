@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -68,4 +69,7 @@ def fly(task: dict[str, Any]) -> dict[str, Any]:
     if fate.startswith("counts in "):
         with Path(fate.removeprefix("counts in ")).open("a") as counted:
             counted.write(f"{task['seed']}\n")
+    if fate.startswith("leaves a cycle to "):
+        collected = Path(fate.removeprefix("leaves a cycle to "))
+        weakref.finalize(type("Cyclic", (), {}), collected.touch)  # as every class is
     return line(task["seed"], tree=task["tree"], scene=task["scene"], wall_s=os.getpid())

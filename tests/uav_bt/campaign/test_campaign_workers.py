@@ -33,6 +33,15 @@ def test_a_worker_flies_one_task_after_the_other_in_one_process(worker: Worker) 
     assert first["wall_s"] == second["wall_s"]
 
 
+def test_what_a_flight_leaves_behind_is_gone_before_the_next(
+    worker: Worker, tmp_path: Path
+) -> None:
+    collected = tmp_path / "collected"
+    for fate in (f"leaves a cycle to {collected}", "lands"):
+        assert FLOWN in worker.fly(task(fate), 60.0)
+    assert collected.exists()
+
+
 def test_what_libraries_print_does_not_land_among_the_answers(worker: Worker) -> None:
     assert worker.fly(task("is chatty"), 60.0)[FLOWN]["outcome"] == "success"
 
