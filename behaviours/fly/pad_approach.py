@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from behaviours.fly.heading import HeadingController
 from behaviours.fly.steering import SteeringLeaf
+from behaviours.fly.tried_sides import TriedSides
 from behaviours.fly.wander import wander
 from behaviours.path.gimbal_pointing import GimbalPointing, shows_unplaced
 from behaviours.path.planner import PathToPad
-from uav_bt.board import HELIPAD, OBSTACLES, PHASE
+from uav_bt.board import HELD_TURN, HELIPAD, OBSTACLES, PHASE
 from uav_bt.protocols import Decision
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, HelipadFix, MissionPhase, Velocity
@@ -33,6 +34,11 @@ class PadApproachConfig:
         0.3  # less free distance, and less than to the pad, is an obstacle before it
     )
     judged_s: float = 0.6  # age up to which the policy's last judgement is flown by
+    turn_away_rad: float = math.radians(30)  # at least, at the beginning of a detour
+    policy_detour_steps: int = 1  # until the pad is faced again
+    # Nearer than this, a pad that is not seen is below the view; further away something hides it,
+    # and no obstacle memory would keep the drone from that.
+    policy_close_m: float = 1.25
     # Detour.
     detour_steps: int = 2  # until the pad is faced again
     min_detour_s: float = 1.0  # before a path that is known again ends it
@@ -52,7 +58,7 @@ class _Phase(enum.Enum):
 def _room_ahead(decision: Decision) -> float:
     """Return how far a policy finds it free of obstacles ahead, wherever the carpet ends."""
     if decision.free_m is not None:
-        return decision.free_m
+        return max(decision.free_m, decision.forward_m)
     return 0.0 if decision.blocked and not decision.carpet_ends else math.inf
 
 
@@ -84,22 +90,24 @@ class PadApproach:
         self._phase = _Phase.APPROACH
         self._entered_s = self._clear_s = 0.0  # leaf time: the phase began, was last not blocked
         self._judged_s, self._room_m = -math.inf, math.inf  # by the policy, facing the pad
+        self._sides = TriedSides()
         self.reset()
 
     def reset(self) -> None:
         """Forget earlier approaches."""
         self._detour_steps = 0
         self._pointing = GimbalPointing()
+        self._sides.forget()
 
     def begin(self) -> None:
         """Begin with the approach."""
-        self._enter(_Phase.APPROACH)
+        self._face_pad()
 
     def work(self, state: DroneState) -> Status:
         """Do what the phase asks; SUCCESS above the pad, FAILURE when its track is lost."""
         match self._phase:
             case _Phase.APPROACH:
-                return self._approach()
+                return self._approach(state)
             case _Phase.DETOUR:
                 self._detour(state)
                 return Status.RUNNING
@@ -125,19 +133,25 @@ class PadApproach:
         self._leaf.restart_view()
         self._leaf.write(PHASE, MissionPhase.APPROACH)
 
-    def _approach(self) -> Status:
+    def _face_pad(self) -> None:
+        self._enter(_Phase.APPROACH)
+        if self._by_policy:
+            self._leaf.write(HELD_TURN, self._sides.facing())
+
+    def _approach(self, state: DroneState) -> Status:
         cfg, fix = self._config, self._leaf.read(HELIPAD).value
         if fix is None:
             return Status.FAILURE
         unseen_s = self._leaf.clock.now() - fix.captured_s
         ahead = abs(fix.bearing_rad) < cfg.ahead_rad
-        if unseen_s > cfg.out_of_view_s and fix.range_m < cfg.close_m and ahead:
+        close_m = cfg.policy_close_m if self._by_policy else cfg.close_m
+        if unseen_s > cfg.out_of_view_s and fix.range_m < close_m and ahead:
             self._enter(_Phase.OVERFLY)
             return Status.RUNNING
         if unseen_s > cfg.max_track_s:
             return Status.FAILURE
         if self._by_policy:
-            self._approach_by_policy(fix)
+            self._approach_by_policy(fix, state)
             return Status.RUNNING
         heading_rad, now_s = self._free_heading(fix), self._leaf.leaf_clock.now()
         if not self._is_blocked_ahead():
@@ -148,7 +162,7 @@ class PadApproach:
             self._steer(fix, heading_rad)
         return Status.RUNNING
 
-    def _approach_by_policy(self, fix: HelipadFix) -> None:
+    def _approach_by_policy(self, fix: HelipadFix, state: DroneState) -> None:
         """Turn to the pad and fly straight to it for as long as the policy finds the path free."""
         cfg, now_s = self._config, self._leaf.clock.now()
         wanted_m = min(cfg.min_free_m, fix.range_m - cfg.before_pad_m)
@@ -157,12 +171,19 @@ class PadApproach:
             if decision is not None:
                 self._judged_s = now_s
                 self._room_m = _room_ahead(decision)
-            if self._room_m < wanted_m:
-                self._enter(_Phase.DETOUR)
-                return
+                if self._room_m < wanted_m:
+                    self._turn_away(fix, decision, state)
+                    return
         # Only a path that was judged lately, facing the pad, is flown.
         judged = now_s - self._judged_s <= cfg.judged_s
         self._steer(fix, fix.bearing_rad, max_m=self._room_m if judged else 0.0)
+
+    def _turn_away(self, fix: HelipadFix, decision: Decision, state: DroneState) -> None:
+        """Begin a detour with a turn to the side that is tried now."""
+        self._sides.stopped(fix.range_m, -1 if decision.yaw_rad < 0.0 else 1)
+        self._enter(_Phase.DETOUR)
+        self._leaf.write(HELD_TURN, self._sides.leaving())
+        self._leaf.keep_turning(state, Decision(yaw_rad=self._config.turn_away_rad))
 
     def _steer(self, fix: HelipadFix, heading_rad: float, *, max_m: float = math.inf) -> None:
         cfg, leaf = self._config, self._leaf
@@ -197,13 +218,15 @@ class PadApproach:
         return not judged and shows_unplaced(obstacles, self._config.unplaced_rad)
 
     def _detour(self, state: DroneState) -> None:
-        """Turn away until the policy finds a path, take two steps, then face the pad again.
+        """Turn away until the policy finds a path, take a step or two, then face the pad again.
 
         Or at once when the memory gives a path again, which the views of the detour may have shown.
         """
-        if self._detour_steps >= self._config.detour_steps and not self._leaf.moving(state):
+        cfg = self._config
+        steps = cfg.policy_detour_steps if self._by_policy else cfg.detour_steps
+        if self._detour_steps >= steps and not self._leaf.moving(state):
             self._detour_steps = 0
-            self._enter(_Phase.APPROACH)
+            self._face_pad()
         elif self._path_is_known_again():
             self._enter(_Phase.APPROACH)
         elif wander(self._leaf, state):

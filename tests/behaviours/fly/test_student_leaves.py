@@ -40,6 +40,7 @@ from uav_bt.types import (
     Corridor,
     HeldTurn,
     HelipadFix,
+    MoveBy,
     ObstaclePoints,
     PastView,
     RecentViews,
@@ -336,6 +337,51 @@ def test_a_policy_that_tells_no_distance_is_believed_by_its_decision() -> None:
     fly(bench, (2.0, 0.0))
     fly(bench, (2.0, 0.0))
     assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+def test_a_step_that_the_policy_would_take_is_room() -> None:
+    """Relieved, it advances where its distance is short."""
+    assert speed(approaching(Says(replace(FREE, forward_m=0.3, free_m=0.2)))) > 0.0
+
+
+def test_a_detour_goes_to_the_side_of_the_last_one() -> None:
+    """Whichever side the policy would turn to from where that one led."""
+    policy = Says(NO_WAY)
+    bench = approaching(policy)
+    yaw_rad = 0.0
+    for _ in range(2):
+        fly(bench, (2.0, 0.0))
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+    policy.decisions = [FREE]
+    for _ in range(30):
+        if isinstance(bench.proposed, Velocity):
+            yaw_rad += 0.3 * bench.proposed.yaw_rate_radps
+        show(bench, seconds=0.3, yaw_rad=yaw_rad)
+        bench.tick()
+        if isinstance(bench.proposed, MoveBy):
+            stepped = bench.proposed.forward_m > 0.0
+            bench.finish_movement()
+            bench.tick()
+            if stepped:
+                break
+    policy.decisions = [replace(NO_WAY, yaw_rad=-0.5)]
+    for _ in range(3):
+        fly(bench, (2.0, 0.0))
+    assert bench.proposed == Velocity(yaw_rate_radps=0.6)
+
+
+@pytest.mark.parametrize(("range_m", "forward_mps"), [(1.2, 0.45), (1.5, 0.0)])
+def test_a_pad_is_only_flown_over_unseen_where_it_is_below_the_view(
+    range_m: float, forward_mps: float
+) -> None:
+    """Further away something hides it."""
+    bench = approaching(Says(FREE, NO_WAY))
+    fix = HelipadFix(captured_s=bench.clock.now(), forward_m=range_m, right_m=0.0, detected=False)
+    for _ in range(3):
+        show(bench, seconds=0.6)
+        bench.board[HELIPAD] = fix
+        bench.tick()
+    assert speed(bench) == pytest.approx(forward_mps)
 
 
 def test_an_unknown_approach_is_refused() -> None:
