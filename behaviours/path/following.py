@@ -30,6 +30,9 @@ class FollowConfig:
     stop_m: float = 0.45
     creep_mps: float = 0.2
     near_m: float = 0.35
+    past_mps: float = 0.15  # past what the map has there, beside the way,
+    same_m: float = 0.2  # within so much of where the corridor shows it
+    half_width_m: float = 0.5  # of the corridor
     reaction_s: float = 0.45  # from a frame to its effect
     brake_mps2: float = 0.8
     moving: MovingConfig = field(default_factory=MovingConfig)
@@ -77,6 +80,7 @@ def follow(
     margins: Margins,
     config: FollowConfig,
     movers: Sequence[MapMover] = (),
+    known_m: Floats | None = None,
     reason: str = "",
 ) -> Decision | None:
     """Return heading and speed along a leg; the drone only turns until it faces the way.
@@ -90,6 +94,8 @@ def follow(
         margins: how fast legs are flown beside things.
         config: how they are followed.
         movers: of the map.
+        known_m: (N, 2) obstacles of the map that the leg is known to lead past; the drone does not
+            stop before them. None: it stops before all.
         reason: for the status line.
 
     Returns:
@@ -98,7 +104,10 @@ def follow(
     bearing_rad, speed_mps = _course(leg, pose, margins, config)
     facing = abs(bearing_rad) < config.facing_rad
     if facing:
-        speed_mps = min(speed_mps * math.cos(bearing_rad), _by_corridor(corridor, config))
+        allowed_mps = _by_corridor(corridor, config)
+        if allowed_mps == 0.0 and _is_known(corridor, known_m, pose, config):
+            allowed_mps = config.past_mps
+        speed_mps = min(speed_mps * math.cos(bearing_rad), allowed_mps)
         if speed_mps == 0.0:
             return None
         speed_mps = yielding_mps(movers, leg.path_m, speed_mps, config.moving)
@@ -139,3 +148,14 @@ def _by_corridor(corridor: Corridor | None, config: FollowConfig) -> float:
     lag = config.brake_mps2 * config.reaction_s
     room_m = max(free_m - config.stop_m, 0.0)
     return max(config.creep_mps, math.sqrt(lag**2 + 2.0 * config.brake_mps2 * room_m) - lag)
+
+
+def _is_known(
+    corridor: Corridor | None, known_m: Floats | None, pose: Pose2D, config: FollowConfig
+) -> bool:
+    """Return whether the map has an obstacle where the corridor is blocked."""
+    if corridor is None or known_m is None:
+        return False
+    ahead_m, right_m = pose.points_to_body(known_m).T
+    near = (ahead_m > 0.0) & (ahead_m < corridor.free_distance_m + config.same_m)
+    return bool((near & (np.abs(right_m) < config.half_width_m + config.same_m)).any())

@@ -193,6 +193,7 @@ class MapSearch:
             margins=self.config.margins.by(room.map.residual_m),
             config=config,
             movers=room.map.movers,
+            known_m=room.map.obstacles_m,
             reason=reason,
         )
 

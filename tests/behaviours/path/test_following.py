@@ -12,7 +12,8 @@ from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.room import Lately, Margins, Room
 from behaviours.path.survey import best_leg
 from tests.behaviours.path.test_survey import drawn_map, where
-from uav_bt.types import ObstaclePoints
+from uav_bt.protocols import Decision
+from uav_bt.types import Corridor, ObstaclePoints
 
 MARGINS = Margins()
 AHEAD = np.array([0.1, 0.0])
@@ -66,3 +67,33 @@ def test_in_the_open_it_looks_far_ahead() -> None:
     leg = best_leg(Room(drawn_map(passed=where("left")), Lately()))
     assert leg is not None
     assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)
+
+
+def past(obstacles: np.ndarray, known_m: np.ndarray | None) -> Decision | None:
+    """Return the course straight ahead with a corridor that is blocked at 0.3 m."""
+    room = Room(drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), Lately())
+    path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
+    leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
+    corridor = Corridor(
+        captured_s=1.0,
+        free_distance_m=0.3,
+        nearest_m=0.3,
+        nearest_side="left",
+        time_to_impact_s=math.inf,
+    )
+    config = FollowConfig()
+    return follow(leg, room.map.pose, corridor, margins=MARGINS, config=config, known_m=known_m)
+
+
+def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
+    """The corridor is wider than the way there."""
+    beside = np.array([[x_m, -0.45] for x_m in (0.3, 0.4, 0.5)])
+    way = past(beside, beside)
+    assert way is not None
+    assert way.speed_mps == pytest.approx(FollowConfig().past_mps)
+    assert past(beside, None) is None
+
+
+def test_it_stops_before_what_is_not_on_the_map() -> None:
+    elsewhere = np.array([[1.5, -0.45], [-0.3, 0.3], [0.2, 1.2]])
+    assert past(elsewhere, elsewhere) is None
