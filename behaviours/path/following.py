@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -13,7 +12,7 @@ from behaviours.path.moving import MovingConfig, yielding_mps
 from behaviours.path.room import Floats, Lately, Leg, Margins
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
-from uav_bt.types.site_map import MapMover, SiteMap
+from uav_bt.types.site_map import SiteMap
 
 _NEAREST: Final = 2  # cells ahead: nearer ones give no course
 
@@ -30,7 +29,7 @@ class FollowConfig:
     stop_m: float = 0.45
     creep_mps: float = 0.2
     near_m: float = 0.35
-    past_mps: float = 0.15  # past what the map has there, beside the way,
+    past_mps: float = 0.15  # nearer, past what the map has there beside the way,
     same_m: float = 0.2  # within so much of where the corridor shows it
     half_width_m: float = 0.5  # of the corridor
     reaction_s: float = 0.45  # from a frame to its effect
@@ -74,13 +73,11 @@ def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
 
 def follow(
     leg: Leg,
-    pose: Pose2D,
+    site_map: SiteMap,
     corridor: Corridor | None,
     *,
     margins: Margins,
     config: FollowConfig,
-    movers: Sequence[MapMover] = (),
-    known_m: Floats | None = None,
     reason: str = "",
 ) -> Decision | None:
     """Return heading and speed along a leg; the drone only turns until it faces the way.
@@ -89,28 +86,25 @@ def follow(
 
     Args:
         leg: from where the drone is.
-        pose: of the drone in the map.
+        site_map: on which the leg was planned.
         corridor: what it shows ahead; None without depth.
         margins: how fast legs are flown beside things.
         config: how they are followed.
-        movers: of the map.
-        known_m: (N, 2) obstacles of the map that the leg is known to lead past; the drone does not
-            stop before them. None: it stops before all.
         reason: for the status line.
 
     Returns:
-        None when the corridor is blocked right ahead.
+        None when the corridor is blocked right ahead by something that is not on the map.
     """
-    bearing_rad, speed_mps = _course(leg, pose, margins, config)
+    bearing_rad, speed_mps = _course(leg, site_map.pose, margins, config)
     facing = abs(bearing_rad) < config.facing_rad
     if facing:
         allowed_mps = _by_corridor(corridor, config)
-        if allowed_mps == 0.0 and _is_known(corridor, known_m, pose, config):
+        if allowed_mps == 0.0 and _is_mapped(corridor, site_map, config):
             allowed_mps = config.past_mps
         speed_mps = min(speed_mps * math.cos(bearing_rad), allowed_mps)
         if speed_mps == 0.0:
             return None
-        speed_mps = yielding_mps(movers, leg.path_m, speed_mps, config.moving)
+        speed_mps = yielding_mps(site_map.movers, leg.path_m, speed_mps, config.moving)
         reason = reason if speed_mps > 0.0 else "waits"
     return Decision(
         forward_m=max(float(np.hypot(*(leg.path_m[-1] - leg.path_m[0]))), 0.1),
@@ -150,12 +144,10 @@ def _by_corridor(corridor: Corridor | None, config: FollowConfig) -> float:
     return max(config.creep_mps, math.sqrt(lag**2 + 2.0 * config.brake_mps2 * room_m) - lag)
 
 
-def _is_known(
-    corridor: Corridor | None, known_m: Floats | None, pose: Pose2D, config: FollowConfig
-) -> bool:
-    """Return whether the map has an obstacle where the corridor is blocked."""
-    if corridor is None or known_m is None:
+def _is_mapped(corridor: Corridor | None, site_map: SiteMap, config: FollowConfig) -> bool:
+    """Return whether the map has an obstacle where the corridor is blocked: the leg leads past."""
+    if corridor is None or not len(site_map.obstacles_m):
         return False
-    ahead_m, right_m = pose.points_to_body(known_m).T
-    near = (ahead_m > 0.0) & (ahead_m < corridor.free_distance_m + config.same_m)
-    return bool((near & (np.abs(right_m) < config.half_width_m + config.same_m)).any())
+    ahead_m, right_m = site_map.pose.points_to_body(site_map.obstacles_m).T
+    there = (ahead_m > 0.0) & (ahead_m < corridor.free_distance_m + config.same_m)
+    return bool((there & (np.abs(right_m) < config.half_width_m + config.same_m)).any())

@@ -185,17 +185,9 @@ class MapSearch:
     def _follow(
         self, leg: Leg, room: Room, corridor: Corridor | None, reason: str
     ) -> Decision | None:
-        pose, config = room.map.pose, self.config.follow
-        return follow(
-            leg,
-            pose,
-            corridor,
-            margins=self.config.margins.by(room.map.residual_m),
-            config=config,
-            movers=room.map.movers,
-            known_m=room.map.obstacles_m,
-            reason=reason,
-        )
+        margins = self.config.margins.by(room.map.residual_m)
+        config = self.config.follow
+        return follow(leg, room.map, corridor, margins=margins, config=config, reason=reason)
 
     def _is_settled(self, view: View, room: Room, sight: Sight) -> bool:
         """Return whether a view has shown most of what it can, or cannot be reached any more."""

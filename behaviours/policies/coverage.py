@@ -65,11 +65,10 @@ class Coverage:
         reason = f"{leg.new_m2:.1f} m2 in {leg.time_s:.0f} s"
         way = follow(
             leg,
-            site_map.pose,
+            site_map,
             view.corridor,
             margins=cfg.margins.by(site_map.residual_m),
             config=cfg.follow,
-            movers=site_map.movers,
             reason=reason,
         )
         return way or turn
