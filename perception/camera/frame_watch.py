@@ -17,7 +17,8 @@ class FrameWatchConfig:
     """When an image cannot be flown by.
 
     Attributes:
-        dark: mean grey level below which nothing is seen; 0 to 255.
+        dark: grey level above which a twentieth of the image has to be, 0 to 255; black carpet in
+            the evening is one side of an image whose other side shows a wall.
         bright: mean grey level above which nothing is seen.
         contrast: least standard deviation of the blurred image, grey levels; a lens that is covered
             shows less.
@@ -29,7 +30,7 @@ class FrameWatchConfig:
         moved_m: a way in which the image must change.
     """
 
-    dark: float = 16.0
+    dark: float = 20.0
     bright: float = 240.0
     contrast: float = 1.0
     noise: float = 30.0
@@ -78,7 +79,7 @@ class FrameWatch:
         config = self._config
         small = cv2.resize(grey, _SMALL, interpolation=cv2.INTER_AREA)
         mean, contrast = float(small.mean()), float(small.std())
-        if mean < config.dark:
+        if np.percentile(small, 95) < config.dark:
             return "the image is dark"
         if mean > config.bright:
             return "the image is overexposed"

@@ -53,6 +53,13 @@ def test_an_image_that_shows_nothing_is_named(image: NDArray[np.uint8], why: str
     assert why in complaint
 
 
+def test_a_dark_image_in_which_something_is_seen_can_be_flown_by() -> None:
+    """The mean tells little: most of the image may be a black floor."""
+    corner = np.full_like(SCENE, 8)
+    corner[:45, :50] = 60
+    assert FrameWatch()(frame(corner, 0), STATE) is None
+
+
 def test_a_noisy_camera_does_not_show_the_same_image_twice() -> None:
     watch = FrameWatch()
     for index in range(10):
