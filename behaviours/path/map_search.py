@@ -34,7 +34,7 @@ class MapSearchConfig:
     look_s: float = 0.8  # for so long
     at_view_m: float = 0.25
     kept: float = 0.4  # a view is flown to while it shows this share of what it showed at first
-    doubted_s: float = 2.0  # a map that the views contradict for so long is not flown by
+    doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
     margins: Margins = field(default_factory=Margins)
     follow: FollowConfig = field(default_factory=FollowConfig)
     view: ViewConfig = field(default_factory=ViewConfig)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.room import Floats, Margins, Rooms, Width
@@ -21,6 +21,7 @@ class CoverageConfig:
     # When legs with all that room bring less new ground than this, narrower ones are tried.
     little_m2ps: float = 0.03
     turn_rad: float = math.radians(30)  # when no way is known: look further round
+    doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
     follow: FollowConfig = field(default_factory=FollowConfig)
 
 
@@ -46,8 +47,10 @@ class Coverage:
         turn = Decision(
             yaw_rad=math.copysign(cfg.turn_rad, view.turning or 1.0), reason="no way", free_m=0.0
         )
-        if site_map is None:
-            return turn
+        if site_map is None or not site_map.ground.any():
+            return replace(turn, reason="no ground in view")
+        if site_map.contradicted_s > cfg.doubted_s:
+            return replace(turn, reason="the view contradicts the map")
         rooms = Rooms(site_map, around(view.obstacles, site_map), cfg.margins)
         room = rooms[Width.ORDINARY]
         leg = best_leg(room, cfg.survey, self._value)

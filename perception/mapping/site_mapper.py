@@ -147,18 +147,22 @@ class SiteMapper:
         known = self._mark
         if self.map().is_beyond_edge(x_m, y_m):
             return
+        moved_m = 0.0 if known is None else known.moved_m
         if known is not None:
             known_m = np.array([known.x_m, known.y_m])
             both_m = math.hypot(std_m, known.std_m)
             agrees = self._registration.see_mark(place, known_m, both_m)
             self._mark_elsewhere = 0 if agrees else self._mark_elsewhere + 1
+            x_m, y_m = self._registration.correction.to_world(*map(float, place))
             if self._mark_elsewhere >= cfg.mark_moved_views:
-                known = None
+                moved_m += math.hypot(x_m - known.x_m, y_m - known.y_m)
+                known, self._mark_elsewhere = None, 0
             elif not agrees:
                 return
-            x_m, y_m = self._registration.correction.to_world(*map(float, place))
         if known is None or std_m < known.std_m:
-            self._mark = MapMark(x_m=x_m, y_m=y_m, std_m=std_m, seen_s=fix.captured_s)
+            self._mark = MapMark(
+                x_m=x_m, y_m=y_m, std_m=std_m, seen_s=fix.captured_s, moved_m=moved_m
+            )
         else:
             self._mark = replace(known, seen_s=fix.captured_s)
 

@@ -136,8 +136,7 @@ class LiveStatus:
         elif record.active:
             word = f": {record.feedback}" if record.feedback else ""
             parts.append((f"{record.active[-1]}{word}", "cyan"))
-        if record.warning is not None:
-            parts.append((record.warning, "yellow"))
+        parts += [(warning, "yellow") for warning in record.warnings]
         text = Text(no_wrap=True, overflow="ellipsis")
         for index, (words, style) in enumerate(parts):
             text.append("  " if index else "")

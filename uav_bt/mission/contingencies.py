@@ -36,6 +36,7 @@ class Contingencies:
         *,
         screening: Screening,
         drift: str | None,
+        map_trouble: str | None = None,
     ) -> str | None:
         """Return why the mission must be aborted with a landing; None when it goes on.
 
@@ -46,6 +47,7 @@ class Contingencies:
             override: that came before the mission's own command.
             screening: of what the drone reports.
             drift: why the place cannot be held, if so.
+            map_trouble: why the map of the place cannot be flown by, if so.
 
         Raises:
             DroneError: the connection is lost, or no telemetry has come for too long.
@@ -58,6 +60,8 @@ class Contingencies:
             return f"critical battery: {100 * (state.battery or 0.0):.0f} %"
         if fault is not None and override is not Override.MANUAL:
             return f"the drone does not obey: {fault}"
+        if map_trouble is not None and override is None:
+            return map_trouble
         return self._out_of_touch(now_s, override, screening)
 
     def _out_of_touch(

@@ -51,8 +51,7 @@ class FlightLog:
         """Take note of a tick."""
         self._tick_s.append(record.compute_s)
         self._end_s = record.time_s
-        if record.warning is not None:
-            self._warnings[record.warning] = None
+        self._warnings |= dict.fromkeys(record.warnings)
         marks = self._marks
         if marks.take_off_s is None and isinstance(record.command.movement, TakeOff):
             marks.take_off_s = record.time_s

@@ -78,7 +78,7 @@ class FlightReport:
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
     # Leaves that blocked longer than their budget, by path: the longest time, milliseconds.
     slow_leaves: dict[str, float] = field(default_factory=dict)
-    # What was wrong with the drone's motion and was borne.
+    # What was wrong with the drone's motion or with the map, and was borne.
     warnings: list[str] = field(default_factory=list)
     # Whether the drone was still in the air when the program left it, as far as is known.
     airborne_at_end: bool = False

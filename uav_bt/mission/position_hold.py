@@ -132,9 +132,9 @@ class PositionHold:
         self._holds = False
 
     @property
-    def warning(self) -> str | None:
+    def warnings(self) -> tuple[str, ...]:
         """What the ground shows to be wrong with telemetry, while it does."""
-        return self._watch.warning
+        return () if self._watch.warning is None else (self._watch.warning,)
 
     @property
     def disturbance_mps(self) -> float:

@@ -31,7 +31,8 @@ class TickRecord:
     slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
     refused: tuple[str, ...] = ()  # of what the drone reported: frame or telemetry, and why
     decided: Command | None = None  # by the arbiter, before the drone's own limits
-    warning: str | None = None  # what is wrong with the drone's motion, while the mission bears it
+    # What is wrong with the drone's motion or with the map, while the mission bears it.
+    warnings: tuple[str, ...] = ()
 
 
 class TickListener(Protocol):

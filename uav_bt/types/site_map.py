@@ -43,6 +43,7 @@ class MapMark:
     y_m: float
     std_m: float
     seen_s: float
+    moved_m: float = 0.0  # found elsewhere than the map had it: how far, all times together
 
 
 @dataclass(frozen=True, kw_only=True)

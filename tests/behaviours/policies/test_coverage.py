@@ -36,11 +36,28 @@ def test_without_a_map_it_looks_round() -> None:
     assert decide(None).blocked
 
 
+def test_without_ground_it_looks_round_and_nothing_is_covered() -> None:
+    nowhere = drawn_map()
+    nowhere = replace(nowhere, seen_s=np.full_like(nowhere.seen_s, -np.inf))
+    for full_turns in (0, 1, 3):
+        decision = decide(nowhere, full_turns=full_turns)
+        assert decision.blocked
+        assert not decision.done
+        assert decision.reason == "no ground in view"
+
+
 def test_it_turns_before_it_flies_to_what_lies_behind() -> None:
     decision = decide(drawn_map(passed=where("right"), pose=(0.0, 0.5, math.pi / 2)))
     assert not decision.blocked
     assert decision.speed_mps == 0.0
     assert abs(decision.yaw_rad) > math.radians(35)
+
+
+def test_by_a_map_that_the_view_contradicts_it_does_not_fly() -> None:
+    ahead = drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2))
+    assert not decide(replace(ahead, contradicted_s=0.5)).blocked
+    assert decide(replace(ahead, contradicted_s=1.5)).blocked
+    assert not decide(replace(ahead, contradicted_s=1.5), full_turns=2).done
 
 
 def test_facing_new_ground_it_flies() -> None:

@@ -200,4 +200,6 @@ def test_a_mark_moves_only_when_it_is_seen_elsewhere_again_and_again() -> None:
         )
         mark = mapper.map().mark
         assert mark is not None
-        assert mark.y_m == pytest.approx(0.5 if tenths < 19 + views else -1.0, abs=0.02)
+        moved = tenths >= 19 + views
+        assert mark.y_m == pytest.approx(-1.0 if moved else 0.5, abs=0.02)
+        assert mark.moved_m == pytest.approx(1.5 if moved else 0.0, abs=0.02)

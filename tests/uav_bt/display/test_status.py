@@ -77,7 +77,7 @@ def test_an_override_takes_the_place_of_the_leaf() -> None:
 def test_a_warning_stands_behind_the_leaf() -> None:
     world = World()
     status, _, wall = watch(world, terminal=False)
-    record = replace(world.tick(), warning="it drifts")
+    record = replace(world.tick(), warnings=("it drifts",))
     assert status.line(record, wall.now_s).plain.endswith("Explore: clear  it drifts")
 
 

@@ -61,7 +61,7 @@ class Tale:
         clearance_m: float = math.inf,
         error_m: float = 3.0,
         compute_s: float = 0.001,
-        warning: str | None = None,
+        warnings: tuple[str, ...] = (),
     ) -> None:
         """Tell of a tick, a step further than the last one."""
         self.x_m += dx_m
@@ -96,7 +96,7 @@ class Tale:
                 proposed_by=None,
                 override=None,
                 compute_s=compute_s,
-                warning=warning,
+                warnings=warnings,
                 truth=truth if self.referee else None,
             )
         )
@@ -258,8 +258,8 @@ def test_what_happens_before_the_take_off_is_not_flown() -> None:
 def test_each_warning_is_reported_once() -> None:
     tale = Tale()
     tale.take_off()
-    for warning in (None, "it drifts", "it drifts", None, "it drifts", "it drifts more"):
-        tale.tick("explore", warning=warning)
+    for warnings in ((), ("it drifts",), ("it drifts",), (), ("it drifts", "it drifts more")):
+        tale.tick("explore", warnings=warnings)
     assert tale.report().warnings == ["it drifts", "it drifts more"]
     assert "warnings: ['it drifts'," in str(tale.report())
     assert "warnings" not in str(whole_flight().report())

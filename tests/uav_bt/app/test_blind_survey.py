@@ -1,0 +1,55 @@
+"""A survey without any ground in view: it says so, flies nowhere, and lands where it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_bridge.twin import TwinConfig
+from uav_bt import app
+from uav_bt.classes import BACKGROUND
+from uav_bt.mission.drone_wrapper import DroneWrapper
+from uav_bt.protocols import Referee
+from uav_bt.types import Frame, Truth
+from uav_bt.types.ground import Ground
+
+
+class GroundlessReferee:
+    """Knows the truth, but takes everything for background."""
+
+    def __init__(self, referee: Referee) -> None:
+        self._referee = referee
+
+    def truth(self) -> Truth:
+        return self._referee.truth()
+
+    def ground(self) -> Ground | None:
+        return self._referee.ground()
+
+    def class_ids(self, _: Frame, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        return np.full((height_px, width_px), BACKGROUND, dtype=np.uint8)
+
+    def depth(self, frame: Frame, width_px: int, height_px: int) -> NDArray[np.float32]:
+        return self._referee.depth(frame, width_px, height_px)
+
+
+class OverUnknownGround(DroneWrapper):
+    """A drone over a floor that no mask knows."""
+
+    @property
+    def referee(self) -> Referee | None:
+        inner = self._drone.referee
+        return None if inner is None else GroundlessReferee(inner)
+
+
+def test_a_survey_without_ground_lands_where_it_is() -> None:
+    drone = OverUnknownGround(TwinConfig(seed=1, image_size_px=(160, 90)).create())
+    options = app.FlightOptions(drone=drone, seed=1, exact_masks=True)
+    report = app.fly("survey_and_land", options)
+
+    assert report.outcome == "aborted"
+    assert report.reason.startswith("no ground in view for 30 s")
+    assert any("no ground in view" in warning for warning in report.warnings)
+    assert not report.airborne_at_end
+    assert report.total_distance_m is not None
+    assert report.total_distance_m < 1.0

@@ -1,0 +1,85 @@
+"""What is wrong with a mission's map: it is named, and without any ground it ends the mission."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from uav_bt.mission.map_watch import MapWatch
+from uav_bt.types import Pose2D
+from uav_bt.types.site_map import MapMark, SiteMap
+
+TICK_S = 0.1
+NOTHING = np.zeros((5, 5), dtype=bool)
+MARK = MapMark(x_m=1.0, y_m=0.0, std_m=0.05, seen_s=0.0)
+GROUND = SiteMap(
+    pose=Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0),
+    corner_m=(0.0, 0.0),
+    cell_m=0.1,
+    seen_s=np.zeros((5, 5), dtype=np.float32),
+    free=~NOTHING,
+    outside=NOTHING,
+    passed=NOTHING,
+    obstacles_m=np.empty((0, 2)),
+    edges_m=np.empty((0, 2)),
+    captured_s=0.0,
+    mark=MARK,
+)
+NO_GROUND = replace(GROUND, seen_s=np.full((5, 5), -np.inf, dtype=np.float32), mark=None)
+
+
+def watched(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> MapWatch:
+    """Return a watch that has seen a map in each tick."""
+    watch = MapWatch()
+    for tick, site_map in enumerate(maps):
+        watch.update(site_map, tick * TICK_S, airborne=airborne)
+    return watch
+
+
+def shown(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> str:
+    """Return the warnings after the last of the maps."""
+    last_s = (len(maps) - 1) * TICK_S
+    return "; ".join(watched(maps, airborne=airborne).warnings(last_s))
+
+
+def test_of_a_good_map_and_of_none_nothing_is_wrong() -> None:
+    for site_map in (GROUND, None):
+        assert shown([site_map] * 400) == ""
+        assert watched([site_map] * 400).trouble is None
+
+
+def test_no_ground_since_the_take_off_is_named_and_then_ends_the_mission() -> None:
+    assert shown([NO_GROUND] * 20) == ""
+    assert "no ground in view" in shown([NO_GROUND] * 50)
+    assert watched([NO_GROUND] * 290).trouble is None
+    assert watched([NO_GROUND] * 320).trouble == "no ground in view for 32 s"
+
+
+def test_a_drone_that_stands_waits_for_its_ground() -> None:
+    assert watched([NO_GROUND] * 400, airborne=False).trouble is None
+    assert shown([NO_GROUND] * 400, airborne=False) == ""
+
+
+def test_ground_that_comes_into_view_ends_the_trouble() -> None:
+    assert watched([*[NO_GROUND] * 320, GROUND]).trouble is None
+    assert shown([*[NO_GROUND] * 50, GROUND]) == ""
+
+
+def test_a_place_that_is_larger_than_the_grid_stays_named() -> None:
+    assert "larger than its map" in shown([replace(GROUND, full=True), *[GROUND] * 300])
+
+
+def test_a_map_that_was_begun_anew_is_named_for_some_seconds() -> None:
+    anew = [replace(GROUND, restarts=1)] * 50
+    assert "begun anew" in shown([GROUND, *anew])
+    assert shown([GROUND, *anew * 3]) == ""
+    assert "begun anew" in shown([GROUND, *anew * 3, replace(GROUND, restarts=2)])
+
+
+def test_a_mark_that_moved_is_named() -> None:
+    once, twice = (replace(GROUND, mark=replace(MARK, moved_m=far_m)) for far_m in (1.2, 2.0))
+    assert "landing mark stands 1.2 m" in shown([GROUND, once])
+    assert "landing mark stands 0.8 m" in shown([GROUND, once, twice])
+    assert shown([GROUND, *[once] * 200]) == ""
