@@ -11,6 +11,7 @@ from perception.obstacles.contact_scan import NO_CLASS, GroundScan
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_HELIPAD
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
+from uav_bt.types.site_map import is_beyond_edge
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +54,7 @@ class GroundGrid:
         self._around = np.argwhere(_disc(config.around_m / config.cell_m))
         self._around -= self._around.max(axis=0) // 2
         self._moved_s = np.full((side, side), -np.inf, dtype=np.float32)  # something moved there
+        self._has_moved = False
         self._lane = np.argwhere(_disc(config.lane_m / config.cell_m))
         self._lane -= self._lane.max(axis=0) // 2
         self._body = _disc(config.body_m / config.cell_m)
@@ -71,15 +73,19 @@ class GroundGrid:
         near = np.hypot(*np.moveaxis(scan.level_m, -1, 0)) <= cfg.max_range_m
         is_ground = near & (groups == GROUP_CARPET)
         is_beyond = near & (groups == GROUP_BACKGROUND)
-        ground = self._counts(lens.points_to_world(scan.level_m[is_ground]))
-        beyond = self._counts(lens.points_to_world(scan.level_m[is_beyond]))
-        more = np.flatnonzero(ground > beyond)
-        less = np.flatnonzero(beyond > ground)
-        votes = self._beyond.reshape(-1)
-        votes[more] = np.maximum(votes[more] - 1, -cfg.max_votes)
-        votes[less] = np.minimum(votes[less] + 1, cfg.max_votes)
-        self.seen_s.reshape(-1)[more] = captured_s
-        self.free.reshape(-1)[more] = True
+        ground = self._inside(lens.points_to_world(scan.level_m[is_ground]))
+        beyond = self._inside(lens.points_to_world(scan.level_m[is_beyond]))
+        both = np.concatenate([ground, beyond])
+        self._use(both)
+        if len(both):
+            low, size = both.min(axis=0), np.ptp(both, axis=0) + 1
+            window = slice(low[0], low[0] + size[0]), slice(low[1], low[1] + size[1])
+            more_ground = _counts(ground - low, size) - _counts(beyond - low, size)
+            more, less, votes = more_ground > 0, more_ground < 0, self._beyond[window]
+            votes[more] = np.maximum(votes[more] - 1, -cfg.max_votes)
+            votes[less] = np.minimum(votes[less] + 1, cfg.max_votes)
+            self.seen_s[window][more] = captured_s
+            self.free[window][more] = True
         self._clear_below(scan, lens)
 
     def fly_over(self, x_m: float, y_m: float) -> None:
@@ -125,19 +131,26 @@ class GroundGrid:
         cells = (self._cells(places_m)[:, None, :] + self._lane).reshape(-1, 2)
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
         self._moved_s[tuple(cells[inside].T)] = captured_s
+        self._has_moved |= bool(inside.any())
 
     def lanes_m(self, now_s: float) -> Floats:
         """Return where something moved lately and may come back unseen, (K, 2)."""
+        if not self._has_moved:
+            return np.empty((0, 2))
         cfg = self.config
         lately = self._moved_s >= now_s - cfg.lane_s
         unseen = self.seen_s < now_s - cfg.looked_s
         cells = np.argwhere(lately & unseen)
         return np.asarray((cells - self.seen_s.shape[0] // 2) * cfg.cell_m)
 
-    @property
-    def outside(self) -> NDArray[np.bool_]:
-        """Cells beyond the edge of the ground."""
-        return np.asarray(self._beyond > 0)
+    def outside(self, window: tuple[slice, slice]) -> NDArray[np.bool_]:
+        """Return which cells of a window lie beyond the edge of the ground."""
+        return np.asarray(self._beyond[window] > 0)
+
+    def is_beyond_edge(self, x_m: float, y_m: float) -> bool:
+        """Return whether a place lies beyond the edge of the ground, and further than a margin."""
+        row, column = self._cells(np.array([[x_m, y_m]]))[0]
+        return is_beyond_edge(self._beyond, int(row), int(column), self.config.cell_m)
 
     def window(self, margin: int = 6) -> tuple[slice, slice]:
         """Return the part of the grid that holds everything seen.
@@ -177,13 +190,6 @@ class GroundGrid:
         cells = self._inside(lens.points_to_world(below))
         self.free[tuple(cells.T)] = True
 
-    def _counts(self, places_m: Floats) -> NDArray[np.intp]:
-        """Return how many of the places lie in each cell, flat."""
-        cells = self._inside(places_m)
-        self._use(cells)
-        side = self.seen_s.shape[0]
-        return np.bincount(cells[:, 0] * side + cells[:, 1], minlength=side * side)
-
     def _inside(self, places_m: Floats) -> NDArray[np.intp]:
         cells = self._cells(places_m)
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
@@ -198,6 +204,12 @@ class GroundGrid:
         if len(cells):
             self._low = np.minimum(self._low, cells.min(axis=0))
             self._high = np.maximum(self._high, cells.max(axis=0))
+
+
+def _counts(cells: NDArray[np.intp], size: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return how often each cell of a window of so many rows and columns occurs."""
+    flat = np.bincount(cells[:, 0] * size[1] + cells[:, 1], minlength=int(size.prod()))
+    return flat.reshape(size)
 
 
 def _disc(radius_cells: float) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,9 +88,16 @@ def _yaw_of_sides(points_m: Floats, config: ObjectConfig) -> float:
     The smallest rectangle around two sides lies along them or across, by chance. (Zhang et al.:
     Efficient L-Shape Fitting for Vehicle Detection Using Laser Scanners, IV 2017.)
     """
-    yaws = np.linspace(0.0, math.pi / 2, config.yaws, endpoint=False)
-    along_m = points_m @ np.stack([rotation(yaw) for yaw in yaws])  # (yaws, N, 2)
+    yaws, axes = _axes(config.yaws)
+    along_m = points_m @ axes  # (yaws, N, 2)
     to_low_m = along_m - along_m.min(axis=1, keepdims=True)
     to_high_m = along_m.max(axis=1, keepdims=True) - along_m
     to_side_m = np.minimum(to_low_m, to_high_m).min(axis=-1)
     return float(yaws[(1.0 / np.maximum(to_side_m, config.near_m)).sum(axis=1).argmax()])
+
+
+@cache
+def _axes(count: int) -> tuple[Floats, Floats]:
+    """Return so many yaws of a quarter turn, and the axes there, (count, 2, 2)."""
+    yaws = np.linspace(0.0, math.pi / 2, count, endpoint=False)
+    return yaws, np.stack([rotation(yaw) for yaw in yaws])

@@ -145,7 +145,7 @@ class SiteMapper:
         place = np.array(reckoned.to_world(fix.forward_m, fix.right_m))
         x_m, y_m = self._registration.correction.to_world(*map(float, place))
         known = self._mark
-        if self.map().is_beyond_edge(x_m, y_m):
+        if self._grid.is_beyond_edge(x_m, y_m):
             return
         moved_m = 0.0 if known is None else known.moved_m
         if known is not None:
@@ -187,7 +187,7 @@ class SiteMapper:
             cell_m=grid.config.cell_m,
             seen_s=grid.seen_s[window].copy(),
             free=grid.free[window].copy(),
-            outside=grid.outside[window],
+            outside=grid.outside(window),
             passed=grid.passed[window].copy(),
             obstacles_m=self._bases.xy_m,
             edges_m=self._edges.xy_m,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from uav_bt.types.pose import Pose2D
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+
+EDGE_MARGIN_M: Final = 0.3  # only what is further beyond the edge of the ground is surely beyond it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,17 +128,26 @@ class SiteMap:
             math.floor((y_m - self.corner_m[1]) / self.cell_m + 0.5),
         )
 
-    def is_beyond_edge(self, x_m: float, y_m: float, *, margin_m: float = 0.3) -> bool:
+    def is_beyond_edge(self, x_m: float, y_m: float) -> bool:
         """Return whether a place lies beyond the edge of the ground, and further than a margin."""
-        row, column = self.cell_of(x_m, y_m)
-        reach = round(margin_m / self.cell_m)
-        around = self.outside[
-            max(row - reach, 0) : max(row + reach + 1, 0),
-            max(column - reach, 0) : max(column + reach + 1, 0),
-        ]
-        return bool(around.size) and bool(around.all())
+        return is_beyond_edge(self.outside, *self.cell_of(x_m, y_m), self.cell_m)
 
     def places_m(self) -> Floats:
         """Return the centres of the cells, (rows, columns, 2)."""
         steps = np.moveaxis(np.indices(self.seen_s.shape), 0, -1)
         return np.asarray(np.array(self.corner_m) + self.cell_m * steps)
+
+
+def is_beyond_edge(beyond: Flags | NDArray[np.int8], row: int, column: int, cell_m: float) -> bool:
+    """Return whether a cell and all around it lie beyond the edge of the ground.
+
+    Args:
+        beyond: (rows, columns) positive where a cell does.
+        row: of the cell, which may lie outside the grid.
+        column: likewise.
+        cell_m: side of a cell.
+    """
+    reach = round(EDGE_MARGIN_M / cell_m)
+    rows = slice(max(row - reach, 0), max(row + reach + 1, 0))
+    around = beyond[rows, max(column - reach, 0) : max(column + reach + 1, 0)]
+    return bool(around.size) and bool((around > 0).all())
