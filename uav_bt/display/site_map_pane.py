@@ -106,13 +106,10 @@ def _cells_in_world(site_map: SiteMap, placement: MapPlacement, frame: MapFrame)
 
 
 def _draw_object(image: Image, item: MapObject, placement: MapPlacement, frame: MapFrame) -> None:
-    ((x_m, y_m),) = placement.to_world(np.array([[item.x_m, item.y_m]])).tolist()
-    x, y = frame.to_px(x_m, y_m)
-    reach = max(item.size_m * frame.scale_px_per_m / 2.0, 4.0)
+    places_m = placement.to_world(np.vstack([item.corners_m(), [[item.x_m, item.y_m]]]))
+    *corners, (x, y) = frame.all_to_px([(x_m, y_m) for x_m, y_m in places_m.tolist()])
     red, green, blue = (int(value) for value in CLASS_COLOURS[item.class_id])
-    square = [(x - reach, y - reach), (x + reach, y - reach), (x + reach, y + reach)]
-    square += [(x - reach, y + reach), (x - reach, y - reach)]
-    line(image, square, (red, green, blue), _OBJECT_PX)
+    line(image, [*corners, corners[0]], (red, green, blue), _OBJECT_PX)
     words = object_label(item)
     left = round(x - text_width_px(words, 0.36) / 2)
     put(image, words, (left, round(y + 4)), scale=0.36, colour=INK)

@@ -128,7 +128,7 @@ def test_cells_are_shown_by_what_is_known_of_them() -> None:
 
 def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
     """The drone begins at (0.5, 0) and heads along y: right of it is x, and ahead is y."""
-    box_2 = MapObject(class_id=5, x_m=0.5, y_m=0.5, size_m=0.3, std_m=0.1, seen_s=1.0)
+    box_2 = MapObject(class_id=5, x_m=0.5, y_m=0.5, size_m=0.3, width_m=0.3, std_m=0.1, seen_s=1.0)
     flown, world, live = FlownPath(), World(), LiveMap(LAB, CAMERA, SIZE_PX)
     pose = Pose(x_m=0.5, y_m=0.0, z_m=1.5, yaw_rad=math.pi / 2)
 
@@ -146,7 +146,7 @@ def test_the_missions_map_lies_where_the_drone_saw_it() -> None:
     assert at(image, 1.3, 0.8) == SEEN
     assert at(image, -0.2, 0.8) == PASSED
     assert at(image, 1.3, -0.8) == OUTSIDE
-    assert at(image, 1.0 - 0.15, 0.5) == tuple(CLASS_COLOURS[5]), "an object in its class's colour"
+    assert at(image, 1.0 - 0.15, 0.5) == tuple(CLASS_COLOURS[5]), "an object's side in its colour"
     assert np.array_equal(shown(0.2, None), image), "the last map stays"
     pose = Pose(x_m=0.5, y_m=0.4, z_m=1.5, yaw_rad=math.pi / 2)
     shown(0.3, believed(0.4))
