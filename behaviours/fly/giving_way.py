@@ -37,6 +37,7 @@ _EDGE_M: Final = 0.4  # but not to the ground's edge, which it may not see: it f
 _IN_VIEW_RAD: Final = math.radians(12)
 _WATCH_PER_S: Final = 1.5
 _WATCH_RADPS: Final = 0.8
+_STALE_S: Final = 0.8  # a way is flown on for so long without a new view
 
 
 class GivingWay:
@@ -53,6 +54,11 @@ class GivingWay:
         self._decided_s = -math.inf  # on the map of then
         self._way: Way | None = None
 
+    @property
+    def active(self) -> bool:
+        """Whether the drone gives way."""
+        return self._way is not None
+
     def work(self) -> bool:
         """Stop or get out of the way; False when nothing comes too near."""
         leaf = self._leaf
@@ -63,6 +69,8 @@ class GivingWay:
         if site_map.captured_s > self._decided_s:
             self._decided_s = site_map.captured_s
             self._way = self._decide(site_map)
+        elif self._way is not None and leaf.clock.now() - self._decided_s > _STALE_S:
+            self._way = Way()  # nothing was seen since: the way may have ended
         if self._way is None:
             return False
         leaf.restart_view()

@@ -64,12 +64,13 @@ class ReturnToBase(SteeringLeaf):
         approach = self.port_value("approach")
         if approach not in _APPROACHES:
             raise UnknownNameError("approach", approach, _APPROACHES)
-        flight_rad, by_policy = math.radians(self.port_value("gimbal_deg")), approach == "policy"
+        self._flight_rad = math.radians(self.port_value("gimbal_deg"))
+        by_policy = approach == "policy"
         by_map = self.by_map and not by_policy
-        self._search = PadSearch(self, flight_rad=flight_rad, by_map=by_map)
+        self._search = PadSearch(self, flight_rad=self._flight_rad, by_map=by_map)
         self._approach = PadApproach(
             self,
-            flight_rad=flight_rad,
+            flight_rad=self._flight_rad,
             arrive_m=self.port_value("arrive_m"),
             by_policy=by_policy,
         )
@@ -102,7 +103,9 @@ class ReturnToBase(SteeringLeaf):
         return status
 
     def gimbal_pitch_rad(self) -> float:
-        """Return the camera's pitch."""
+        """Return the camera's pitch; while it gives way, what moves is to stay in view."""
+        if self._giving_way.active:
+            return self._flight_rad
         return self._search.pitch_rad() if self._searching else self._approach.pitch_rad()
 
     def _begin_search(self) -> None:

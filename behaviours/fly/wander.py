@@ -20,6 +20,9 @@ def wander(leaf: SteeringLeaf, state: DroneState) -> bool:
         return False
     decision = leaf.decide()
     free = decision is not None and not decision.blocked
+    if not leaf.turning and (decision is None or (free and decision.speed_mps is not None)):
+        leaf.fly_on(state, decision)  # at a speed, for as long as views come
+        return False
     if decision is not None and free and not leaf.turning:
         leaf.move(state, decision)
         return True

@@ -30,7 +30,8 @@ class FollowConfig:
     creep_mps: float = 0.2
     near_m: float = 0.35
     past_mps: float = 0.15  # nearer, past what the map has there beside the way,
-    same_m: float = 0.2  # within so much of where the corridor shows it
+    same_m: float = 0.2  # within so much of where the corridor shows it,
+    hull_m: float = 0.25  # but never nearer than this
     half_width_m: float = 0.5  # of the corridor
     reaction_s: float = 0.45  # from a frame to its effect
     brake_mps2: float = 0.8
@@ -87,7 +88,7 @@ def follow(
     Args:
         leg: from where the drone is.
         site_map: on which the leg was planned.
-        corridor: what it shows ahead; None without depth.
+        corridor: what it shows ahead; None where there is no depth, or none of late.
         margins: how fast legs are flown beside things.
         config: how they are followed.
         reason: for the status line.
@@ -148,6 +149,8 @@ def _is_mapped(corridor: Corridor | None, site_map: SiteMap, config: FollowConfi
     """Return whether the map has an obstacle where the corridor is blocked: the leg leads past."""
     if corridor is None or not len(site_map.obstacles_m):
         return False
+    if corridor.free_distance_m < config.hull_m:
+        return False
     ahead_m, right_m = site_map.pose.points_to_body(site_map.obstacles_m).T
-    there = (ahead_m > 0.0) & (ahead_m < corridor.free_distance_m + config.same_m)
+    there = np.abs(ahead_m - corridor.free_distance_m) < config.same_m
     return bool((there & (np.abs(right_m) < config.half_width_m + config.same_m)).any())

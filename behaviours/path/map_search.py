@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.next_view import (
@@ -217,19 +218,21 @@ class MapSearch:
         return Decision(forward_m=0.1, yaw_rad=turn_rad, speed_mps=0.0, reason=reason)
 
     def _wanted(self, room: Room) -> Flags:
-        wanted = unseen(room, self._round_s)
-        cells = _cells(self._in_vain_m, room.map)
-        wanted[tuple(cells.T)] = False
+        wanted = unseen(room, self._round_s, self.config.view)
+        cells, inside = self._cells(self._in_vain_m, room.map, wanted)
+        wanted[tuple(cells[inside].T)] = False
         return wanted
 
     def _still_wanted(self, places_m: Floats, room: Room) -> Floats:
-        cells = _cells(places_m, room.map)
-        cells = cells[self._wanted(room)[tuple(cells.T)]]
-        return np.asarray(np.array(room.map.corner_m) + room.map.cell_m * cells)
+        wanted = self._wanted(room)
+        cells, inside = self._cells(places_m, room.map, wanted)
+        return np.asarray(places_m[inside][wanted[tuple(cells[inside].T)]])
 
-
-def _cells(places_m: Floats, site_map: SiteMap) -> np.ndarray:
-    """Return the cells of places, without those that lie outside the grid."""
-    cells = np.rint((places_m - np.array(site_map.corner_m)) / site_map.cell_m).astype(np.intp)
-    inside = ((cells >= 0) & (cells < site_map.seen_s.shape)).all(axis=1)
-    return np.asarray(cells[inside])
+    def _cells(
+        self, places_m: Floats, site_map: SiteMap, wanted: Flags
+    ) -> tuple[NDArray[np.intp], Flags]:
+        """Return the cells of places among what is wanted, and which of them lie there."""
+        around = self.config.view.around_cells(site_map.cell_m)
+        apart_m = places_m - np.array(site_map.corner_m)
+        cells = np.rint(apart_m / site_map.cell_m).astype(np.intp) + around
+        return cells, np.asarray(((cells >= 0) & (cells < wanted.shape)).all(axis=1))

@@ -30,6 +30,10 @@ class ViewConfig:
     look_s: float = 1.0  # for the view itself
     yaw_rate_radps: float = 0.8
 
+    def around_cells(self, cell_m: float) -> int:
+        """Return how many cells beyond the map a view may show."""
+        return math.ceil(self.far_m / cell_m)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sight:
@@ -70,16 +74,21 @@ class View:
     shows_m2: float  # of what was not seen
 
 
-def unseen(room: Room, since_s: float) -> Flags:
+def unseen(room: Room, since_s: float, config: ViewConfig) -> Flags:
     """Return the cells that may be ground, or a landing mark on it, and were not seen since.
 
     Args:
         room: of the map.
         since_s: what was seen to be ground before counts as unseen again; -inf: never.
+        config: how far views reach.
+
+    Returns:
+        The map's cells and `config.around_cells` on each side, which the map does not know.
     """
     solid = room.obstacle_m < _SOLID_CELLS * room.map.cell_m
     seen = room.map.ground & (room.map.seen_s >= since_s)
-    return np.asarray(~seen & ~room.map.outside & ~solid)
+    around = config.around_cells(room.map.cell_m)
+    return np.pad(~seen & ~room.map.outside & ~solid, around, constant_values=True)
 
 
 def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> View | None:
@@ -87,12 +96,12 @@ def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> Vi
 
     Args:
         room: of the map, and the paths to the places to look from.
-        wanted: cells to see, of the map's shape.
+        wanted: cells to see: the map's, and around it as in `unseen`.
         sight: of the camera.
         config: how views are tried.
     """
     step = config.grid_step
-    tried = np.zeros(wanted.shape, dtype=bool)
+    tried = np.zeros(room.map.seen_s.shape, dtype=bool)
     tried[::step, ::step] = True
     tried[room.start] = True
     places = np.argwhere(tried & np.isfinite(room.fastest.time_s))
@@ -135,8 +144,8 @@ def _shown_m2(
 ) -> Floats:
     """Return how much of what is wanted each place shows along each heading, (K, bearings)."""
     rows, columns, ranges_m, clear = _rays(room, places, sight, config)
-    # What lies beyond the grid is unknown, and so wanted.
-    hit = clear & _looked_up(wanted, rows, columns, beyond=True)
+    around = config.around_cells(room.map.cell_m)
+    hit = clear & _looked_up(wanted, rows + around, columns + around)
     area_m2 = ranges_m * (ranges_m >= sight.near_m)
     area_m2 = area_m2 * room.map.cell_m * 2.0 * math.pi / config.bearings
     by_bearing = hit @ area_m2
@@ -158,7 +167,7 @@ def _rays(
     columns = np.rint(np.sin(azimuths)[:, None] * ranges_m / cell_m).astype(np.intp)
     rows, columns = rows + places[:, :1, None], columns + places[:, 1:, None]
     solid = (room.obstacle_m < _SOLID_CELLS * cell_m) | room.map.outside
-    ends = _looked_up(solid, rows, columns, beyond=False)
+    ends = _looked_up(solid, rows, columns)
     return rows, columns, ranges_m, ~np.logical_or.accumulate(ends, axis=2)
 
 
@@ -172,13 +181,12 @@ def _fan(sight: Sight, config: ViewConfig) -> NDArray[np.intp]:
     return np.arange(-width, width + 1)
 
 
-def _looked_up(
-    grid: Flags, rows: NDArray[np.intp], columns: NDArray[np.intp], *, beyond: bool
-) -> Flags:
+def _looked_up(grid: Flags, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Flags:
+    """Return the cells' values; False beyond the grid."""
     height, width = grid.shape
     inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
     found = grid[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
-    return np.asarray(np.where(inside, found, beyond))
+    return np.asarray(inside & found)
 
 
 def _times_s(room: Room, places: NDArray[np.intp], config: ViewConfig) -> Floats:

@@ -178,19 +178,29 @@ class Room:
         lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
         return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
 
+    @cached_property
+    def _wide(self) -> Flags:
+        return self.open & (self.clear_m >= self.margins.touch_m)
+
     @property
     def shut_in(self) -> bool:
         """Whether most of what can be flown is out of reach from here."""
-        reached = np.isfinite(self.fastest.time_s)
-        wide = self.open & (self.clear_m >= self.margins.touch_m)
-        return bool((reached & wide).sum() < self.margins.enough_reached * wide.sum())
+        reached = np.isfinite(self.fastest.time_s) & self._wide
+        return bool(reached.sum() < self.margins.enough_reached * self._wide.sum())
+
+    @property
+    def too_narrow(self) -> bool:
+        """Whether nowhere is as much room as legs ask for."""
+        return not self._wide.any()
 
     def _unknown_m(self) -> Floats:
         """Return how far the unknown is; single cells that no ray has met are none."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         unknown = (~(self.map.free | self.map.outside)).astype(np.uint8)
-        patches = cv2.morphologyEx(unknown, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        square = np.ones((2, 2), np.uint8)
+        # OpenCV anchors an even kernel at its lower right cell; opened by that it would be moved.
+        patches = cv2.dilate(cv2.erode(unknown, square), square, anchor=(0, 0))
         return self._distance_of(patches.astype(bool))
 
     def _within(self, cell: Cell) -> Cell:

@@ -97,7 +97,7 @@ class FindHelipad(Leaf):
             doc="top of the helipad above the carpet, m",
         ),
     )
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, ODOMETRY, SITE_MAP)
     writes = (HELIPAD,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -106,19 +106,23 @@ class FindHelipad(Leaf):
 
         self._finder = HelipadFinder(pad_height_m=self.port_value("pad_height_m"))
         self._timer = StageTimer(mission, "helipad")
-        self._last_s = -1.0
+        self._last_s, self._map_restarts = -1.0, 0
 
     def on_inherit(self, former: Self) -> None:
         """Keep the helipad's track, unless the pad is another now."""
         if self.port_value("pad_height_m") == former.port_value("pad_height_m"):
             self._finder, self._last_s = former._finder, former._last_s
+            self._map_restarts = former._map_restarts
 
     def update(self) -> Status:
         """Follow the drone's motion, and take in a new class map."""
         state = self.read(STATE).value
         if state is None:
             return Status.SUCCESS
-        motion = self.read(ODOMETRY).value
+        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
+        if site_map is not None and site_map.restarts > self._map_restarts:
+            self._map_restarts = site_map.restarts
+            self._finder.forget()  # it was carried to where the drone no longer is
         # The pad stands still on the ground, whatever telemetry takes for the drone's motion.
         self._finder.predict(state if motion is None else motion.over_ground(state))
         class_map = self.read(CLASS_MAP).value
@@ -195,6 +199,7 @@ class RememberObstacles(Leaf):
         if motion is None:
             return
         with self._map_timer:
+            restarts = self._mapper.restarts
             self._mapper.follow(motion)
             if scan is not None:
                 self._mapper.see(scan, frame, camera)
@@ -205,4 +210,6 @@ class RememberObstacles(Leaf):
             if fix is not None and fix.detected:
                 self._mapper.see_mark(fix)
             site_map = self._mapper.map()
+            if site_map.restarts > restarts:
+                self._memory.forget()  # what was placed by the map that was given up
         self.write(SITE_MAP, site_map, captured_s=frame.captured_s)

@@ -166,6 +166,11 @@ class HelipadFinder:
         self._reckons = True
         self._tracker.predict(state)
 
+    def forget(self) -> None:
+        """Drop the track; the odometry goes on."""
+        self._tracker.forget()
+        self.miss()
+
     def miss(self) -> None:
         """Note that there is no class map to look at."""
         self._seen, self._accepted = None, False

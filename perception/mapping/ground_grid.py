@@ -74,6 +74,7 @@ class GroundGrid:
         is_ground = near & (groups == GROUP_CARPET)
         is_beyond = near & (groups == GROUP_BACKGROUND)
         ground = self._inside(lens.points_to_world(scan.level_m[is_ground]))
+        self.full |= bool(len(ground) < np.count_nonzero(is_ground))
         beyond = self._inside(lens.points_to_world(scan.level_m[is_beyond]))
         both = np.concatenate([ground, beyond])
         self._use(both)
@@ -93,7 +94,10 @@ class GroundGrid:
         row, column = self._cells(np.array([[x_m, y_m]]))[0]
         _stamp(self.passed, int(row), int(column), self._disc)
         _stamp(self.free, int(row), int(column), self._body)
-        self._use(np.array([[row, column]]))
+        inside = 0 <= row < self.seen_s.shape[0] and 0 <= column < self.seen_s.shape[0]
+        self.full |= not inside
+        if inside:
+            self._use(np.array([[row, column]]))
 
     def was_ground(self, places_m: Floats) -> NDArray[np.bool_]:
         """Return at which places all ground around was seen.
@@ -193,8 +197,7 @@ class GroundGrid:
     def _inside(self, places_m: Floats) -> NDArray[np.intp]:
         cells = self._cells(places_m)
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
-        self.full |= not bool(inside.all())
-        return cells[inside]
+        return np.asarray(cells[inside])
 
     def _cells(self, places_m: Floats) -> NDArray[np.intp]:
         middle = self.seen_s.shape[0] // 2
@@ -219,7 +222,10 @@ def _disc(radius_cells: float) -> NDArray[np.bool_]:
 
 
 def _stamp(grid: NDArray[np.bool_], row: int, column: int, disc: NDArray[np.bool_]) -> None:
-    reach, side = disc.shape[0] // 2, grid.shape[0]
-    if reach <= row < side - reach and reach <= column < side - reach:
-        place = (slice(row - reach, row + reach + 1), slice(column - reach, column + reach + 1))
-        grid[place] |= disc
+    """Mark the cells around one, as far as the grid goes."""
+    reach = disc.shape[0] // 2
+    top, left = max(reach - row, 0), max(reach - column, 0)
+    rows = slice(max(row - reach, 0), max(row + reach + 1, 0))
+    columns = slice(max(column - reach, 0), max(column + reach + 1, 0))
+    there = grid[rows, columns]
+    there |= disc[top : top + there.shape[0], left : left + there.shape[1]]

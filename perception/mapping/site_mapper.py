@@ -57,6 +57,7 @@ class SiteMapperConfig:
     judged_s: float = 3.0  # views so long ago count a third
     judged_points: float = 80.0  # fewer points in all those views say nothing
     restart_s: float = 2.0
+    gap_s: float = 0.5  # between views; what is longer counts neither for nor against the map
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
     arrivals: ArrivalConfig = field(default_factory=ArrivalConfig)
     movers: MoverConfig = field(default_factory=MoverConfig)
@@ -69,7 +70,7 @@ class SiteMapper:
 
     def __init__(self, config: SiteMapperConfig | None = None) -> None:
         self.config = config or SiteMapperConfig()
-        self._restarts = 0
+        self.restarts = 0  # how often the map was begun anew
         self._motion: MotionEstimate | None = None
         self._begin()
 
@@ -123,7 +124,7 @@ class SiteMapper:
         x_m, y_m = here.to_world(camera.forward_offset_m, 0.0)
         lens = replace(here, x_m=x_m, y_m=y_m)
         if self._contradicts(scan, lens, frame, camera):
-            self._restarts += 1
+            self.restarts += 1
             self._begin()
             self._captured_s = self._agreed_s = time_s
             return
@@ -199,7 +200,7 @@ class SiteMapper:
             correction=self._registration.correction,
             residual_m=self._residual_m,
             contradicted_s=self._contradicted_s,
-            restarts=self._restarts,
+            restarts=self.restarts,
             full=grid.full,
         )
 
@@ -226,15 +227,18 @@ class SiteMapper:
     ) -> bool:
         """Take from the map what a view shows not to be there; return whether it is too much."""
         cfg, time_s = self.config, frame.captured_s
-        self._judged *= math.exp(-(time_s - self._judged_s) / cfg.judged_s)
+        unseen_s = time_s - self._judged_s
+        self._judged *= math.exp(-unseen_s / cfg.judged_s)
         self._judged_s = time_s
+        if cfg.gap_s < unseen_s < math.inf:
+            self._agreed_s += unseen_s
         kept: list[Landmarks] = []
         for known in (self._bases, self._edges):
             in_view, free = shown_free(
                 known, scan.image_groups, lens, frame, camera, config=cfg.landmarks
             )
             self._judged += (in_view.sum(), (in_view & free).sum())
-            kept.append(without_missed(known, free, cfg.landmarks))
+            kept.append(without_missed(known, in_view & free, cfg.landmarks))
         self._bases, self._edges = kept
         in_all, gone = self._judged
         if in_all < cfg.judged_points or gone <= cfg.contradiction * in_all:

@@ -127,6 +127,11 @@ class ObstacleMemory:
         )
         return scan
 
+    def forget(self) -> None:
+        """Drop all that is remembered; the odometry goes on."""
+        self._keep(np.zeros(len(self._points), dtype=bool))
+        self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
+
     def forget_by(self, until_s: float, trails_m: NDArray[np.float64]) -> None:
         """Keep bases on the trails of what moves no longer than until a time.
 

@@ -46,6 +46,7 @@ class MapAlignment:
         self._first_s: float | None = None
         self._x_axis = complex(0.0)  # of the map in the world: the sum of its directions
         self._began: tuple[Pose2D, Pose2D] | None = None  # the drone in the map and in the world
+        self._restarts = 0
 
     def add(
         self, time_s: float, pose: Pose2D, reported_yaw_rad: float, site_map: SiteMap | None
@@ -63,8 +64,10 @@ class MapAlignment:
         if time_s - self._first_s <= _MEAN_S:
             # By what the drone reports it is turned clockwise from the map's x axis.
             self._x_axis += cmath.rect(1.0, pose.yaw_rad + reported_yaw_rad)
-        if self._began is None and site_map is not None:
-            self._began = (site_map.pose, pose)
+        if site_map is None:
+            return
+        if self._began is None or site_map.restarts > self._restarts:
+            self._began, self._restarts = (site_map.pose, pose), site_map.restarts
 
     @property
     def placement(self) -> MapPlacement | None:

@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from uav_bt.mission.safety import Lasting
 from uav_bt.types.site_map import SiteMap
 
 _LOG: Final = logging.getLogger(__name__)
@@ -18,8 +17,8 @@ class MapWatchConfig:
     """When a map is useless, and for how long an event is shown.
 
     Attributes:
-        no_ground_s: airborne for so long without any ground on the map, the mission is warned ...
-        land_s: ... and after so long it is ended with a landing.
+        no_ground_s: views that have shown no ground for so long are named ...
+        land_s: ... and after so long the mission is ended with a landing.
         shown_s: what happened to the map is shown for so long.
     """
 
@@ -37,7 +36,7 @@ class MapWatch:
 
     def __init__(self, config: MapWatchConfig | None = None) -> None:
         self._config = config or MapWatchConfig()
-        self._no_ground = Lasting()
+        self._airborne_s: float | None = None  # since when
         self._restarts, self._mark_moved_m = 0, 0.0
         self._shown: dict[str, float] = {}  # until when each warning is shown
         self.trouble: str | None = None  # why nothing can be flown by this map
@@ -51,14 +50,16 @@ class MapWatch:
             airborne: whether the drone flies.
         """
         cfg, self.trouble = self._config, None
+        self._shown = {text: until_s for text, until_s in self._shown.items() if until_s >= now_s}
         if site_map is None:
             return
-        blind = airborne and not site_map.ground.any()
-        blind_s = self._no_ground.update(now_s, holds=blind)
+        if not airborne:
+            self._airborne_s = None
+        elif self._airborne_s is None:
+            self._airborne_s = now_s
+        blind_s = 0.0 if self._airborne_s is None else _blind_s(site_map, self._airborne_s)
         if blind_s > cfg.no_ground_s:
-            self._show(
-                "no ground in view: there is nothing to fly over, the drone looks round", now_s
-            )
+            self._show("no ground in view: there is nothing to fly over", now_s)
         if blind_s > cfg.land_s:
             self.trouble = f"no ground in view for {blind_s:.0f} s"
         if site_map.full:
@@ -87,3 +88,9 @@ class MapWatch:
         if text not in self._shown:
             _LOG.warning("%s", text)
         self._shown[text] = until_s
+
+
+def _blind_s(site_map: SiteMap, airborne_s: float) -> float:
+    """Return for how long views have shown no ground; those that look steeply down do not count."""
+    ground_s = float(site_map.seen_s.max(initial=-math.inf))
+    return site_map.captured_s - max(ground_s, airborne_s)

@@ -85,16 +85,20 @@ class OrderedMotion:
 
     def order(self, mps: Vector, now_s: float) -> None:
         """Note an order."""
+        self._take_due(now_s)
         self._waiting.append((now_s + self._config.delay_s, mps))
 
     def advance(self, now_s: float) -> None:
         """Let time pass."""
-        while self._waiting and self._waiting[0][0] <= now_s:
-            self._target = self._waiting.popleft()[1]
+        self._take_due(now_s)
         passed_s = max(0.0, now_s - self._last_s)
         share = 1.0 - math.exp(-passed_s / self._config.lag_s)
         self._last_s = now_s
         self.mps = add(self.mps, share, add(self._target, -1.0, self.mps))
+
+    def _take_due(self, now_s: float) -> None:
+        while self._waiting and self._waiting[0][0] <= now_s:
+            self._target = self._waiting.popleft()[1]
 
     def reset(self, mps: Vector) -> None:
         """Begin anew with what it does now: it was not ordered from here."""

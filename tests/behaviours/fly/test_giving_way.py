@@ -104,3 +104,16 @@ def test_between_two_maps_the_way_is_held_and_afterwards_the_mission_goes_on() -
         bench.board[SITE_MAP] = replace(drawn_map(), captured_s=bench.clock.now())
         bench.tick()
     assert isinstance(bench.proposed, MoveBy)
+
+
+def test_a_way_is_not_flown_on_without_a_new_view() -> None:
+    """The camera looks elsewhere: the way may have ended, and what comes may have gone."""
+    bench = flown(Explore, COMES)
+    shown = bench.board[SITE_MAP]
+    assert bench.proposed != Velocity()
+    for _ in range(10):
+        show(bench)
+        bench.strict_board.write(SITE_MAP, shown)  # anew, of the same view
+        bench.tick()
+    assert isinstance(bench.proposed, Velocity)
+    assert (bench.proposed.forward_mps, bench.proposed.right_mps) == (0.0, 0.0)

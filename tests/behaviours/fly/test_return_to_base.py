@@ -21,6 +21,7 @@ from tests.behaviours.leaf_world import (
 )
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.board import HELIPAD, OBSTACLES, PHASE, SITE_MAP, STATE
+from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -104,6 +105,14 @@ def test_searches_under_the_policy() -> None:
     assert bench.board[PHASE] == "search"
     fly(bench)
     assert bench.proposed == MoveBy(id=1, forward_m=0.3)
+
+
+def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> None:
+    """Not in one step to the end of what it says, which may be metres away."""
+    bench = searching(Says(Decision(forward_m=2.6, yaw_rad=0.1, speed_mps=0.4)))
+    fly(bench, seconds=0.3)
+    assert velocity(bench).forward_mps == pytest.approx(0.4)
+    assert velocity(bench).yaw_rate_radps > 0.0
 
 
 def test_the_search_turns_away_by_itself() -> None:

@@ -69,15 +69,15 @@ def test_in_the_open_it_looks_far_ahead() -> None:
     assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)
 
 
-def past(obstacles: np.ndarray) -> Decision | None:
-    """Return the course straight ahead with a corridor that is blocked at 0.3 m."""
+def past(obstacles: np.ndarray, free_m: float = 0.3) -> Decision | None:
+    """Return the course straight ahead with a corridor that is blocked so near."""
     room = Room(drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), Lately())
     path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
     leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
     corridor = Corridor(
         captured_s=1.0,
-        free_distance_m=0.3,
-        nearest_m=0.3,
+        free_distance_m=free_m,
+        nearest_m=free_m,
         nearest_side="left",
         time_to_impact_s=math.inf,
     )
@@ -95,3 +95,11 @@ def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
 def test_it_stops_before_what_is_not_on_the_map() -> None:
     elsewhere = np.array([[1.5, -0.45], [-0.3, 0.3], [0.2, 1.2]])
     assert past(elsewhere) is None
+
+
+def test_what_is_nearer_than_anything_on_the_map_stops_it() -> None:
+    """Right ahead of it stands something that the map does not know."""
+    beside = np.array([[x_m, -0.45] for x_m in (0.5, 0.6, 0.7)])
+    assert past(beside, free_m=0.27) is None
+    right_here = np.array([[x_m, -0.45] for x_m in (0.1, 0.2, 0.3)])
+    assert past(right_here, free_m=0.2) is None

@@ -9,6 +9,7 @@ import numpy as np
 
 from behaviours.path.map_search import Aim, MapSearch
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
+from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import MapMark
@@ -147,3 +148,22 @@ def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
     assert speeds[1] < 0.3
     assert speeds[2] is not None
     assert speeds[2] < 0.5
+
+
+def test_what_lies_beyond_the_grid_is_looked_at_once() -> None:
+    """The place is larger than its map: the drone looks there, flies on, and does not stare."""
+    cells = np.ones((61, 61), dtype=bool)
+    search, pose, looked = MapSearch(), Pose2D(x_m=1.5, y_m=0.0, yaw_rad=0.0), 0
+    for step in range(400):
+        whole = replace(drawn_map(), pose=pose, free=cells, outside=~cells, full=True)
+        whole = replace(whole, seen_s=cells.astype(np.float32), captured_s=1.0 + 0.2 * step)
+        decision = search.decide(whole, None, None, SIGHT)
+        if decision is None:
+            break
+        looked += decision.reason == "looked"
+        yaw_rad = pose.yaw_rad + max(-0.2, min(0.2, decision.yaw_rad))
+        step_m = 0.2 * (decision.speed_mps or 0.0)
+        x_m, y_m = pose.x_m + step_m * math.cos(yaw_rad), pose.y_m + step_m * math.sin(yaw_rad)
+        pose = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+    assert looked >= 3
+    assert math.hypot(pose.x_m - 1.5, pose.y_m) > 1.0

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from behaviours.path.next_view import (
     Sight,
@@ -16,7 +17,7 @@ from behaviours.path.next_view import (
     still_shows_m2,
     unseen,
 )
-from behaviours.path.room import Lately, Room
+from behaviours.path.room import Flags, Lately, Room
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types import CameraModel
 from uav_bt.types.site_map import SiteMap
@@ -24,6 +25,11 @@ from uav_bt.types.site_map import SiteMap
 CONFIG = ViewConfig()
 SIGHT = Sight(near_m=0.8, far_m=3.0, half_rad=math.radians(34))
 WALL = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, 0.5)])
+
+
+def around(cells: NDArray[np.bool_], site_map: SiteMap, *, beyond: bool = False) -> Flags:
+    """Return cells of a map as what is wanted: with those that views reach beyond it."""
+    return np.pad(cells, CONFIG.around_cells(site_map.cell_m), constant_values=beyond)
 
 
 def room_of(site_map: SiteMap) -> Room:
@@ -45,7 +51,7 @@ def test_the_sight_follows_from_camera_pitch_and_height() -> None:
 @pytest.mark.parametrize(("half", "side"), [("left", -1.0), ("right", 1.0)])
 def test_it_looks_to_the_half_that_was_not_seen(half: str, side: float) -> None:
     room = room_of(drawn_map())
-    wanted = where(half) & unseen(room, math.inf)
+    wanted = around(where(half), room.map) & unseen(room, math.inf, CONFIG)
     view = best_view(room, wanted, SIGHT, CONFIG)
     assert view is not None
     assert side * (view.y_m + 1.5 * math.sin(view.yaw_rad)) > 0.2
@@ -54,16 +60,22 @@ def test_it_looks_to_the_half_that_was_not_seen(half: str, side: float) -> None:
 
 def test_what_was_seen_is_not_looked_at_until_the_search_begins_anew() -> None:
     room = room_of(drawn_map())
-    inside = np.abs(room.map.places_m()).max(axis=-1) < 1.95
-    assert not (unseen(room, -math.inf) & inside).any()
-    assert (unseen(room, 2.0) & inside).sum() == inside.sum()
-    assert best_view(room, unseen(room, -math.inf), SIGHT, CONFIG) is None
+    inside = around(np.abs(room.map.places_m()).max(axis=-1) < 1.95, room.map)
+    assert not (unseen(room, -math.inf, CONFIG) & inside).any()
+    assert (unseen(room, 2.0, CONFIG) & inside).sum() == inside.sum()
+    assert best_view(room, unseen(room, -math.inf, CONFIG), SIGHT, CONFIG) is None
+
+
+def test_what_the_map_does_not_reach_is_wanted_too() -> None:
+    room = room_of(drawn_map())
+    beyond = around(np.zeros_like(room.open), room.map, beyond=True)
+    assert unseen(room, -math.inf, CONFIG)[beyond].all()
 
 
 def test_nothing_is_seen_through_an_obstacle() -> None:
     behind = drawn_map(obstacles=WALL, pose=(0.0, -0.3, math.pi / 2))
     room = room_of(behind)
-    wanted = unseen(room, math.inf) & (behind.places_m()[..., 1] > 0.7)
+    wanted = unseen(room, math.inf, CONFIG) & around(behind.places_m()[..., 1] > 0.7, behind)
     across = View(x_m=0.0, y_m=-0.3, yaw_rad=math.pi / 2, shows_m2=9.0)
     assert still_shows_m2(across, room, wanted, SIGHT, CONFIG) == 0.0
     assert best_view(room, wanted, SIGHT, CONFIG) is None
@@ -73,7 +85,7 @@ def test_nothing_is_seen_through_an_obstacle() -> None:
 
 def test_nothing_is_looked_at_beyond_the_edge_of_the_ground() -> None:
     room = room_of(drawn_map())
-    wanted = room.map.outside
+    wanted = around(room.map.outside, room.map)
     assert best_view(room, wanted, SIGHT, CONFIG) is None
 
 
@@ -91,7 +103,7 @@ def test_a_view_counts_its_ground_about_right() -> None:
     """A sector of 68 degrees between 0.8 and 3 m, all of it on the ground: 4.8 m2."""
     room = room_of(drawn_map())
     view = View(x_m=-1.5, y_m=0.0, yaw_rad=0.0, shows_m2=1.0)
-    wanted = np.ones_like(room.open)
+    wanted = around(np.ones_like(room.open), room.map)
     area_m2 = 0.5 * (3.0**2 - 0.8**2) * 2 * math.radians(34)
     shown_m2 = still_shows_m2(view, room, wanted, SIGHT, CONFIG)
     assert shown_m2 == pytest.approx(area_m2, rel=0.15)

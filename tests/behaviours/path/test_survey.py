@@ -181,3 +181,19 @@ def test_views_that_are_off_the_map_widen_the_distances() -> None:
     site_map = drawn_map(obstacles=np.array([[1.0, 0.0]]))
     open_now = Room(site_map, Lately()).open.sum()
     assert Room(replace(site_map, residual_m=0.05), Lately()).open.sum() < open_now
+
+
+def test_the_unknown_is_kept_away_from_on_all_sides_alike() -> None:
+    x, y = np.indices((61, 61)) * 0.1 - 3.0
+    hidden = (np.abs(x) < 0.25) & (np.abs(y) < 0.25)
+    room = Room(drawn_map(known=~hidden, pose=(-1.5, -1.5, 0.0)), Lately(), MARGINS)
+    assert np.array_equal(room.clear_m, room.clear_m[::-1])
+    assert np.array_equal(room.clear_m, room.clear_m[:, ::-1])
+    assert room.clear_m[30, 30 + 6] == pytest.approx(0.4 + MARGINS.touch_m - MARGINS.unknown_m)
+
+
+def test_a_single_cell_that_no_ray_has_met_is_not_unknown() -> None:
+    x, y = np.indices((61, 61)) * 0.1 - 3.0
+    speck = (np.abs(x) < 0.05) & (np.abs(y) < 0.05)
+    room = Room(drawn_map(known=~speck, pose=(-1.5, -1.5, 0.0)), Lately(), MARGINS)
+    assert room.clear_m[30, 31] > MARGINS.wide_m

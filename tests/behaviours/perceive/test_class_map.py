@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
 from tests.behaviours.leaf_world import carpet, live, show
+from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, HELIPAD, OBSTACLES, ODOMETRY, SITE_MAP, STATE
 from uav_bt.classes import BOXES, HELIPAD_BOX, HELIPAD_H
 from uav_bt.testing import LeafBench, pinhole
@@ -98,6 +100,18 @@ def finding() -> LeafBench:
     bench = LeafBench(FindHelipad, pad_height_m=0.4)
     bench.camera = pinhole(640, 360)
     return bench
+
+
+def test_a_map_that_was_begun_anew_drops_the_carried_pad() -> None:
+    """The drone is elsewhere than the track believes: nothing is carried on."""
+    bench = finding()
+    live(bench, ids=pad_map())
+    live(bench)
+    assert not bench.board[HELIPAD].detected
+    carried = bench.board[HELIPAD]
+    bench.board[SITE_MAP] = replace(drawn_map(), restarts=1, captured_s=bench.clock.now())
+    bench.tick()
+    assert bench.board[HELIPAD] is carried  # what was written last; nothing was written since
 
 
 def test_a_pad_in_view_gets_a_fix() -> None:

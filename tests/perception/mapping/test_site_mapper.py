@@ -16,6 +16,7 @@ from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
+from uav_bt.classes import CARPET
 from uav_bt.errors import MissionError
 from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
@@ -203,3 +204,65 @@ def test_a_mark_moves_only_when_it_is_seen_elsewhere_again_and_again() -> None:
         moved = tenths >= 19 + views
         assert mark.y_m == pytest.approx(-1.0 if moved else 0.5, abs=0.02)
         assert mark.moved_m == pytest.approx(1.5 if moved else 0.0, abs=0.02)
+
+
+def hover(
+    mapper: SiteMapper, at: CameraPose, *, from_s: float, views: int, height_std_m: float
+) -> SiteMap:
+    """Let the mapper see one view again and again, with an altimeter that errs."""
+    (view,) = render_views(FAR, [at], truth_size_px=(224, 112))
+    rng = np.random.default_rng(1)
+    for index in range(views):
+        time_s = from_s + 0.1 * index
+        x_m, y_m = at.x_m - CAMERA_FORWARD_M, -at.y_m
+        mapper.follow(motion(OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=0.0)))
+        frame = Frame(
+            image=np.zeros((4, 8, 3), dtype=np.uint8),
+            index=index,
+            captured_s=time_s,
+            gimbal_pitch_rad=at.pitch_rad,
+            height_above_carpet_m=at.z_m + float(rng.normal(0.0, height_std_m)),
+        )
+        class_map = ClassMap(ids=view.ids, captured_s=time_s)
+        mapper.see(scan_ground(class_map, frame, CAMERA), frame, CAMERA)
+    return mapper.map()
+
+
+FAR = Scene(
+    name="far",
+    helipad=Helipad(position_m=(-1.9, 1.4)),
+    boxes=(BoxSpec(pattern=3, position_m=(2.0, -0.4), yaw_deg=20, size_m=(0.4, 0.4, 1.9)),),
+)
+
+
+def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
+    """From further than bases are placed, the error of the height is as large as the box."""
+    mapper = SiteMapper()
+    near = CameraPose(x_m=0.4, y_m=-0.4, z_m=HEIGHT_M, yaw_rad=0.0, pitch_rad=PITCH_RAD)
+    placed = hover(mapper, near, from_s=0.0, views=15, height_std_m=0.0)
+    assert len(placed.objects) == 1
+    far = CameraPose(x_m=-2.2, y_m=-0.4, z_m=HEIGHT_M, yaw_rad=0.0, pitch_rad=math.radians(-30))
+    later = hover(mapper, far, from_s=2.0, views=60, height_std_m=0.03)
+    assert len(later.obstacles_m) >= len(placed.obstacles_m)
+    assert len(later.objects) == 1
+
+
+def test_time_without_views_does_not_count_against_the_map() -> None:
+    """After a long gap one view that is wrong is not enough to give the map up."""
+    mapper = SiteMapper(SiteMapperConfig(judged_points=5.0))
+    fly(mapper)
+    true, _ = flown()[-1]
+    time_s = len(flown()) * STEP_S + 10.0
+    pose = OdometryPose(time_s=time_s, x_m=true.x_m, y_m=true.y_m, yaw_rad=true.yaw_rad)
+    frame = Frame(
+        image=np.zeros((4, 8, 3), dtype=np.uint8),
+        index=0,
+        captured_s=time_s,
+        gimbal_pitch_rad=PITCH_RAD,
+        height_above_carpet_m=HEIGHT_M,
+    )
+    mapper.follow(motion(pose))
+    nothing = ClassMap(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
+    mapper.see(scan_ground(nothing, frame, CAMERA), frame, CAMERA)
+    assert mapper.map().restarts == 0
+    assert mapper.map().contradicted_s < 1.0

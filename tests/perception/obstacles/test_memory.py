@@ -446,3 +446,15 @@ def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
     ahead = np.abs(found.unplaced_edges_rad) < math.radians(20)
     assert not ahead.any()
     assert len(found.edges_m) > 10
+
+
+def test_all_can_be_forgotten() -> None:
+    memory = ObstacleMemory()
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    assert len(memory.points().points_m)
+    memory.forget()
+    after = memory.points()
+    assert not len(after.points_m)
+    assert not len(after.edges_m)
+    assert memory.motion is not None

@@ -188,13 +188,26 @@ def test_the_drift_is_measured_after_the_take_off_and_at_the_end() -> None:
     flight.map = site_map()
     flight.at(1.0, taking_off=True)
     for time_s, off_m in ((90.9, 0.1), (91.0, 0.2), (120.0, 0.3)):
-        flight.map = site_map(*in_map(0.5, off_m), restarts=2)
+        flight.map = site_map(*in_map(0.5, off_m))
         flight.at(time_s, Pose(x_m=0.5, y_m=0.0, z_m=1.5, yaw_rad=0.0))
     report = flight.report()
     assert report.map_drift_90s_m == pytest.approx(0.2)
     assert report.map_drift_180s_m is None
     assert report.map_drift_m == pytest.approx(0.3)
-    assert report.map_restarts == 2
+    assert report.map_restarts == 0
+
+
+def test_a_map_that_was_begun_anew_is_aligned_where_it_begins() -> None:
+    """The drone was carried two metres aside: its new map begins there, without drift."""
+    flight = Flight()
+    flight.map = site_map()
+    flight.at(1.0, taking_off=True)
+    for time_s, off_m in ((10.0, 0.0), (11.0, 0.1)):
+        flight.map = site_map(*in_map(0.0, off_m), restarts=1)
+        flight.at(time_s, Pose(x_m=0.0, y_m=2.0, z_m=1.5, yaw_rad=0.0))
+    report = flight.report()
+    assert report.map_drift_m == pytest.approx(0.1)
+    assert report.map_restarts == 1
 
 
 def test_a_map_that_is_not_new_is_not_compared_with_where_the_drone_is_by_now() -> None:

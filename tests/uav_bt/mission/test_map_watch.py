@@ -27,14 +27,16 @@ GROUND = SiteMap(
     captured_s=0.0,
     mark=MARK,
 )
+SEEN = replace(GROUND, seen_s=np.full((5, 5), 1e6, dtype=np.float32))
 NO_GROUND = replace(GROUND, seen_s=np.full((5, 5), -np.inf, dtype=np.float32), mark=None)
 
 
 def watched(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> MapWatch:
-    """Return a watch that has seen a map in each tick."""
+    """Return a watch that has seen a map, made of a view of that time, in each tick."""
     watch = MapWatch()
-    for tick, site_map in enumerate(maps):
-        watch.update(site_map, tick * TICK_S, airborne=airborne)
+    for tick, each in enumerate(maps):
+        now_s = tick * TICK_S
+        watch.update(each and replace(each, captured_s=now_s), now_s, airborne=airborne)
     return watch
 
 
@@ -45,7 +47,7 @@ def shown(maps: Sequence[SiteMap | None], *, airborne: bool = True) -> str:
 
 
 def test_of_a_good_map_and_of_none_nothing_is_wrong() -> None:
-    for site_map in (GROUND, None):
+    for site_map in (SEEN, None):
         assert shown([site_map] * 400) == ""
         assert watched([site_map] * 400).trouble is None
 
@@ -57,29 +59,36 @@ def test_no_ground_since_the_take_off_is_named_and_then_ends_the_mission() -> No
     assert watched([NO_GROUND] * 320).trouble == "no ground in view for 32 s"
 
 
+def test_ground_that_is_seen_no_more_is_named_and_ends_the_mission_too() -> None:
+    """It flew away from the ground: what the map has of it is old."""
+    assert watched([GROUND] * 400).trouble == "no ground in view for 40 s"
+    at_it = replace(GROUND, seen_s=np.full((5, 5), 20.0, dtype=np.float32))
+    assert watched([at_it] * 400).trouble is None
+
+
 def test_a_drone_that_stands_waits_for_its_ground() -> None:
     assert watched([NO_GROUND] * 400, airborne=False).trouble is None
     assert shown([NO_GROUND] * 400, airborne=False) == ""
 
 
 def test_ground_that_comes_into_view_ends_the_trouble() -> None:
-    assert watched([*[NO_GROUND] * 320, GROUND]).trouble is None
-    assert shown([*[NO_GROUND] * 50, GROUND]) == ""
+    assert watched([*[NO_GROUND] * 320, SEEN]).trouble is None
+    assert shown([*[NO_GROUND] * 50, SEEN]) == ""
 
 
 def test_a_place_that_is_larger_than_the_grid_stays_named() -> None:
-    assert "larger than its map" in shown([replace(GROUND, full=True), *[GROUND] * 300])
+    assert "larger than its map" in shown([replace(SEEN, full=True), *[SEEN] * 300])
 
 
 def test_a_map_that_was_begun_anew_is_named_for_some_seconds() -> None:
-    anew = [replace(GROUND, restarts=1)] * 50
-    assert "begun anew" in shown([GROUND, *anew])
-    assert shown([GROUND, *anew * 3]) == ""
-    assert "begun anew" in shown([GROUND, *anew * 3, replace(GROUND, restarts=2)])
+    anew = [replace(SEEN, restarts=1)] * 50
+    assert "begun anew" in shown([SEEN, *anew])
+    assert shown([SEEN, *anew * 3]) == ""
+    assert "begun anew" in shown([SEEN, *anew * 3, replace(SEEN, restarts=2)])
 
 
 def test_a_mark_that_moved_is_named() -> None:
-    once, twice = (replace(GROUND, mark=replace(MARK, moved_m=far_m)) for far_m in (1.2, 2.0))
-    assert "landing mark stands 1.2 m" in shown([GROUND, once])
-    assert "landing mark stands 0.8 m" in shown([GROUND, once, twice])
-    assert shown([GROUND, *[once] * 200]) == ""
+    once, twice = (replace(SEEN, mark=replace(MARK, moved_m=far_m)) for far_m in (1.2, 2.0))
+    assert "landing mark stands 1.2 m" in shown([SEEN, once])
+    assert "landing mark stands 0.8 m" in shown([SEEN, once, twice])
+    assert shown([SEEN, *[once] * 200]) == ""

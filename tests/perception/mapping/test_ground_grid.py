@@ -1,0 +1,51 @@
+"""The map's grid: what happens at its end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from perception.mapping.ground_grid import GroundGrid, GroundGridConfig
+from perception.obstacles.contact_scan import GroundScan
+from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET
+from uav_bt.types import Pose2D
+
+SMALL = GroundGridConfig(reach_m=2.0)
+
+
+def seen(grid: GroundGrid, group: int, *, ahead_m: float, x_m: float) -> None:
+    """Show the grid one sample, so far ahead of a camera at x."""
+    scan = GroundScan(
+        groups=np.array([[group]], dtype=np.uint8),
+        level_m=np.array([[[ahead_m, 0.0]]]),
+        ids=np.array([[0]], dtype=np.uint8),
+        image_groups=np.array([[group]], dtype=np.uint8),
+        min_run=1,
+    )
+    grid.see(scan, Pose2D(x_m=x_m, y_m=0.0, yaw_rad=0.0), 1.0)
+
+
+@pytest.mark.parametrize(("x_m", "y_m"), [(1.9, 0.0), (-2.0, -2.0), (0.0, 1.7)])
+def test_ground_at_the_end_of_the_grid_is_passed_too(x_m: float, y_m: float) -> None:
+    grid = GroundGrid(SMALL)
+    grid.fly_over(x_m, y_m)
+    places = (np.moveaxis(np.indices(grid.passed.shape), 0, -1) - 20) * 0.1
+    near = np.hypot(*np.moveaxis(places - (x_m, y_m), -1, 0)) <= SMALL.passed_m - 0.05
+    assert grid.passed[near].all()
+    assert not grid.passed[np.hypot(*np.moveaxis(places - (x_m, y_m), -1, 0)) > 0.56].any()
+    assert not grid.full
+
+
+def test_beyond_the_grid_nothing_is_marked_and_it_is_full() -> None:
+    grid = GroundGrid(SMALL)
+    grid.fly_over(-5.0, 0.0)
+    assert not grid.passed.any()
+    assert grid.full
+
+
+def test_only_ground_beyond_the_grid_makes_it_full() -> None:
+    for group, full in ((GROUP_BACKGROUND, False), (GROUP_CARPET, True)):
+        grid = GroundGrid(SMALL)
+        seen(grid, group, ahead_m=0.9, x_m=1.5)
+        assert grid.full is full
+        assert np.isfinite(grid.seen_s).sum() == 0
