@@ -13,6 +13,7 @@ UavBtError                      exit code 1 unless a subclass says otherwise
   MissionError                  the mission itself went wrong
     ProposalConflictError         two leaves proposed on one channel in one tick
     BoardAccessError              undeclared or mistyped access to the board
+    PolicyFailedError             an exception in a leaf policy, with its author's line
     NodeFailedError               an exception in a node, with the node's path
   DroneError                    the drone did not do what was commanded
 """
@@ -117,6 +118,21 @@ class BoardAccessError(MissionError):
     """Undeclared or mistyped access to the board."""
 
 
+class PolicyFailedError(MissionError):
+    """A leaf policy raised; the message has the file and line of its author.
+
+    Args:
+        policy: what raised.
+        cause: what it raised.
+    """
+
+    def __init__(self, policy: object, cause: Exception) -> None:
+        kind = type(policy)
+        super().__init__(
+            f"policy {kind.__qualname__}: {type(cause).__name__}: {cause}{_line_of(cause, kind)}"
+        )
+
+
 class NodeFailedError(MissionError):
     """An exception in a node of the tree.
 
@@ -129,7 +145,8 @@ class NodeFailedError(MissionError):
 
     def __init__(self, node_path: str, cause: BaseException, author: type | None = None) -> None:
         self.node_path = node_path
-        line = _line_of(cause, author) if author is not None else ""
+        has_line = isinstance(cause, PolicyFailedError)  # which names its own line
+        line = "" if author is None or has_line else _line_of(cause, author)
         super().__init__(f"node '{node_path}' failed: {type(cause).__name__}: {cause}{line}")
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from uav_bt.errors import InputError, MissingDependencyError, UnknownNameError
+from uav_bt.errors import InputError, MissingDependencyError, UavBtError, UnknownNameError
 
 if TYPE_CHECKING:
     from uav_bt.protocols import LeafPolicy
@@ -186,15 +186,21 @@ def make_policy(name: str) -> LeafPolicy:
 
     Raises:
         UnknownNameError: it is not registered.
-        InputError: it takes no argument, or refuses this one.
+        InputError: it takes no argument, refuses this one, or cannot be made.
     """
     from uav_bt.protocols import LeafPolicy  # noqa: PLC0415  (NumPy, and `--help` needs this module)
 
     registered, colon, argument = name.partition(":")
     factory = _policy_factory(registered, argument if colon else None)
-    policy = factory.from_text(argument) if colon else factory()
+    try:
+        policy = factory.from_text(argument) if colon else factory()
+    except UavBtError:
+        raise
+    except Exception as error:  # whatever a foreign class does when it is made
+        raise InputError(f"policy '{name}' cannot be made: {_described(error)}") from error
     if not isinstance(policy, LeafPolicy):
-        raise InputError(f"policy '{name}' has no `decide`: {policy!r}")
+        kind = f"{type(policy).__module__}.{type(policy).__qualname__}"
+        raise InputError(f"policy '{name}' has no method `decide(view)`: {kind}")
     return policy
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -207,8 +208,8 @@ class Decision:
         done: nothing is left to do; what else it says is not flown.
 
     Raises:
-        ValueRangeError: a number is not finite, the turn is more than a full one, or the speed is
-            negative.
+        ValueRangeError: a value is of another type, a number is not finite, the turn is more than a
+            full one, the speed is negative, or nothing is to be flown at it.
     """
 
     forward_m: float = 0.0
@@ -220,10 +221,24 @@ class Decision:
     done: bool = False
 
     def __post_init__(self) -> None:
-        if self.speed_mps is not None and not 0.0 <= self.speed_mps < math.inf:
-            raise ValueRangeError(f"speed_mps must be zero or positive, got {self.speed_mps}")
+        for name in ("forward_m", "yaw_rad", "free_m", "speed_mps"):
+            value = getattr(self, name)
+            absent = value is None and name in {"free_m", "speed_mps"}
+            if not absent and (isinstance(value, bool) or not isinstance(value, Real)):
+                raise ValueRangeError(f"{name} of a Decision must be a number, got {value!r}")
+        for name in ("carpet_ends", "done"):
+            value = getattr(self, name)
+            if not isinstance(value, bool | np.bool_):
+                raise ValueRangeError(f"{name} of a Decision must be True or False, got {value!r}")
         if not math.isfinite(self.forward_m):
             raise ValueRangeError(f"forward_m must be finite, got {self.forward_m}")
+        if self.speed_mps is not None and not 0.0 <= self.speed_mps < math.inf:
+            raise ValueRangeError(f"speed_mps must be zero or positive, got {self.speed_mps}")
+        if self.speed_mps and self.forward_m <= 0.0:
+            raise ValueRangeError(
+                f"a Decision that flies at {self.speed_mps:g} m/s must say in forward_m how far "
+                f"the way ahead leads, got {self.forward_m:g}"
+            )
         if not abs(self.yaw_rad) <= 2.0 * math.pi:
             raise ValueRangeError(
                 f"yaw_rad must be a turn in radians, from -2 pi to 2 pi, got {self.yaw_rad:g}: "

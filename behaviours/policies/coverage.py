@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.room import Floats, Margins, Rooms, Width
 from behaviours.path.survey import SurveyConfig, best_leg, new_ground_per_second
+from uav_bt.errors import MissionError
 from uav_bt.protocols import Decision, PolicyView
 
 
@@ -42,13 +43,22 @@ class Coverage:
         self._value = value
 
     def decide(self, view: PolicyView) -> Decision:
-        """Return a heading and a speed; a turn when no way is known; done when all is covered."""
+        """Return a heading and a speed; a turn when no way is known; done when all is covered.
+
+        Raises:
+            MissionError: no leaf keeps a map for it.
+        """
         cfg, site_map = self.config, view.site_map
         turn = Decision(
             yaw_rad=math.copysign(cfg.turn_rad, view.turning or 1.0), reason="no way", free_m=0.0
         )
-        if site_map is None or not site_map.ground.any():
-            return replace(turn, reason="no ground in view")
+        if site_map is None:
+            raise MissionError(
+                "policy 'coverage' flies by the map of the place, and none is on the board: put "
+                "<Segment/> and <RememberObstacles/> ahead of the leaves that fly"
+            )
+        if not site_map.ground.any():
+            return replace(turn, reason="no ground seen")
         if site_map.contradicted_s > cfg.doubted_s:
             return replace(turn, reason="the view contradicts the map")
         rooms = Rooms(site_map, around(view.obstacles, site_map), cfg.margins)
@@ -57,7 +67,7 @@ class Coverage:
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
             room = rooms[Width.TIGHT]
             leg = best_leg(room, cfg.survey, self._value) or leg
-        if leg is None and room.shut_in:
+        if leg is None and (room.shut_in or room.too_narrow):
             room = rooms[Width.TIGHTEST]
             leg = best_leg(room, cfg.survey, self._value)
         if leg is None:

@@ -15,7 +15,7 @@ from uav_bt.board import (
     SITE_MAP,
 )
 from uav_bt.board.blackboard import Key
-from uav_bt.errors import MissionError
+from uav_bt.errors import MissionError, PolicyFailedError
 from uav_bt.protocols import Decision, LeafPolicy, PolicyView
 from uav_bt.tree import Leaf
 from uav_bt.types import CameraModel, ClassMap, Frame, HeldTurn
@@ -44,9 +44,13 @@ def ask(policy: LeafPolicy, view: PolicyView) -> Decision:
     """Return a policy's decision on a view.
 
     Raises:
+        PolicyFailedError: it raised.
         MissionError: it returned something else.
     """
-    decision: object = policy.decide(view)
+    try:
+        decision: object = policy.decide(view)
+    except Exception as error:
+        raise PolicyFailedError(policy, error) from error
     if not isinstance(decision, Decision):
         name = type(policy).__qualname__
         raise MissionError(f"decide() of {name} must return a Decision, got {decision!r:.80}")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from behaviours.fly.explore import Explore
+from tests.behaviours.leaf_world import live, steering_bench
 from uav_bt import errors
 from uav_bt.errors import (
     DroneError,
@@ -145,3 +147,26 @@ def test_what_fails_within_the_engine_has_no_line() -> None:
     with pytest.raises(NodeFailedError) as caught:
         bench.tick()
     assert ".py" not in str(caught.value)
+
+
+POLICY = """\
+class Broken:
+    def decide(self, view):
+        return view.site_map.passed
+"""
+
+
+def test_a_failed_policy_names_its_own_line_and_not_that_of_the_leaf(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "my_policy.py").write_text(POLICY, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    policy = importlib.import_module("my_policy").Broken()
+    bench = steering_bench(Explore, policy)
+    live(bench, seconds=0.5)
+    with pytest.raises(NodeFailedError) as caught:
+        live(bench, seconds=0.5)
+    assert str(caught.value) == (
+        "node 'Bench/Explore' failed: PolicyFailedError: policy Broken: AttributeError: "
+        "'NoneType' object has no attribute 'passed' (my_policy.py:3)"
+    )

@@ -11,6 +11,7 @@ import pytest
 from behaviours.policies.coverage import Coverage
 from tests.behaviours.path.test_survey import drawn_map, where
 from tests.behaviours.policies.cast_world import cast, view
+from uav_bt.errors import MissionError
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor
 from uav_bt.types.site_map import SiteMap
@@ -32,8 +33,9 @@ def corridor(free_m: float) -> Corridor:
     )
 
 
-def test_without_a_map_it_looks_round() -> None:
-    assert decide(None).blocked
+def test_without_a_map_it_says_which_leaf_makes_one() -> None:
+    with pytest.raises(MissionError, match="<RememberObstacles/>"):
+        decide(None)
 
 
 def test_without_ground_it_looks_round_and_nothing_is_covered() -> None:
@@ -43,7 +45,7 @@ def test_without_ground_it_looks_round_and_nothing_is_covered() -> None:
         decision = decide(nowhere, full_turns=full_turns)
         assert decision.blocked
         assert not decision.done
-        assert decision.reason == "no ground in view"
+        assert decision.reason == "no ground seen"
 
 
 def test_it_turns_before_it_flies_to_what_lies_behind() -> None:
@@ -104,3 +106,17 @@ def test_while_something_moves_nothing_is_covered_for_good() -> None:
 def test_the_same_view_gives_the_same_decision() -> None:
     policy, seen = Coverage(), view(cast(), site_map=drawn_map())
     assert policy.decide(seen) == policy.decide(seen)
+
+
+def test_where_nowhere_is_room_enough_it_flies_the_narrow_way() -> None:
+    """A passage of 0.6 m: covered only when that, too, was flown."""
+    x_m = np.arange(-2.0, 2.01, 0.05)
+    walls = np.vstack([np.column_stack([x_m, np.full(len(x_m), side)]) for side in (-0.3, 0.3)])
+    x, y = np.indices((61, 61)) * 0.1 - 3.0
+    between = (np.abs(y) <= 0.31) & (np.abs(x) <= 2.01)
+    passage = drawn_map(obstacles=walls, known=between, pose=(-1.5, 0.0, 0.0))
+    passage = replace(passage, outside=~between)
+    decision = decide(passage, full_turns=1)
+    assert not decision.done
+    assert decision.speed_mps is not None
+    assert decide(replace(passage, passed=ALL), full_turns=1).done

@@ -157,7 +157,7 @@ def test_an_unknown_policy_gets_a_suggestion() -> None:
 
 def test_what_cannot_decide_is_no_policy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plugins, "load", lambda _group, _name: object)
-    with pytest.raises(InputError, match="policy 'dumb' has no `decide`"):
+    with pytest.raises(InputError, match="policy 'dumb' has no method `decide"):
         app.make_policy("dumb")
 
 
