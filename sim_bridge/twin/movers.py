@@ -145,15 +145,19 @@ def mover_problem(
     """
     for x, y in mover.path_m:
         if not ground.contains(x, y):
-            return f"its path leaves the carpet at [{x:g}, {y:g}]"
+            return f"its path leaves the carpet at {_text((x, y))}"
     for item, name in zip(ground.standing, names, strict=True):
         corners = np.array(item.footprint.corners(), dtype=np.float32)
-        for polygon in mover.swept():
+        for (start, end), polygon in zip(mover.legs(), mover.swept(), strict=True):
             if cv2.intersectConvexConvex(polygon, corners)[0] > 1e-6:
-                return f"its path leads through {name}"
+                return f"its path leads through {name} from {_text(start)} to {_text(end)}"
     if take_off_m is not None and mover.distance_m(*take_off_m) < KEPT_FREE_M:
-        return f"its path leads over the take-off place [{take_off_m[0]:g}, {take_off_m[1]:g}]"
+        return f"its path comes within {KEPT_FREE_M} m of the take-off place {_text(take_off_m)}"
     return None
+
+
+def _text(place: Point) -> str:
+    return f"[{place[0]:g}, {place[1]:g}]"
 
 
 def mover_names(movers: Sequence[MoverSpec]) -> tuple[str, ...]:

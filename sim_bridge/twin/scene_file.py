@@ -90,7 +90,7 @@ def scene_text(scene: Scene) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _TakeOff:
-    start: Annotated[Literal["helipad", "random"] | Vector2, Field(alias="from")]
+    start: Annotated[Literal["helipad", "random"] | Vector2, Field(alias="from")] = "helipad"
     yaw_deg: float | None = None
 
     def __post_init__(self) -> None:
@@ -116,4 +116,4 @@ class _SceneFile:
     ground: GroundSpec = field(default_factory=GroundSpec)
     movers: tuple[MoverSpec, ...] = ()
     lighting: Lighting = field(default_factory=Lighting)
-    take_off: _TakeOff = field(default_factory=lambda: _TakeOff(start="helipad"))
+    take_off: _TakeOff = field(default_factory=_TakeOff)

@@ -11,6 +11,7 @@ import numpy as np
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.scene import (
+    MAX_MOVERS,
     PATTERN_COUNT,
     BoxSpec,
     Lighting,
@@ -120,6 +121,12 @@ def with_movers(scene: Scene, count: int, seed: int) -> Scene:
     Raises:
         ValueRangeError: there would be too many, or the boxes leave no room for them.
     """
+    own = len(scene.movers)
+    if own + count > MAX_MOVERS:
+        raise ValueRangeError(
+            f"scene '{scene.name}' has {own} movers of its own and takes {MAX_MOVERS - own} more, "
+            f"got {count}"
+        )
     rng = np.random.default_rng(child_seed(seed, 10))
     start = scene.take_off.position_m or scene.helipad.position_m
     drawn: list[MoverSpec] = []
@@ -134,7 +141,10 @@ def with_movers(scene: Scene, count: int, seed: int) -> Scene:
         near_m = min(mover.distance_m(*place) for place in (start, scene.helipad.position_m))
         if near_m >= _MOVER_FROM_PAD_M and traffic_problem(scene, [wide]) is None:
             drawn.append(mover)
-    raise ValueRangeError(f"no room for {count} movers in scene '{scene.name}'")
+    raise ValueRangeError(
+        f"no room for {count} more movers between the boxes of scene '{scene.name}', whose ground "
+        f"is {scene.ground.size_m[0]:g} x {scene.ground.size_m[1]:g} m: ask for fewer"
+    )
 
 
 def _drawn_mover(scene: Scene, rng: np.random.Generator) -> MoverSpec | None:

@@ -128,7 +128,9 @@ def _settle(folder: Path, plan: CampaignPlan, run: Mapping[str, Any]) -> None:
     if (folder / PLAN_FILE).exists():
         before, runs = read_plan(folder)
         differences = plan.differences(before)
-        if differences:
+        if differences and _is_empty(folder / FLIGHTS_FILE):
+            runs = []  # it was refused, or stopped, before its first flight: nothing is lost
+        elif differences:
             raise InputError(
                 f"{folder} holds another campaign; choose another folder, or fly what it says:\n  "
                 + "\n  ".join(differences)
@@ -139,6 +141,10 @@ def _settle(folder: Path, plan: CampaignPlan, run: Mapping[str, Any]) -> None:
         )
     content = {"format": _FORMAT, "plan": plan.to_json(), "runs": [*runs, dict(run)]}
     write_whole(folder / PLAN_FILE, json.dumps(content, indent=2) + "\n")
+
+
+def _is_empty(path: Path) -> bool:
+    return not path.exists() or path.stat().st_size == 0
 
 
 def _repair(path: Path) -> bool:

@@ -91,7 +91,8 @@ movers_option = click.option(
     type=WholeNumber(min=0),
     default=0,
     show_default=True,
-    help="So many people and carts, drawn from the seed, move in the twin's scene.",
+    help="So many people and carts, drawn from the seed, move in the twin's scene besides its own; "
+    "8 together at most.",
 )
 threads_option = click.option(
     "--threads",

@@ -22,6 +22,7 @@ from uav_bt.types.commands import (
 )
 from uav_bt.types.observation import MoverState, Observation, PastView, RecentViews, Truth
 from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
+from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 from uav_bt.types.surroundings import (
     BODY_SIZE_M,
     PAD_HEIGHT_M,
@@ -62,6 +63,9 @@ __all__ = [
     "HelipadFix",
     "Hover",
     "Land",
+    "MapMark",
+    "MapMover",
+    "MapObject",
     "MissionPhase",
     "MoveBy",
     "Movement",
@@ -76,6 +80,7 @@ __all__ = [
     "Pose2D",
     "RecentViews",
     "Release",
+    "SiteMap",
     "TakeOff",
     "Truth",
     "Velocity",

@@ -128,9 +128,9 @@ def test_movers_are_read_and_written_again(tmp_path: Path) -> None:
     ("old", "new", "line", "message"),
     [
         ("[0.0, 1.2]]", "[2.9, 1.2]]", 5, "mover-1: its path leaves the carpet at [2.9, 1.2]"),
-        ("[2.0, -1.0]]", "[1.6, 1.6]]", 6, "mover-2: its path leads through box-1"),
+        ("[2.0, -1.0]]", "[1.6, 1.6]]", 6, "mover-2: its path leads through box-1 from"),
         ("[2.0, -1.0]]", "[-2.3, -1.4]]", 6, "mover-2: its path leads through the helipad"),
-        ("[0.0, 1.2]]", "[-1.8, 0.9]]", 5, "mover-1: its path leads over the take-off place"),
+        ("[0.0, 1.2]]", "[-1.8, 0.9]]", 5, "mover-1: its path comes within 0.25 m of the take-off"),
         ("speed_mps: 0.5", "speed_mps: 1.5", 5, "speed_mps must be 0.2 to 1.0, got 1.5"),
         ("pattern: 3", "pattern: 9", 5, "pattern must be 1 to 8, got 9"),
         ("[[0.0, -1.2], [0.0, 1.2]]", "[[0.0, -1.2]]", 5, "at least two corners"),
@@ -181,7 +181,7 @@ def test_drawn_movers_leave_the_pad_and_the_boxes_alone(seed: int) -> None:
 
 def test_there_is_no_room_for_a_mover_between_walls() -> None:
     scene = load_scene("train-a")
-    with pytest.raises(ValueRangeError, match=r"at most 8 movers, got 9|no room for 9 movers"):
+    with pytest.raises(ValueRangeError, match=r"of its own and takes 8 more, got 9"):
         with_movers(scene, 9, 0)
 
 

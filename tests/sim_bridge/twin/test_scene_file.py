@@ -77,6 +77,14 @@ def test_a_file_of_one_s_own_is_read(tmp_path: Path) -> None:
     assert scene.surface_m(0.0, 0.0) == 0.0
 
 
+def test_take_off_is_from_the_helipad_unless_it_says_otherwise(tmp_path: Path) -> None:
+    text = "helipad: {position_m: [1.0, 1.0]}\ntake_off: {yaw_deg: 45}\n"
+    file = tmp_path / "turned.yaml"
+    file.write_text(text, encoding="utf-8")
+    start = load_scene(file).take_off
+    assert (start.position_m, start.random, start.yaw_deg) == (None, False, 45.0)
+
+
 def test_take_off_may_be_random_or_a_place(tmp_path: Path) -> None:
     """Both other forms of `from` are understood."""
     random = load_scene(written(tmp_path, GOOD.replace("helipad, yaw_deg: 30", "random")))

@@ -75,6 +75,16 @@ def test_another_plan_is_refused_and_nothing_is_touched(tmp_path: Path) -> None:
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+def test_a_campaign_without_a_flight_may_become_another(tmp_path: Path) -> None:
+    """What was refused before it flew must not stand in the way of the corrected command."""
+    keep(tmp_path, of=plan(profile="harsh"))
+    kept = keep(tmp_path, line(0), of=plan(profile="ideal"))
+    assert kept.kept.flights == ()
+    found, runs = read_plan(tmp_path)
+    assert found.profile == "ideal"
+    assert len(runs) == 1
+
+
 def test_two_campaigns_do_not_write_to_one_folder(tmp_path: Path) -> None:
     with (
         CampaignStore.opened(tmp_path, plan(), {}),
