@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final, TypeVar
 
@@ -206,12 +207,20 @@ class Surroundings:
             entry = self._variables.entry(reference.key)
             value = None if entry is None else entry.value
         if value is None:
-            age_s = self.port_reading(port).age_s
             raise BoardAccessError(
                 f"node '{self.path}', port '{port.name}': {self._given[port.name]} "
-                f"holds nothing fresh (age {age_s:.2f} s)"
+                f"{self._emptiness(port, reference)}"
             )
         return self._converted(port, value)
+
+    def _emptiness(self, port: Port[Any], reference: Reference) -> str:
+        """Return why a reference has no value: too old, or never written, and by whom it would."""
+        age_s = self.port_reading(port).age_s
+        if math.isfinite(age_s):
+            return f"holds nothing fresh (age {age_s:.2f} s)"
+        key = self._keys.get(reference.key)
+        writer = key.writer if reference.on_board and key is not None else ""
+        return f"was never written{f'; {writer} writes it' if writer else ''}"
 
     def _converted(self, port: Port[T], value: object) -> T:
         if type(value) is port.type and port.takes_all:

@@ -20,7 +20,7 @@ from uav_bt.tree import Leaf, MissionTree, NodeKind, Port, Status
 from uav_bt.tree.nodes import Parallel, ReactiveFallback, Sequence
 from uav_bt.types import Hover, Land
 
-SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", max_age_s=1.0)
+SPEED = Key("speed_mps", float, "a plug-in's own key", unit="m/s", writer="Radar", max_age_s=1.0)
 
 
 class Probe(Leaf):
@@ -254,7 +254,7 @@ def test_declared_access_works(world: World) -> None:
         ("write", "'Mission/s' writes board key 'height_above_carpet_m' without declaring"),
         ("type", "'Mission/s': board key 'speed_mps' holds float, got str"),
         ("port", "declares no port 'sped'"),
-        ("stale", "port 'speed': {@speed_mps} holds nothing fresh"),
+        ("stale", "port 'speed': {@speed_mps} was never written; Radar writes it"),
     ],
 )
 def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> None:
@@ -263,6 +263,14 @@ def test_undeclared_access_is_refused(world: World, mode: str, message: str) -> 
         ready(world, Sensor("s", mode=mode)).tick()
     assert isinstance(error.value.__cause__, BoardAccessError)
     assert message in str(error.value)
+
+
+def test_a_value_that_is_too_old_is_named_with_its_age(world: World) -> None:
+    tree = ready(world, Sensor("s", mode="stale"))
+    world.board.write(SPEED, 2.0)
+    world.clock.advance(3.0)
+    with pytest.raises(NodeFailedError, match=r"holds nothing fresh \(age 3\.00 s\)"):
+        tree.tick()
 
 
 def test_a_port_reading_tells_the_age(world: World) -> None:
