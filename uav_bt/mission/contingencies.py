@@ -1,4 +1,4 @@
-"""What ends a mission early: the battery, a drone that does not obey, no images or link for long.
+"""What ends a mission early: battery, disobedience, no images, ground or link for long.
 
 The safety table (`safety.py`) answers within the tick; what lasts is answered here, by a landing,
 or by the end of the mission where nothing is heard any more.
@@ -7,10 +7,12 @@ or by the end of the mission where nothing is heard any more.
 from __future__ import annotations
 
 from uav_bt.errors import DroneError
+from uav_bt.mission.map_watch import MapWatch
 from uav_bt.mission.obedience import ObedienceWatch
-from uav_bt.mission.safety import Lasting, Limits, Override
+from uav_bt.mission.safety import AIRBORNE, Lasting, Limits, Override
 from uav_bt.mission.screening import Screening
 from uav_bt.types import Command, DroneState
+from uav_bt.types.site_map import SiteMap
 
 _OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with its remote control"
 
@@ -25,6 +27,7 @@ class Contingencies:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._obedience = ObedienceWatch()
+        self._map = MapWatch()
         self._blind, self._refused, self._unheard = (Lasting() for _ in range(3))
 
     def abort_reason(
@@ -36,7 +39,7 @@ class Contingencies:
         *,
         screening: Screening,
         drift: str | None,
-        map_trouble: str | None = None,
+        site_map: SiteMap | None = None,
     ) -> str | None:
         """Return why the mission must be aborted with a landing; None when it goes on.
 
@@ -47,11 +50,12 @@ class Contingencies:
             override: that came before the mission's own command.
             screening: of what the drone reports.
             drift: why the place cannot be held, if so.
-            map_trouble: why the map of the place cannot be flown by, if so.
+            site_map: of the place, as it is known now; None where the mission keeps none.
 
         Raises:
             DroneError: the connection is lost, or no telemetry has come for too long.
         """
+        self._map.update(site_map, now_s, airborne=state.flying in AIRBORNE)
         if state.lost:
             raise DroneError(f"the connection to the drone is broken: {_OUT_OF_REACH}")
         fault = self._obedience.complaint(command, state, now_s) or drift
@@ -60,9 +64,14 @@ class Contingencies:
             return f"critical battery: {100 * (state.battery or 0.0):.0f} %"
         if fault is not None and override is not Override.MANUAL:
             return f"the drone does not obey: {fault}"
-        if map_trouble is not None and override is None:
-            return map_trouble
+        if self._map.trouble is not None and override is None:
+            return self._map.trouble
         return self._out_of_touch(now_s, override, screening)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong with the map of the place and is borne, or has just happened to it."""
+        return self._map.warnings
 
     def _out_of_touch(
         self, now_s: float, override: Override | None, screening: Screening

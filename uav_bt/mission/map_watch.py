@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,7 +23,7 @@ class MapWatchConfig:
         shown_s: what happened to the map is shown for so long.
     """
 
-    no_ground_s: float = 3.0
+    no_ground_s: float = 8.0
     land_s: float = 30.0
     shown_s: float = 10.0
 
@@ -38,7 +39,8 @@ class MapWatch:
         self._config = config or MapWatchConfig()
         self._airborne_s: float | None = None  # since when
         self._restarts, self._mark_moved_m = 0, 0.0
-        self._shown: dict[str, float] = {}  # until when each warning is shown
+        self._events: dict[str, float] = {}  # until when each is shown
+        self.warnings: tuple[str, ...] = ()  # what is wrong with the map, or has happened to it
         self.trouble: str | None = None  # why nothing can be flown by this map
 
     def update(self, site_map: SiteMap | None, now_s: float, *, airborne: bool) -> None:
@@ -49,48 +51,44 @@ class MapWatch:
             now_s: mission clock.
             airborne: whether the drone flies.
         """
-        cfg, self.trouble = self._config, None
-        self._shown = {text: until_s for text, until_s in self._shown.items() if until_s >= now_s}
         if site_map is None:
+            self.warnings, self.trouble = (), None
             return
+        cfg, lasting = self._config, []
+        blind_s = self._blind_s(site_map, now_s, airborne=airborne)
+        if blind_s > cfg.no_ground_s:
+            lasting.append("no ground in view: there is nothing to fly over")
+        if site_map.full:
+            lasting.append("the place is larger than its map, whose rest is not explored")
+        self._events = {text: until_s for text, until_s in self._events.items() if until_s >= now_s}
+        self._events |= dict.fromkeys(self._happened(site_map), now_s + cfg.shown_s)
+        self.trouble = f"no ground in view for {blind_s:.0f} s" if blind_s > cfg.land_s else None
+        before, self.warnings = self.warnings, (*lasting, *self._events)
+        for text in self.warnings:
+            if text not in before:
+                _LOG.warning("%s", text)
+
+    def _blind_s(self, site_map: SiteMap, now_s: float, *, airborne: bool) -> float:
+        """Return for how long views have shown no ground; those looking steeply down are none."""
         if not airborne:
             self._airborne_s = None
-        elif self._airborne_s is None:
+            return 0.0
+        if self._airborne_s is None:
             self._airborne_s = now_s
-        blind_s = 0.0 if self._airborne_s is None else _blind_s(site_map, self._airborne_s)
-        if blind_s > cfg.no_ground_s:
-            self._show("no ground in view: there is nothing to fly over", now_s)
-        if blind_s > cfg.land_s:
-            self.trouble = f"no ground in view for {blind_s:.0f} s"
-        if site_map.full:
-            self._show("the place is larger than its map, whose rest is not explored", math.inf)
+        ground_s = float(site_map.seen_s.max(initial=-math.inf))
+        return site_map.captured_s - max(ground_s, self._airborne_s)
+
+    def _happened(self, site_map: SiteMap) -> Iterator[str]:
+        """Yield what has happened to the map since the last tick."""
         if site_map.restarts > self._restarts:
-            self._restarts = site_map.restarts
-            self._show(
+            yield (
                 "the view contradicted the map, which was begun anew: was the drone moved, or its "
-                "odometry reset?",
-                now_s + cfg.shown_s,
+                "odometry reset?"
             )
         moved_m = 0.0 if site_map.mark is None else site_map.mark.moved_m
         if moved_m > self._mark_moved_m:
-            self._show(
+            yield (
                 f"the landing mark stands {moved_m - self._mark_moved_m:.1f} m from where the map "
-                "had it, and was placed anew",
-                now_s + cfg.shown_s,
+                "had it, and was placed anew"
             )
-        self._mark_moved_m = moved_m
-
-    def warnings(self, now_s: float) -> tuple[str, ...]:
-        """Return what is wrong with the map, or has just happened to it."""
-        return tuple(text for text, until_s in self._shown.items() if until_s >= now_s)
-
-    def _show(self, text: str, until_s: float) -> None:
-        if text not in self._shown:
-            _LOG.warning("%s", text)
-        self._shown[text] = until_s
-
-
-def _blind_s(site_map: SiteMap, airborne_s: float) -> float:
-    """Return for how long views have shown no ground; those that look steeply down do not count."""
-    ground_s = float(site_map.seen_s.max(initial=-math.inf))
-    return site_map.captured_s - max(ground_s, airborne_s)
+        self._restarts, self._mark_moved_m = site_map.restarts, moved_m

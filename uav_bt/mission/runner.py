@@ -16,7 +16,6 @@ from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.flown_tree import FlownTree, NextTree
 from uav_bt.mission.judge import Judge, Outcome, Verdict
-from uav_bt.mission.map_watch import MapWatch
 from uav_bt.mission.ordered_motion import HoldConfig
 from uav_bt.mission.position_hold import PositionHold
 from uav_bt.mission.safety import Arbiter, Circumstances, Lasting, Limits, Override
@@ -98,7 +97,6 @@ class MissionRunner:
         self._screening = Screening(drone.camera, judge_frame)
         self._contingencies = Contingencies(self._limits)
         self._hold = PositionHold(self._config.hold)
-        self._map_watch = MapWatch()
         self._flown = FlownTree(tree, next_tree, timer=timer)
         self._index = 0
         self._abort_reason: str | None = None
@@ -207,7 +205,7 @@ class MissionRunner:
                 *(start_s, state, command, self._arbiter.override),
                 screening=self._screening,
                 drift=self._hold.trouble,
-                map_trouble=self._map_watch.trouble,
+                site_map=self._context.board.read(SITE_MAP).value,
             )
             if trouble is not None:
                 self.request_abort(trouble)
@@ -240,7 +238,7 @@ class MissionRunner:
             feedback=active[-1].feedback_message if active else "",
             slow=self._flown.budgets.take(),
             refused=self._screening.refused,
-            warnings=(*self._hold.warnings, *self._map_watch.warnings(start_s)),
+            warnings=(*self._hold.warnings, *self._contingencies.warnings),
         )
 
     def _rests(self, state: DroneState) -> bool:
@@ -264,8 +262,6 @@ class MissionRunner:
         correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
         command = self._arbiter.decide(self._context.proposals, now, correct)
         self._hold.sent(command.movement, motion, now_s, rests=self._arbiter.override is not None)
-        site_map = self._context.board.read(SITE_MAP).value
-        self._map_watch.update(site_map, now_s, airborne=now.airborne)
         return command
 
     def _write_board(self, observation: Observation, now_s: float) -> None:

@@ -31,7 +31,7 @@ from uav_bt.types import (
     Velocity,
 )
 
-_AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
+AIRBORNE: Final = frozenset({FlyingState.HOVERING, FlyingState.FLYING})
 
 
 class Override(enum.Enum):
@@ -98,7 +98,7 @@ class Circumstances:
     @property
     def airborne(self) -> bool:
         """Whether it flies and follows commands."""
-        return self.state.flying in _AIRBORNE
+        return self.state.flying in AIRBORNE
 
 
 @dataclass(frozen=True, kw_only=True)
