@@ -112,6 +112,12 @@ class GroundGrid:
         known[inside] = np.isfinite(self.seen_s[rows, columns]).all(axis=1)
         return known
 
+    def shows_ground(self, x_m: float, y_m: float, *, since_s: float) -> bool:
+        """Return whether all ground around a place was seen since then."""
+        cells = self._cells(np.array([[x_m, y_m]])) + self._around
+        inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all()
+        return bool(inside and (self.seen_s[tuple(cells.T)] > since_s).all())
+
     def shown_at(self, places_m: Floats, captured_s: float) -> NDArray[np.bool_]:
         """Return at which places the view of that time showed ground.
 

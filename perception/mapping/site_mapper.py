@@ -50,7 +50,11 @@ class SiteMapperConfig:
     objects_s: float = 0.5  # objects are made of points so often
     mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
     mark_std_ratio: float = 0.05  # and of its range besides
-    mark_moved_views: int = 10  # so many sightings elsewhere in a row move the mark
+    # So many sightings elsewhere in a row move the mark: as far as the map may have drifted, or
+    # further once ground was seen where it was. What is sighted far from a mark that still stands
+    # is a mask's error.
+    mark_moved_views: int = 10
+    mark_drift_m: float = 0.7
     # Views contradict the map when they show nothing but ground at more than this share of its
     # points that lie in them (heavy drift: a quarter); for so long, and the map begins anew.
     contradiction: float = 0.4
@@ -155,8 +159,12 @@ class SiteMapper:
             agrees = self._registration.see_mark(place, known_m, both_m)
             self._mark_elsewhere = 0 if agrees else self._mark_elsewhere + 1
             x_m, y_m = self._registration.correction.to_world(*map(float, place))
-            if self._mark_elsewhere >= cfg.mark_moved_views:
-                moved_m += math.hypot(x_m - known.x_m, y_m - known.y_m)
+            apart_m = math.hypot(x_m - known.x_m, y_m - known.y_m)
+            gone = apart_m <= cfg.mark_drift_m or self._grid.shows_ground(
+                known.x_m, known.y_m, since_s=known.seen_s
+            )
+            if self._mark_elsewhere >= cfg.mark_moved_views and gone:
+                moved_m += apart_m
                 known, self._mark_elsewhere = None, 0
             elif not agrees:
                 return

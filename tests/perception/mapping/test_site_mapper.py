@@ -20,7 +20,7 @@ from uav_bt.classes import CARPET
 from uav_bt.errors import MissionError
 from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
-from uav_bt.types.site_map import SiteMap
+from uav_bt.types.site_map import MapMark, SiteMap
 
 CAMERA = anafi_camera(640, 360).resized(224, 112)
 PITCH_RAD = math.radians(-42)
@@ -189,21 +189,62 @@ def test_a_map_without_motion_is_refused() -> None:
         SiteMapper().map()
 
 
-def test_a_mark_moves_only_when_it_is_seen_elsewhere_again_and_again() -> None:
-    mapper = SiteMapper()
-    views = SiteMapperConfig().mark_moved_views
-    for tenths in range(20 + views):
-        pose = OdometryPose(time_s=tenths / 10, x_m=0.0, y_m=0.0, yaw_rad=0.0)
-        mapper.follow(motion(pose))
-        right_m = 0.5 if tenths < 20 else -1.0
+def sighted(mapper: SiteMapper, right_m: float, *, from_s: float, views: int) -> list[MapMark]:
+    """Let the mapper sight a mark a metre ahead; return where it is after each view."""
+    marks = []
+    for index in range(views):
+        time_s = from_s + index / 10
+        mapper.follow(motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)))
         mapper.see_mark(
-            HelipadFix(captured_s=tenths / 10, forward_m=1.0, right_m=right_m, detected=True)
+            HelipadFix(captured_s=time_s, forward_m=1.0, right_m=right_m, detected=True)
         )
         mark = mapper.map().mark
         assert mark is not None
-        moved = tenths >= 19 + views
-        assert mark.y_m == pytest.approx(-1.0 if moved else 0.5, abs=0.02)
-        assert mark.moved_m == pytest.approx(1.5 if moved else 0.0, abs=0.02)
+        marks.append(mark)
+    return marks
+
+
+def show_carpet(mapper: SiteMapper, time_s: float) -> None:
+    """Let the mapper see nothing but carpet, from 0.6 m behind its origin."""
+    mapper.follow(motion(OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)))
+    frame = Frame(
+        image=np.zeros((4, 8, 3), dtype=np.uint8),
+        index=0,
+        captured_s=time_s,
+        gimbal_pitch_rad=PITCH_RAD,
+        height_above_carpet_m=HEIGHT_M,
+    )
+    nothing = ClassMap(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
+    mapper.see(scan_ground(nothing, frame, CAMERA), frame, CAMERA)
+
+
+def test_a_mark_is_moved_by_as_much_as_the_map_may_have_drifted() -> None:
+    """Only by sightings again and again."""
+    mapper, views = SiteMapper(), SiteMapperConfig().mark_moved_views
+    sighted(mapper, 0.5, from_s=0.0, views=20)
+    *before, last = sighted(mapper, 0.0, from_s=2.0, views=views)
+    assert all(mark.y_m == pytest.approx(0.5, abs=0.02) for mark in before)
+    assert last.y_m == pytest.approx(0.0, abs=0.02)
+    assert last.moved_m == pytest.approx(0.5, abs=0.02)
+
+
+def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
+    """A mask may take a box for the mark, for seconds."""
+    mapper = SiteMapper()
+    sighted(mapper, 0.5, from_s=0.0, views=20)
+    for mark in sighted(mapper, -1.0, from_s=2.0, views=60):
+        assert mark.y_m == pytest.approx(0.5, abs=0.02)
+        assert mark.moved_m == 0.0
+
+
+def test_a_mark_that_was_carried_away_is_found_elsewhere() -> None:
+    """Ground was seen where it was."""
+    mapper, views = SiteMapper(), SiteMapperConfig().mark_moved_views
+    sighted(mapper, 0.5, from_s=0.0, views=20)
+    show_carpet(mapper, 3.0)
+    last = sighted(mapper, -1.0, from_s=4.0, views=views)[-1]
+    assert last.y_m == pytest.approx(-1.0, abs=0.02)
+    assert last.moved_m == pytest.approx(1.5, abs=0.02)
 
 
 def hover(
@@ -251,18 +292,6 @@ def test_time_without_views_does_not_count_against_the_map() -> None:
     """After a long gap one view that is wrong is not enough to give the map up."""
     mapper = SiteMapper(SiteMapperConfig(judged_points=5.0))
     fly(mapper)
-    true, _ = flown()[-1]
-    time_s = len(flown()) * STEP_S + 10.0
-    pose = OdometryPose(time_s=time_s, x_m=true.x_m, y_m=true.y_m, yaw_rad=true.yaw_rad)
-    frame = Frame(
-        image=np.zeros((4, 8, 3), dtype=np.uint8),
-        index=0,
-        captured_s=time_s,
-        gimbal_pitch_rad=PITCH_RAD,
-        height_above_carpet_m=HEIGHT_M,
-    )
-    mapper.follow(motion(pose))
-    nothing = ClassMap(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
-    mapper.see(scan_ground(nothing, frame, CAMERA), frame, CAMERA)
+    show_carpet(mapper, len(flown()) * STEP_S + 10.0)
     assert mapper.map().restarts == 0
     assert mapper.map().contradicted_s < 1.0
