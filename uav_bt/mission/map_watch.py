@@ -19,7 +19,7 @@ class MapWatchConfig:
 
     Attributes:
         no_ground_s: views that have shown no ground for so long are named ...
-        land_s: ... and after so long the mission is ended with a landing.
+        land_s: ... and where none was seen since the mission began, it is ended with a landing.
         shown_s: what happened to the map is shown for so long.
     """
 
@@ -39,6 +39,7 @@ class MapWatch:
         self._config = config or MapWatchConfig()
         self._airborne_s: float | None = None  # since when
         self._restarts, self._mark_moved_m = 0, 0.0
+        self._has_seen_ground = False
         self._events: dict[str, float] = {}  # until when each is shown
         self.warnings: tuple[str, ...] = ()  # what is wrong with the map, or has happened to it
         self.trouble: str | None = None  # why nothing can be flown by this map
@@ -62,7 +63,9 @@ class MapWatch:
             lasting.append("the place is larger than its map, whose rest is not explored")
         self._events = {text: until_s for text, until_s in self._events.items() if until_s >= now_s}
         self._events |= dict.fromkeys(self._happened(site_map), now_s + cfg.shown_s)
-        self.trouble = f"no ground in view for {blind_s:.0f} s" if blind_s > cfg.land_s else None
+        self._has_seen_ground |= bool(site_map.ground.any())
+        lands = blind_s > cfg.land_s and not self._has_seen_ground
+        self.trouble = f"no ground in view for {blind_s:.0f} s" if lands else None
         before, self.warnings = self.warnings, (*lasting, *self._events)
         for text in self.warnings:
             if text not in before:
