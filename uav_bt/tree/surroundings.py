@@ -214,12 +214,14 @@ class Surroundings:
         return self._converted(port, value)
 
     def _emptiness(self, port: Port[Any], reference: Reference) -> str:
-        """Return why a reference has no value: too old, or never written, and by whom it would."""
+        """Return why a reference has no value: unset, too old, or never written, and by whom."""
+        if not reference.on_board:
+            return "holds nothing"
         age_s = self.port_reading(port).age_s
         if math.isfinite(age_s):
             return f"holds nothing fresh (age {age_s:.2f} s)"
         key = self._keys.get(reference.key)
-        writer = key.writer if reference.on_board and key is not None else ""
+        writer = "" if key is None else key.writer
         return f"was never written{f'; {writer} writes it' if writer else ''}"
 
     def _converted(self, port: Port[T], value: object) -> T:
