@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
-from uav_bt.types import CameraModel, ClassMap
+from uav_bt.types import PAD_SIZE_M, CameraModel, ClassMap
 from uav_bt.types.projection import ground_points
+
+# The H with its ring fills six tenths of the pad's top.
+_WHOLE_H_M2: Final = 0.6 * PAD_SIZE_M[0] * PAD_SIZE_M[1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,3 +165,33 @@ def locate(
     if not math.hypot(forward, right) < 15.0:
         return None
     return float(forward) + camera.forward_offset_m, float(right)
+
+
+def visible_share(
+    detection: HelipadDetection,
+    camera: CameraModel,
+    gimbal_pitch_rad: float,
+    height_above_pad_m: float,
+) -> float:
+    """Return how much of a whole H a detection is, by the area that it covers on the pad's plane.
+
+    Little is left of an H that the image's border cuts just above it, and a speck on a box near by,
+    which a mask takes for an H, is a small part of one.
+
+    Args:
+        detection: that `locate` finds a place for with the same arguments.
+        camera: intrinsics at the class map's size.
+        gimbal_pitch_rad: when the frame was captured.
+        height_above_pad_m: of the camera above the pad's top.
+
+    Returns:
+        0 to 1.
+    """
+    middle = np.array([detection.column_px, detection.row_px])
+    half = 0.5 * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
+    left, right, top, bottom = ground_points(
+        middle + half, camera, gimbal_pitch_rad, height_above_pad_m
+    )
+    across, down = right - left, bottom - top
+    pixel_m2 = abs(float(across[0] * down[1] - across[1] * down[0]))
+    return min(1.0, detection.h_area_px * pixel_m2 / _WHOLE_H_M2)

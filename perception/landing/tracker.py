@@ -9,11 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from perception.landing.detector import HelipadDetection, HelipadDetector, locate
+from perception.landing.detector import (
+    HelipadDetection,
+    HelipadDetector,
+    locate,
+    visible_share,
+)
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import (
     PAD_HEIGHT_M,
@@ -25,6 +31,11 @@ from uav_bt.types import (
     rotation,
 )
 from uav_bt.types.dead_reckoning import Odometry
+
+# Of a whole H: a smaller one is a mask's error, for which boxes show up to 0.02. Only from just
+# above the pad so little of its H is in view.
+_SPECK: Final = 0.1
+_ABOVE_M: Final = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,23 +203,28 @@ class HelipadFinder:
         ):
             return detection
         height_px, width_px = class_map.ids.shape
-        place = locate(
-            detection,
+        view = (
             camera.resized(width_px, height_px),
             frame.gimbal_pitch_rad,
             frame.height_above_carpet_m - self._pad_height_m,
         )
-        if place is not None:
-            self._seen = HelipadFix(
-                captured_s=frame.captured_s,
-                forward_m=place[0],
-                right_m=place[1],
-                detected=True,
-                confidence=detection.score,
-            )
-            self._accepted = self._tracker.update(
-                *place, captured_s=frame.captured_s, confidence=detection.score
-            )
+        place = locate(detection, *view)
+        if place is None:
+            return detection
+        share = visible_share(detection, *view)
+        if share < _SPECK and math.hypot(*place) > _ABOVE_M:
+            return None
+        confidence = detection.score * share  # the middle of a part is not that of the whole
+        self._seen = HelipadFix(
+            captured_s=frame.captured_s,
+            forward_m=place[0],
+            right_m=place[1],
+            detected=True,
+            confidence=confidence,
+        )
+        self._accepted = self._tracker.update(
+            *place, captured_s=frame.captured_s, confidence=confidence
+        )
         return detection
 
     def fix(self) -> HelipadFix | None:

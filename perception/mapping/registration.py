@@ -39,6 +39,7 @@ class RegistrationConfig:
     # Neighbouring samples, and views a tenth of a second apart, err alike: so many count as one.
     alike: float = 8.0
     mark_alike: float = 30.0  # of sightings of the landing mark
+    mark_gate_stds: float = 3.0  # a mark is another beyond so many, and beyond gate_m
     rounds: int = 3
     settled_m: float = 1e-4  # a smaller step ends the rounds
     neighbours: int = 6
@@ -148,7 +149,7 @@ class Registration:
         cfg = self._config
         place = np.array(self.correction.to_world(*map(float, seen_m)))
         residual_m, arm = place - known_m, place - self._state[:2]
-        if math.hypot(*residual_m) > cfg.gate_m:
+        if math.hypot(*residual_m) > max(cfg.gate_m, cfg.mark_gate_stds * std_m):
             return False
         slopes = np.array([[1.0, 0.0, -arm[1]], [0.0, 1.0, arm[0]]])
         noise = np.eye(2) * std_m**2 * cfg.mark_alike

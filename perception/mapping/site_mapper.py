@@ -49,7 +49,8 @@ class SiteMapperConfig:
     residual_views: int = 200  # of so many views is the mean of how far they are off the map
     objects_s: float = 0.5  # objects are made of points so often
     mark_std_m: float = 0.03  # of a sighting of the landing mark close by,
-    mark_std_ratio: float = 0.05  # and of its range besides
+    mark_std_ratio: float = 0.05  # of its range besides,
+    mark_doubt_m: float = 0.3  # and, in proportion, of what its confidence lacks of 1
     # So many sightings elsewhere in a row move the mark: as far as the map may have drifted, or
     # further once ground was seen where it was. What is sighted far from a mark that still stands
     # is a mask's error.
@@ -146,7 +147,11 @@ class SiteMapper:
         if self._motion is None:
             return
         reckoned = self._motion.pose
-        std_m = math.hypot(cfg.mark_std_m, cfg.mark_std_ratio * fix.range_m)
+        std_m = math.hypot(
+            cfg.mark_std_m,
+            cfg.mark_std_ratio * fix.range_m,
+            cfg.mark_doubt_m * (1.0 - fix.confidence),
+        )
         place = np.array(reckoned.to_world(fix.forward_m, fix.right_m))
         x_m, y_m = self._registration.correction.to_world(*map(float, place))
         known = self._mark

@@ -1,0 +1,73 @@
+"""From class maps to a fix: what is taken for the helipad, and how far that is trusted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from perception.landing.tracker import HelipadFinder
+from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
+from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.scene import Helipad, Scene
+from sim_bridge.twin.views import render_views
+from uav_bt.classes import CARPET, HELIPAD_BOX, HELIPAD_H
+from uav_bt.types import PAD_HEIGHT_M, ClassMap, Frame, HelipadFix
+
+SIZE_PX = (224, 112)
+CAMERA = anafi_camera(640, 360)
+SCENE = Scene(name="pad", helipad=Helipad(position_m=(0.0, 0.0), yaw_deg=20), boxes=())
+
+
+def found(ids: np.ndarray, pitch_deg: float, height_m: float) -> HelipadFix | None:
+    """Return what one class map shows, the camera so high above the carpet."""
+    frame = Frame(
+        image=np.zeros((4, 8, 3), np.uint8),
+        index=0,
+        captured_s=0.0,
+        gimbal_pitch_rad=math.radians(pitch_deg),
+        height_above_carpet_m=height_m,
+    )
+    finder = HelipadFinder()
+    finder.see(ClassMap(ids=ids, captured_s=0.0), frame, CAMERA)
+    return finder.fix()
+
+
+def view(range_m: float, pitch_deg: float, height_m: float) -> HelipadFix | None:
+    """Return the fix of the twin's pad so far ahead of the camera."""
+    pose = CameraPose(
+        x_m=-range_m, y_m=0.0, z_m=height_m, yaw_rad=0.0, pitch_rad=math.radians(pitch_deg)
+    )
+    [drawn] = render_views(SCENE, [pose], truth_size_px=SIZE_PX)
+    return found(drawn.ids, pitch_deg, height_m)
+
+
+@pytest.mark.parametrize(
+    ("range_m", "pitch_deg"), [(1.2, -42.0), (2.5, -42.0), (3.5, -28.0), (4.5, -28.0), (0.0, -90.0)]
+)
+def test_a_whole_h_is_trusted(range_m: float, pitch_deg: float) -> None:
+    fix = view(range_m, pitch_deg, 1.5)
+
+    assert fix is not None
+    assert fix.forward_m == pytest.approx(range_m + CAMERA_FORWARD_M, abs=0.04)
+    assert fix.confidence > 0.8
+
+
+@pytest.mark.parametrize("above_m", [0.05, 0.15])
+def test_from_just_above_the_pad_it_is_near_but_hardly_trusted(above_m: float) -> None:
+    """The camera looks past its middle: what is in view is ahead of it."""
+    fix = view(-CAMERA_FORWARD_M, -42.0, PAD_HEIGHT_M + above_m)
+
+    assert fix is not None
+    assert 0.1 < fix.range_m < 0.4
+    assert fix.confidence < 0.1
+
+
+def test_a_speck_on_a_box_close_by_is_no_pad() -> None:
+    """A mask shows an H and stripes of a hundredth of the area that a pad has there."""
+    ids = np.full(SIZE_PX[::-1], CARPET, dtype=np.uint8)
+    ids[60:65, 110:117] = HELIPAD_H
+    ids[65:75, 108:120] = HELIPAD_BOX
+
+    assert found(ids, -42.0, 1.5) is None
