@@ -47,6 +47,7 @@ class MoverConfig:
     doubt_s: float = 0.6  # unseen for so long, a cluster that has not moved yet is forgotten,
     life_s: float = 2.5  # and a mover
     free_s: float = 0.3  # and either when its place is seen free for so long
+    waits_s: float = 90.0  # so long after anything moved, what has arrived may be one that waits
     trail_s: float = 3.0  # of a mover's past places that are kept
 
     def __post_init__(self) -> None:

@@ -45,7 +45,7 @@ class MoverTracker:
         self._config = config or MoverConfig()
         self._tracks: list[MoverTrack] = []
         self._count = 0
-        self._has_moved = False  # anything, since the mission began
+        self._moved_s = -math.inf  # when anything was seen to move last
 
     def owns(self, points_m: Floats, time_s: float, *, margin_m: float = 0.15) -> Flags:
         """Return which points are of something that is known to move.
@@ -90,7 +90,8 @@ class MoverTracker:
             if owner is not None:
                 owner.sight(cluster.place_m, cluster.noise, cluster.radius_m, whole=cluster.whole)
                 stands[cluster.rows] = owner.stands
-                self._has_moved |= owner.moves
+                if owner.moves:
+                    self._moved_s = time_s
             elif not any(
                 math.dist(cluster.place_m, other.place_m) < cfg.same_m for other in self._tracks
             ):
@@ -107,12 +108,13 @@ class MoverTracker:
     def may_move_m(self, time_s: float) -> Floats:
         """Return where a view shows something that moves or may move, (K, 2) in the map's frame.
 
-        Once anything has moved, what arrived and stands may be a mover that waits.
+        Where anything has moved lately, what arrived and stands may be a mover that waits.
 
         Args:
             time_s: of the view.
         """
-        least = self._config.sightings if self._has_moved else math.inf
+        cfg = self._config
+        least = cfg.sightings if time_s - self._moved_s <= cfg.waits_s else math.inf
         shown = [
             one.place_m
             for one in self._tracks

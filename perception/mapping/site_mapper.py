@@ -44,7 +44,9 @@ class SiteMapperConfig:
 
     tracked_s: float = 0.6  # without ground followed for longer, telemetry alone is flown by
     displaced_m: float = 0.03  # a view further off the map adds nothing to it
-    lost_m: float = 0.05  # and in one still further off, nothing that moves is followed
+    lost_m: float = 0.05  # and in one still further off, nothing that moves is followed,
+    # nor from so far down: while the drone climbs, its height's error lets what stands slide.
+    low_m: float = 1.2
     settled_s: float = 1.0  # points known for so long correct the drone's place
     residual_views: int = 200  # of so many views is the mean of how far they are off the map
     objects_s: float = 0.5  # objects are made of points so often
@@ -134,7 +136,9 @@ class SiteMapper:
             self._captured_s = self._agreed_s = time_s
             return
         cut = is_cut(seen.bases_m, frame, camera)
-        self._add(seen, lens, time_s, cut=cut, off_m=0.0 if off_m is None else off_m)
+        off_m = 0.0 if off_m is None else off_m
+        follows = off_m <= cfg.lost_m and frame.height_above_carpet_m >= cfg.low_m
+        self._add(seen, lens, time_s, cut=cut, adds=off_m <= cfg.displaced_m, follows=follows)
         self._grid.see(scan, lens, time_s)
         self._grid.note_moving(self._movers.may_move_m(time_s), time_s)
         self._movers.see_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
@@ -259,12 +263,18 @@ class SiteMapper:
         return self._contradicted_s > cfg.restart_s
 
     def _add(
-        self, seen: Sighting, lens: Pose2D, time_s: float, *, cut: NDArray[np.bool_], off_m: float
+        self,
+        seen: Sighting,
+        lens: Pose2D,
+        time_s: float,
+        *,
+        cut: NDArray[np.bool_],
+        adds: bool,
+        follows: bool,
     ) -> None:
         cfg = self.config
-        adds = off_m <= cfg.displaced_m
         bases = seen_points(seen.bases_m, seen.ids, lens, time_s)
-        if off_m <= cfg.lost_m:
+        if follows:
             bases = standing(
                 bases, self._bases, self._grid, self._movers, cut=cut, config=cfg.arrivals
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
@@ -174,7 +174,7 @@ BOX_M, BOX_ID = (1.6, -1.0), BOXES[2]
 CART_ID = BOXES[4]
 
 
-def class_ids(cart_m: tuple[float, float] | None) -> NDArray[np.uint8]:
+def class_ids(cart_m: tuple[float, float] | None, height_m: float = HEIGHT_M) -> NDArray[np.uint8]:
     """Return what a drone at (-1, 0) sees: ground without end, a box and the cart."""
     rows, columns = np.indices((112, 224))
     right = (columns - CAMERA.cx_px) / CAMERA.fx_px
@@ -183,12 +183,12 @@ def class_ids(cart_m: tuple[float, float] | None) -> NDArray[np.uint8]:
     down = math.cos(PITCH_RAD) * below - math.sin(PITCH_RAD)
     lens = np.array([-1.0 + CAMERA.forward_offset_m, 0.0, 0.0])
     rays = np.stack([forward, right, down], axis=-1)
-    nearest = np.where(down > 0.0, HEIGHT_M / np.maximum(down, 1e-9), math.inf)
+    nearest = np.where(down > 0.0, height_m / np.maximum(down, 1e-9), math.inf)
     ids = np.where(down > 0.0, CARPET, 0).astype(np.uint8)
     things = [(BOX_M, BOX_ID)] + ([] if cart_m is None else [(cart_m, CART_ID)])
     for (x_m, y_m), class_id in things:
         low = np.array([x_m - SIDE_M / 2, y_m - SIDE_M / 2, 0.0]) - lens
-        high = np.array([x_m + SIDE_M / 2, y_m + SIDE_M / 2, HEIGHT_M]) - lens
+        high = np.array([x_m + SIDE_M / 2, y_m + SIDE_M / 2, height_m]) - lens
         with np.errstate(divide="ignore"):
             ends = np.stack([low / rays, high / rays])
         enters, leaves = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
@@ -197,7 +197,9 @@ def class_ids(cart_m: tuple[float, float] | None) -> NDArray[np.uint8]:
     return ids
 
 
-def mapped(places: list[tuple[float, float] | None], mapper: SiteMapper) -> Iterator[SiteMap]:
+def mapped(
+    places: Sequence[tuple[float, float] | None], mapper: SiteMapper, height_m: float = HEIGHT_M
+) -> Iterator[SiteMap]:
     """Yield the map after each view of a drone that hovers, 0.1 s apart."""
     for index, place in enumerate(places):
         time_s = index * STEP_S
@@ -211,9 +213,9 @@ def mapped(places: list[tuple[float, float] | None], mapper: SiteMapper) -> Iter
             index=index,
             captured_s=time_s,
             gimbal_pitch_rad=PITCH_RAD,
-            height_above_carpet_m=HEIGHT_M,
+            height_above_carpet_m=height_m,
         )
-        class_map = ClassMap(ids=class_ids(place), captured_s=time_s)
+        class_map = ClassMap(ids=class_ids(place, height_m), captured_s=time_s)
         mapper.see(scan_ground(class_map, frame, CAMERA), frame, CAMERA)
         yield mapper.map()
 
@@ -281,3 +283,23 @@ def test_a_place_without_movers_has_none() -> None:
     for found in mapped([(0.8, -0.6)] * 40, SiteMapper()):
         assert found.movers == ()
         assert not len(found.lanes_m)
+
+
+@pytest.mark.parametrize(("height_m", "movers"), [(0.9, 0), (HEIGHT_M, 1)])
+def test_nothing_is_followed_from_low_down(height_m: float, movers: int) -> None:
+    """A decimetre that the height is off there lets what stands slide."""
+    views = mapped([None] * 4 + crossing(), SiteMapper(), height_m)
+    assert max(len(found.movers) for found in views) == movers
+
+
+def test_what_waits_is_kept_away_from_for_as_long_as_movers_pause() -> None:
+    tracker = MoverTracker()
+    config = MoverConfig()
+    *_, (time_s, movers, _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0)
+    assert movers
+    for later_s, may_move in [(config.waits_s - 1.0, True), (config.waits_s + 1.0, False)]:
+        for step in range(10):
+            seen_s = time_s + later_s + step * STEP_S
+            place = np.array([[1.0, 1.0], [1.0, 1.1], [1.1, 1.0]])
+            tracker.see(place, np.zeros(2), seen_s)
+        assert bool(len(tracker.may_move_m(seen_s))) == may_move
