@@ -34,7 +34,8 @@ class Avoid(SteeringLeaf):
         if decision is not None and decision.done:
             return Status.SUCCESS
         if decision is not None and not decision.blocked and self.turn_is_complete:
-            if not self.turning:
+            # Who flies at a speed steers by a heading, wherever the camera points.
+            if not self.turning or decision.speed_mps is not None:
                 return Status.SUCCESS
             self.turn_back(state)
             return Status.RUNNING

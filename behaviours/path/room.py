@@ -140,7 +140,11 @@ class Room:
         ends_m = self._distance_m(np.vstack([site_map.edges_m, lately.edges_m]))
         edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
         # In one measure: what may be passed nearer counts as so much further away.
-        room = np.minimum(self.obstacle_m, doubt_m + margins.touch_m - margins.doubt_m)
+        doubt = doubt_m + margins.touch_m - margins.doubt_m
+        if not site_map.movers and not len(site_map.lanes_m):
+            # On ground that was seen nothing stands whose foot is hidden: slower, but open.
+            doubt = np.where(site_map.ground, np.maximum(doubt, margins.touch_m), doubt)
+        room = np.minimum(self.obstacle_m, doubt)
         lane_m = self._distance_m(site_map.lanes_m)
         room = np.minimum(room, lane_m + margins.touch_m - margins.lane_m)
         room = np.minimum(room, self._unknown_m() + margins.touch_m - margins.unknown_m)

@@ -6,11 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.room import Floats, Margins, Rooms, Width
 from behaviours.path.survey import SurveyConfig, best_leg, new_ground_per_second
 from uav_bt.errors import MissionError
 from uav_bt.protocols import Decision, PolicyView
+from uav_bt.types.site_map import SiteMap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +26,9 @@ class CoverageConfig:
     little_m2ps: float = 0.03
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
+    # Looking beyond the edge for longer, it drifts unnoticed: a turn over the outside takes less.
+    blind_s: float = 3.0
+    around_m: float = 2.0  # of the drone: ground to turn to
     follow: FollowConfig = field(default_factory=FollowConfig)
 
 
@@ -49,18 +55,25 @@ class Coverage:
             MissionError: no leaf keeps a map for it.
         """
         cfg, site_map = self.config, view.site_map
-        turn = Decision(
-            yaw_rad=math.copysign(cfg.turn_rad, view.turning or 1.0), reason="no way", free_m=0.0
-        )
         if site_map is None:
             raise MissionError(
                 "policy 'coverage' flies by the map of the place, and none is on the board: put "
                 "<Segment/> and <RememberObstacles/> ahead of the leaves that fly"
             )
-        if not site_map.ground.any():
+        ground_rad = _ground_rad(site_map, cfg.around_m)
+        turn = Decision(
+            yaw_rad=math.copysign(cfg.turn_rad, view.turning or ground_rad or 1.0),
+            reason="no way",
+            free_m=0.0,
+        )
+        if ground_rad is None:
             return replace(turn, reason="no ground seen")
         if site_map.contradicted_s > cfg.doubted_s:
             return replace(turn, reason="the view contradicts the map")
+        if site_map.captured_s - float(site_map.seen_s.max()) > cfg.blind_s:
+            return Decision(
+                forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
+            )
         rooms = Rooms(site_map, around(view.obstacles, site_map), cfg.margins)
         room = rooms[Width.ORDINARY]
         leg = best_leg(room, cfg.survey, self._value)
@@ -85,3 +98,13 @@ class Coverage:
             reason=reason,
         )
         return way or turn
+
+
+def _ground_rad(site_map: SiteMap, around_m: float) -> float | None:
+    """Return the bearing of the middle of the ground around the drone, None where none was seen."""
+    places_m = site_map.pose.points_to_body(site_map.places_m()[site_map.ground])
+    near_m = places_m[np.hypot(*places_m.T) <= around_m]
+    if not len(places_m):
+        return None
+    forward_m, right_m = (near_m if len(near_m) else places_m).mean(axis=0)
+    return math.atan2(right_m, forward_m)

@@ -85,6 +85,14 @@ def test_a_free_way_counts_only_after_the_least_turn() -> None:
     assert (bench.proposed, bench.pointed) == (None, None)
 
 
+def test_who_flies_at_a_speed_goes_on_from_the_turn() -> None:
+    """It steers by a heading: no need to turn back to the view that showed the way."""
+    bench = turning(Says(TURN_RIGHT, replace(ADVANCE, yaw_rad=-1.0, speed_mps=0.0)))
+    for yaw_rad in (0.2, 0.45, 0.55):
+        assert live(bench, yaw_rad=yaw_rad) is Status.RUNNING
+    assert live(bench, yaw_rad=0.60) is Status.SUCCESS
+
+
 def test_it_turns_back_to_where_the_way_was_free() -> None:
     """The turn has gone on since the frame was captured, and goes on until the drone hears."""
     bench = turning(Says(TURN_RIGHT, ADVANCE))

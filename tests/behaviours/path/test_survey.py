@@ -85,10 +85,31 @@ def test_unknown_ground_is_not_flown_over() -> None:
     assert np.hypot(*found.path_m.T).max() < 1.3
 
 
+RING = np.array([(math.cos(a), math.sin(a)) for a in np.linspace(0, 2 * math.pi, 120)])
+
+
 def test_where_an_obstacle_is_assumed_no_leg_leads() -> None:
-    ring = [(1.0 * math.cos(a), 1.0 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 120)]
-    found = leg(drawn_map(passed=where("near")), np.array(ring))
-    assert found is None or np.hypot(*found.path_m.T).max() < 1.0
+    """Nobody has seen the ground there: it is only known to be free at the flight height."""
+    drawn = drawn_map(passed=where("near"))
+    apart_m = np.hypot(*np.moveaxis(drawn.places_m(), -1, 0))
+    unseen = (apart_m > 0.8) & (apart_m < 1.8)
+    ring = replace(drawn, seen_s=np.where(unseen, -np.inf, drawn.seen_s).astype(np.float32))
+    beyond = leg(ring)
+    assert beyond is not None
+    assert np.hypot(*beyond.path_m.T).max() > 1.2
+    found = leg(ring, 1.3 * RING)
+    assert found is None or np.hypot(*found.path_m.T).max() < 1.2
+
+
+def test_on_ground_that_was_seen_nothing_assumed_closes_the_way() -> None:
+    """It is flown slower; among things that move it stays closed."""
+    seen = drawn_map(passed=where("near"))
+    found = leg(seen, RING)
+    assert found is not None
+    assert np.hypot(*found.path_m.T).max() > 1.2
+    assert found.clear_m.min() == pytest.approx(MARGINS.touch_m)
+    crossed = leg(replace(seen, lanes_m=np.array([[-1.9, -1.9]])), RING)
+    assert crossed is None or np.hypot(*crossed.path_m.T).max() < 1.0
 
 
 @given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=25))

@@ -62,6 +62,26 @@ def test_by_a_map_that_the_view_contradicts_it_does_not_fly() -> None:
     assert not decide(replace(ahead, contradicted_s=1.5), full_turns=2).done
 
 
+@pytest.mark.parametrize(("yaw_deg", "side"), [(60, -1), (120, 1), (-60, -1), (-120, 1)])
+def test_without_a_way_it_turns_to_where_the_ground_is(yaw_deg: float, side: int) -> None:
+    """At the right edge, y = 1.9, the ground lies to the left of who looks outwards."""
+    wall = np.column_stack([np.arange(-2.2, 2.3, 0.05), np.full(90, 1.4)])
+    shut = drawn_map(obstacles=wall, passed=ALL, pose=(0.0, 1.9, math.radians(yaw_deg)))
+    decision = decide(shut)
+    assert decision.reason == "no way"
+    assert math.copysign(1.0, decision.yaw_rad) == side
+    assert decide(shut, turning=-side).yaw_rad * side < 0.0  # a turn under way is held
+
+
+def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it() -> None:
+    outwards = drawn_map(pose=(0.0, 1.8, math.radians(90)))
+    assert decide(replace(outwards, captured_s=3.5)).reason != "turns to the ground"
+    decision = decide(replace(outwards, captured_s=4.5))
+    assert decision.reason == "turns to the ground"
+    assert decision.speed_mps == 0.0
+    assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
+
+
 def test_facing_new_ground_it_flies() -> None:
     decision = decide(drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2)))
     assert decision.speed_mps is not None
