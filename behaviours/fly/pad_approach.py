@@ -15,7 +15,7 @@ from behaviours.path.planner import PathToPad
 from uav_bt.board import HELD_TURN, HELIPAD, OBSTACLES, PHASE
 from uav_bt.protocols import Decision
 from uav_bt.tree import Status
-from uav_bt.types import DroneState, HelipadFix, MissionPhase, Velocity
+from uav_bt.types import DroneState, HelipadFix, MissionPhase, ObstaclePoints, Velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +45,7 @@ class PadApproachConfig:
     # Overfly.
     out_of_view_s: float = 0.5  # without a detection, as the paper's 15 frames; and
     close_m: float = 1.6  # so near the pad left the view by its lower edge, further away: a miss
+    at_pad_m: float = 0.5  # so near, what the view shows stands beside the pad, or behind it
     overfly_margin_m: float = 0.32  # beside the path; what stands there was seen on the approach
     passed_m: float = 0.35  # so near beside or behind, the camera straight down shows the pad
 
@@ -105,6 +106,8 @@ class PadApproach:
 
     def work(self, state: DroneState) -> Status:
         """Do what the phase asks; SUCCESS above the pad, FAILURE when its track is lost."""
+        if self._phase is not _Phase.OVERFLY and self._is_at_pad():
+            self._enter(_Phase.OVERFLY)
         match self._phase:
             case _Phase.APPROACH:
                 return self._approach(state)
@@ -122,6 +125,20 @@ class PadApproach:
         obstacles, now_s = self._leaf.read(OBSTACLES).value, self._leaf.clock.now()
         return self._pointing.pitch_rad(
             fix, obstacles, state, flight_rad=self._flight_rad, now_s=now_s
+        )
+
+    def _is_at_pad(self) -> bool:
+        """Return whether it is almost above the pad, with nothing that is remembered in between."""
+        fix, leaf = self._leaf.read(HELIPAD).value, self._leaf
+        if fix is None or leaf.busy or fix.range_m > self._config.at_pad_m:
+            return False
+        return self._is_clear(fix, leaf.read(OBSTACLES).value)
+
+    def _is_clear(self, fix: HelipadFix, obstacles: ObstaclePoints | None) -> bool:
+        """Return whether nothing that was seen to stand is on the straight path to the pad."""
+        margin_m = self._config.overfly_margin_m
+        return obstacles is None or obstacles.allows(
+            fix.forward_m, fix.right_m, margin_m=margin_m, assumed=False
         )
 
     def _enter(self, phase: _Phase) -> None:
@@ -204,9 +221,7 @@ class PadApproach:
             # A tree may do without the memory, but a stale one permits nothing.
             return fix.bearing_rad if math.isinf(reading.age_s) else None
         if self._phase is _Phase.OVERFLY:
-            margin_m = self._config.overfly_margin_m
-            free = obstacles.allows(fix.range_m, margin_m=margin_m, assumed=False)
-            return fix.bearing_rad if free else None
+            return fix.bearing_rad if self._is_clear(fix, obstacles) else None
         state, now_s = self._leaf.state(), self._leaf.clock.now()
         return None if state is None else self._path.bearing(obstacles, fix, state, now_s)
 

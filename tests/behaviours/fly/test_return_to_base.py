@@ -507,6 +507,17 @@ def test_the_last_metre_goes_by_the_track() -> None:
     assert (bench.proposed, bench.pointed) == (None, None)
 
 
+def test_almost_above_the_pad_nothing_of_unknown_range_is_gone_round() -> None:
+    """It stands beside the pad, or behind it, and a detour would come back to the same view."""
+    bench = approaching((1.2, 0.0))
+    for _ in range(25):
+        fly(bench, (0.4, 0.0), unplaced_rad=UNPLACED_RAD)
+        assert velocity(bench).forward_mps > 0.0
+    fly(bench, (0.05, 0.4), unplaced_rad=UNPLACED_RAD)
+    assert velocity(bench).yaw_rate_radps > 0.0
+    assert fly(bench, (0.1, 0.0), unplaced_rad=UNPLACED_RAD) is Status.SUCCESS
+
+
 def test_past_the_pad_it_is_there() -> None:
     """It does not turn round for centimetres."""
     bench = overflying()
