@@ -136,15 +136,14 @@ class Room:
             np.vstack([site_map.obstacles_m, taken_m(site_map.movers), lately.seen_m])
         )
         self.obstacle_m = self._distance_of(standing | self._filled())
-        doubt_m = self._distance_m(lately.assumed_m)
         ends_m = self._distance_m(np.vstack([site_map.edges_m, lately.edges_m]))
         edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
         # In one measure: what may be passed nearer counts as so much further away.
-        doubt = doubt_m + margins.touch_m - margins.doubt_m
-        if not site_map.movers and not len(site_map.lanes_m):
-            # On ground that was seen nothing stands whose foot is hidden: slower, but open.
-            doubt = np.where(site_map.ground, np.maximum(doubt, margins.touch_m), doubt)
-        room = np.minimum(self.obstacle_m, doubt)
+        closing, slowing = self._assumed(lately.assumed_m)
+        nearer_m = margins.touch_m - margins.doubt_m
+        room = np.minimum(self.obstacle_m, self._distance_of(closing) + nearer_m)
+        slower = np.maximum(self._distance_of(slowing) + nearer_m, margins.touch_m)
+        room = np.minimum(room, slower)
         lane_m = self._distance_m(site_map.lanes_m)
         room = np.minimum(room, lane_m + margins.touch_m - margins.lane_m)
         room = np.minimum(room, self._unknown_m() + margins.touch_m - margins.unknown_m)
@@ -206,6 +205,17 @@ class Room:
         # OpenCV anchors an even kernel at its lower right cell; opened by that it would be moved.
         patches = cv2.dilate(cv2.erode(unknown, square), square, anchor=(0, 0))
         return self._distance_of(patches.astype(bool))
+
+    def _assumed(self, places_m: Floats) -> tuple[Flags, Flags]:
+        """Return the cells where obstacles are assumed: those that no leg passes, and the others.
+
+        On open ground that was seen nothing stands whose foot is hidden, unless something moves
+        here. Near an obstacle of the map it is that obstacle, and the map is displaced.
+        """
+        marked, found = self._marked(places_m), self.map
+        still = not found.movers and not len(found.lanes_m)
+        is_open = still & found.ground & (self.obstacle_m >= self.margins.doubt_m)
+        return marked & ~is_open, marked & is_open
 
     def _within(self, cell: Cell) -> Cell:
         rows, columns = self.map.seen_s.shape

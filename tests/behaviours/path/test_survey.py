@@ -112,6 +112,25 @@ def test_on_ground_that_was_seen_nothing_assumed_closes_the_way() -> None:
     assert crossed is None or np.hypot(*crossed.path_m.T).max() < 1.0
 
 
+def test_an_obstacle_assumed_beside_one_of_the_map_is_that_one() -> None:
+    """The map is displaced by as much: both ways past the wall's end stay closed."""
+    wall = np.column_stack([np.arange(-2.2, 0.0, 0.05), np.full(44, 0.8)])
+    passed = where("left") | where("near")
+    beside = np.array([[x, 0.8] for x in np.arange(0.2, 0.4, 0.1)])
+    before, after = (
+        leg(drawn_map(passed=passed, obstacles=wall, pose=(0.6, 0.0, 0.0)), assumed)
+        for assumed in (NOTHING, beside)
+    )
+    assert before is not None
+    assert after is not None
+    nearest_m = [
+        min(math.dist(place, box) for place in found.path_m for box in beside)
+        for found in (before, after)
+    ]
+    assert nearest_m[0] < nearest_m[1]
+    assert nearest_m[1] >= MARGINS.doubt_m - 0.05
+
+
 @given(st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=25))
 def test_no_leg_passes_an_obstacle_or_the_edge_too_near(places: list[tuple[float, float]]) -> None:
     obstacles = np.array([p for p in places if math.hypot(*p) > 0.7], dtype=float).reshape(-1, 2)
