@@ -30,6 +30,7 @@ class HoldConfig:
         begin_mps: a hover is only corrected by a velocity of at least this ...
         end_mps: ... until it falls to this: centred sticks leave it to the drone's own hold.
         leash_m: a place further away is given up for a nearer one.
+        leap_mps: no drone flies that fast: dead reckoning leaps, and the place with it.
         lost_s: a place that is given up for so long cannot be held.
         move_s: a movement, and what follows it, take about so long ...
         move_mps: ... and besides its length at this speed.
@@ -55,6 +56,7 @@ class HoldConfig:
     begin_mps: float = 0.03
     end_mps: float = 0.012
     leash_m: float = 0.4
+    leap_mps: float = 2.0
     lost_s: float = 4.0
     move_s: float = 1.3
     move_mps: float = 0.5

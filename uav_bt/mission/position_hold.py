@@ -48,6 +48,7 @@ class PositionHold:
         self._ordered = OrderedMotion(self._config)
         self._unordered: Vector = (0.0, 0.0)  # of telemetry's velocity: beyond the orders
         self._learned: Vector = (0.0, 0.0)  # the disturbance when it was last seen by itself
+        self._here: Vector | None = None  # where it was a tick ago
         self._place: Vector | None = None
         self._goal: Vector | None = None  # of the movement in hand
         self._aimed: MoveBy | None = None
@@ -76,6 +77,7 @@ class PositionHold:
             self.rest()
             return movement
         self._ordered.advance(now_s)
+        leapt = self._follow_leap((motion.pose.x_m, motion.pose.y_m), passed_s)
         if isinstance(movement, MoveBy):
             return self._aim(movement, motion)
         done = self._end_move(state)
@@ -83,7 +85,8 @@ class PositionHold:
         if order is None:
             self.rest()
             return movement
-        self._learn(motion, passed_s)
+        if not leapt:
+            self._learn(motion, passed_s)
         wanted = rotate(order.forward_mps, order.right_mps, motion.pose.yaw_rad)
         self._keep_place(wanted, motion, passed_s, done, now_s)
         extra = self._correction(motion)
@@ -128,7 +131,7 @@ class PositionHold:
 
     def rest(self) -> None:
         """Give up the place: somebody else flies, or nothing is known."""
-        self._place = self._goal = self._aimed = self._stopping_s = None
+        self._here = self._place = self._goal = self._aimed = self._stopping_s = None
         self._holds = False
 
     @property
@@ -164,6 +167,18 @@ class PositionHold:
 
     def _flies(self, state: DroneState) -> bool:
         return state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
+
+    def _follow_leap(self, here: Vector, passed_s: float) -> bool:
+        """Carry the place along where dead reckoning leaps; return whether it does."""
+        before, self._here = self._here, here
+        if before is None:
+            return False
+        moved = add(here, -1.0, before)
+        if math.hypot(*moved) <= self._config.leap_mps * passed_s:
+            return False
+        self._place = None if self._place is None else add(self._place, 1.0, moved)
+        self._goal = None if self._goal is None else add(self._goal, 1.0, moved)
+        return True
 
     # --- what disturbs it -------------------------------------------------------------------------
 

@@ -38,6 +38,7 @@ class Body:
 
     drift_mps: tuple[float, float] = (0.0, 0.0)
     told_mps: float = 0.0  # forward, more than it flies
+    leapt_m: float = 0.0  # of dead reckoning, along x
     hold: PositionHold = field(default_factory=PositionHold)
     x_m: float = 0.0
     y_m: float = 0.0
@@ -55,7 +56,8 @@ class Body:
     def motion(self) -> MotionEstimate:
         told = rotate(*self.mps, -self.yaw_rad)
         error = rotate(*self.error_mps, -self.yaw_rad)
-        pose = OdometryPose(time_s=self.now_s, x_m=self.x_m, y_m=self.y_m, yaw_rad=self.yaw_rad)
+        x_m = self.x_m + self.leapt_m
+        pose = OdometryPose(time_s=self.now_s, x_m=x_m, y_m=self.y_m, yaw_rad=self.yaw_rad)
         return MotionEstimate(
             pose=pose,
             seen=pose,
@@ -217,6 +219,22 @@ def test_a_landing_keeps_its_place_and_ends_with_the_drone_s_own() -> None:
 
     body.height_m = 0.25  # by the height's noise
     assert body.tick(Land()) == Land()
+
+
+@pytest.mark.parametrize("proposed", [Hover(), Land()], ids=str)
+@pytest.mark.parametrize("leap_m", [1.0, -0.5])
+def test_where_dead_reckoning_leaps_the_drone_stays(proposed: Movement, leap_m: float) -> None:
+    """One sample of a velocity that no drone flies at, which it is not to learn from either."""
+    body = Body()
+    body.fly(Hover(), 3.0)
+    body.fly(proposed, 0.5)
+    for _ in range(2):
+        body.leapt_m += leap_m / 2
+        body.told_mps = leap_m / TICK_S
+        body.tick(proposed)
+        body.told_mps, body.mps, body.error_mps = 0.0, (0.0, 0.0), (0.0, 0.0)
+
+    assert body.fly(proposed, 2.0) < 0.05
 
 
 def test_a_landing_by_a_height_that_does_not_sink_is_the_drone_s_in_the_end() -> None:
