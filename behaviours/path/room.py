@@ -46,7 +46,8 @@ class Margins:
     sure_m: float = 0.025
     unsure_times: float = 5.0
     unsure_m: float = 0.12  # no more is added
-    doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed
+    doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed,
+    past_assumed: bool = False  # but over open ground that was seen, if this is set
     unknown_m: float = 0.35  # what was never seen may be the hidden side of a box
     lane_m: float = 0.7  # where something moved and may come back while nobody looks
     edge_m: float = 0.30  # no leg passes the edge of the ground nearer
@@ -213,8 +214,8 @@ class Room:
         here. Near an obstacle of the map it is that obstacle, and the map is displaced.
         """
         marked, found = self._marked(places_m), self.map
-        still = not found.movers and not len(found.lanes_m)
-        is_open = still & found.ground & (self.obstacle_m >= self.margins.doubt_m)
+        trusted = self.margins.past_assumed and not found.movers and not len(found.lanes_m)
+        is_open = trusted & found.ground & (self.obstacle_m >= self.margins.doubt_m)
         return marked & ~is_open, marked & is_open
 
     def _within(self, cell: Cell) -> Cell:
@@ -263,16 +264,23 @@ class Rooms:
         lately: what was seen besides.
         margins: of the ordinary width.
         crossing: whether narrower legs lead through where something moved, too.
+        past_assumed: whether the narrowest lead over open ground where an obstacle is assumed.
     """
 
     def __init__(
-        self, site_map: SiteMap, lately: Lately, margins: Margins, *, crossing: bool = False
+        self,
+        site_map: SiteMap,
+        lately: Lately,
+        margins: Margins,
+        *,
+        crossing: bool = False,
+        past_assumed: bool = False,
     ) -> None:
         narrow = replace(site_map, lanes_m=_nothing()) if crossing else site_map
         self._parts = {
             Width.ORDINARY: (site_map, margins),
             Width.TIGHT: (narrow, margins.tight()),
-            Width.TIGHTEST: (narrow, margins.tightest()),
+            Width.TIGHTEST: (narrow, replace(margins.tightest(), past_assumed=past_assumed)),
         }
         self._lately = lately
         self._rooms: dict[Width, Room] = {}

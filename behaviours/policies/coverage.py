@@ -74,7 +74,8 @@ class Coverage:
             return Decision(
                 forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
             )
-        rooms = Rooms(site_map, around(view.obstacles, site_map), cfg.margins)
+        lately = around(view.obstacles, site_map)
+        rooms = Rooms(site_map, lately, cfg.margins, past_assumed=True)
         room = rooms[Width.ORDINARY]
         leg = best_leg(room, cfg.survey, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:

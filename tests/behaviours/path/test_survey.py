@@ -51,8 +51,10 @@ def where(condition: str) -> NDArray[np.bool_]:
     return {"left": y < 0.0, "right": y > 0.0, "near": np.hypot(x, y) < 1.2}[condition]
 
 
-def leg(site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING) -> Leg | None:
-    return best_leg(Room(site_map, Lately(assumed_m=assumed), MARGINS))
+def leg(
+    site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING, margins: Margins = MARGINS
+) -> Leg | None:
+    return best_leg(Room(site_map, Lately(assumed_m=assumed), margins))
 
 
 def test_the_leg_leads_to_the_half_that_was_not_passed() -> None:
@@ -101,15 +103,17 @@ def test_where_an_obstacle_is_assumed_no_leg_leads() -> None:
     assert found is None or np.hypot(*found.path_m.T).max() < 1.2
 
 
-def test_on_ground_that_was_seen_nothing_assumed_closes_the_way() -> None:
-    """It is flown slower; among things that move it stays closed."""
+def test_over_open_ground_legs_may_lead_past_what_is_assumed() -> None:
+    """Slower; among things that move they do not."""
     seen = drawn_map(passed=where("near"))
-    found = leg(seen, RING)
+    past = replace(MARGINS, past_assumed=True)
+    found = leg(seen, RING, past)
     assert found is not None
     assert np.hypot(*found.path_m.T).max() > 1.2
     assert found.clear_m.min() == pytest.approx(MARGINS.touch_m)
-    crossed = leg(replace(seen, lanes_m=np.array([[-1.9, -1.9]])), RING)
-    assert crossed is None or np.hypot(*crossed.path_m.T).max() < 1.0
+    moving = replace(seen, lanes_m=np.array([[-1.9, -1.9]]))
+    for closed in (leg(seen, RING), leg(moving, RING, past)):
+        assert closed is None or np.hypot(*closed.path_m.T).max() < 1.0
 
 
 def test_an_obstacle_assumed_beside_one_of_the_map_is_that_one() -> None:
@@ -118,7 +122,11 @@ def test_an_obstacle_assumed_beside_one_of_the_map_is_that_one() -> None:
     passed = where("left") | where("near")
     beside = np.array([[x, 0.8] for x in np.arange(0.2, 0.4, 0.1)])
     before, after = (
-        leg(drawn_map(passed=passed, obstacles=wall, pose=(0.6, 0.0, 0.0)), assumed)
+        leg(
+            drawn_map(passed=passed, obstacles=wall, pose=(0.6, 0.0, 0.0)),
+            assumed,
+            replace(MARGINS, past_assumed=True),
+        )
         for assumed in (NOTHING, beside)
     )
     assert before is not None
