@@ -44,6 +44,7 @@ def standing(
     movers: MoverTracker,
     *,
     cut: Flags,
+    is_low: bool,
     config: ArrivalConfig,
 ) -> Landmarks:
     """Return the points of a view that stand; those that have arrived are followed.
@@ -54,6 +55,7 @@ def standing(
         grid: of the ground, as it was before the view.
         movers: what is followed.
         cut: (N,) which points lie where the view ends.
+        is_low: whether it was seen from too far down to tell what moves.
         config: what counts as more of what stands.
     """
     if not len(seen):
@@ -64,7 +66,9 @@ def standing(
     owned = movers.owns(places_m, time_s) & (off_m > -config.shared_m)
     arrived = (on_ground & (off_m > 0.0)) | owned
     stands = ~arrived
-    stands[arrived] = movers.see(places_m[arrived], seen.from_m[0], time_s, cut=cut[arrived])
+    stands[arrived] = movers.see(
+        places_m[arrived], seen.from_m[0], time_s, cut=cut[arrived], judges=not is_low
+    )
     seen.settled_s[on_ground] += config.settles_s
     return seen.take(stands)
 

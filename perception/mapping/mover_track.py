@@ -144,11 +144,18 @@ class MoverTrack:
         self.seen_s, self.sightings, self.free_since_s = self.time_s, self.sightings + 1, None
         # What is seen of it grows and shrinks with its place in the view.
         self.radius_m = max(cfg.min_radius_m, radius_m, 0.98 * self.radius_m)
-        self._judge()
 
-    def _judge(self) -> None:
-        """Decide whether it moves or stands."""
+    def judge(self, *, moves: bool = True) -> None:
+        """Decide whether it moves or stands.
+
+        Args:
+            moves: whether what was sighted may show that; otherwise it counts from here on.
+        """
         cfg, place_m = self._config, self.place_m
+        if not moves:
+            self.begin_m = self.anchor_m = place_m
+            self.anchor_s = self.time_s
+            return
         speed_mps = float(np.hypot(*self.velocity_mps))
         if math.dist(place_m, self.anchor_m) > cfg.stays_m:
             self.anchor_m, self.anchor_s = place_m, self.time_s

@@ -63,7 +63,13 @@ class MoverTracker:
         return owned
 
     def see(
-        self, points_m: Floats, from_m: Floats, time_s: float, *, cut: Flags | None = None
+        self,
+        points_m: Floats,
+        from_m: Floats,
+        time_s: float,
+        *,
+        cut: Flags | None = None,
+        judges: bool = True,
     ) -> Flags:
         """Take in the points of a view that have arrived on free ground.
 
@@ -72,6 +78,7 @@ class MoverTracker:
             from_m: (2,) where the camera was.
             time_s: when.
             cut: (N,) which of them lie where the view ends: more may stand beside them.
+            judges: whether it may show that something moves.
 
         Returns:
             Which of them stand: what they belong to has stayed for so long.
@@ -89,6 +96,7 @@ class MoverTracker:
         for cluster, owner in self._assigned(self._clusters(points_m, from_m, cut)):
             if owner is not None:
                 owner.sight(cluster.place_m, cluster.noise, cluster.radius_m, whole=cluster.whole)
+                owner.judge(moves=judges)
                 stands[cluster.rows] = owner.stands
                 if owner.moves:
                     self._moved_s = time_s

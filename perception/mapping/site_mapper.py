@@ -44,8 +44,8 @@ class SiteMapperConfig:
 
     tracked_s: float = 0.6  # without ground followed for longer, telemetry alone is flown by
     displaced_m: float = 0.03  # a view further off the map adds nothing to it
-    lost_m: float = 0.05  # and in one still further off, nothing that moves is followed,
-    # nor from so far down: while the drone climbs, its height's error lets what stands slide.
+    lost_m: float = 0.05  # and in one still further off, nothing that moves is followed
+    # From further down nothing is seen to move: its height's error lets what stands slide.
     low_m: float = 1.2
     settled_s: float = 1.0  # points known for so long correct the drone's place
     residual_views: int = 200  # of so many views is the mean of how far they are off the map
@@ -137,8 +137,8 @@ class SiteMapper:
             return
         cut = is_cut(seen.bases_m, frame, camera)
         off_m = 0.0 if off_m is None else off_m
-        follows = off_m <= cfg.lost_m and frame.height_above_carpet_m >= cfg.low_m
-        self._add(seen, lens, time_s, cut=cut, adds=off_m <= cfg.displaced_m, follows=follows)
+        is_low = frame.height_above_carpet_m < cfg.low_m
+        self._add(seen, lens, time_s, cut=cut, off_m=off_m, is_low=is_low)
         self._grid.see(scan, lens, time_s)
         self._grid.note_moving(self._movers.may_move_m(time_s), time_s)
         self._movers.see_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
@@ -269,14 +269,21 @@ class SiteMapper:
         time_s: float,
         *,
         cut: NDArray[np.bool_],
-        adds: bool,
-        follows: bool,
+        off_m: float,
+        is_low: bool,
     ) -> None:
         cfg = self.config
+        adds = off_m <= cfg.displaced_m
         bases = seen_points(seen.bases_m, seen.ids, lens, time_s)
-        if follows:
+        if off_m <= cfg.lost_m:
             bases = standing(
-                bases, self._bases, self._grid, self._movers, cut=cut, config=cfg.arrivals
+                bases,
+                self._bases,
+                self._grid,
+                self._movers,
+                cut=cut,
+                is_low=is_low,
+                config=cfg.arrivals,
             )
             known = self._bases
             self._bases = known.take(~self._movers.passed_over(known.xy_m, known.first_s))
