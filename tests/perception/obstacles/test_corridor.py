@@ -77,7 +77,7 @@ def brute_force(
     nearest, side = math.inf, None
     for name, (axis, place) in planes.items():
         step = p_center[axis] - c[axis]
-        if step == 0.0:
+        if abs(step) < 1e-12:  # parallel, or so nearly that the division overflows
             continue
         multiple = (place - c[axis]) / step
         if multiple <= 1.0:
