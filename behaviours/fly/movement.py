@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import ClassVar
 
 from behaviours.fly.leaf_clock import LeafClock
@@ -67,9 +68,9 @@ class MovingLeaf(Leaf):
             self._mover.pause(paused_s)
         return self.work(state)
 
+    @abstractmethod
     def work(self, state: DroneState) -> Status:
         """Propose what the leaf wants in this tick, or end."""
-        raise NotImplementedError
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the gimbal's pitch while the leaf is RUNNING, None to leave it as it is."""

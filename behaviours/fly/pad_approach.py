@@ -15,7 +15,7 @@ from behaviours.path.planner import PathToPad
 from uav_bt.board import HELD_TURN, HELIPAD, OBSTACLES, PHASE
 from uav_bt.protocols import Decision
 from uav_bt.tree import Status
-from uav_bt.types import DroneState, HelipadFix, MissionPhase, ObstaclePoints, Velocity
+from uav_bt.types import DroneState, HelipadFix, MissionPhase, Velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,17 +129,18 @@ class PadApproach:
 
     def _is_at_pad(self) -> bool:
         """Return whether it is almost above the pad, with nothing that is remembered in between."""
-        fix, leaf = self._leaf.read(HELIPAD).value, self._leaf
-        if fix is None or leaf.busy or fix.range_m > self._config.at_pad_m:
+        fix = self._leaf.read(HELIPAD).value
+        if fix is None or self._leaf.busy or fix.range_m > self._config.at_pad_m:
             return False
-        return self._is_clear(fix, leaf.read(OBSTACLES).value)
+        return self._is_clear(fix)
 
-    def _is_clear(self, fix: HelipadFix, obstacles: ObstaclePoints | None) -> bool:
+    def _is_clear(self, fix: HelipadFix) -> bool:
         """Return whether nothing that was seen to stand is on the straight path to the pad."""
+        reading = self._leaf.read(OBSTACLES)
+        if reading.value is None:  # a tree may do without the memory; a stale one permits nothing
+            return math.isinf(reading.age_s)
         margin_m = self._config.overfly_margin_m
-        return obstacles is None or obstacles.allows(
-            fix.forward_m, fix.right_m, margin_m=margin_m, assumed=False
-        )
+        return reading.value.allows(fix.forward_m, fix.right_m, margin_m=margin_m, assumed=False)
 
     def _enter(self, phase: _Phase) -> None:
         self._phase = phase
@@ -215,13 +216,12 @@ class PadApproach:
 
     def _free_heading(self, fix: HelipadFix) -> float | None:
         """Return the bearing of the path to the pad round what is remembered; None without one."""
+        if self._phase is _Phase.OVERFLY:
+            return fix.bearing_rad if self._is_clear(fix) else None
         reading = self._leaf.read(OBSTACLES)
         obstacles = reading.value
         if obstacles is None:
-            # A tree may do without the memory, but a stale one permits nothing.
             return fix.bearing_rad if math.isinf(reading.age_s) else None
-        if self._phase is _Phase.OVERFLY:
-            return fix.bearing_rad if self._is_clear(fix, obstacles) else None
         state, now_s = self._leaf.state(), self._leaf.clock.now()
         return None if state is None else self._path.bearing(obstacles, fix, state, now_s)
 

@@ -70,7 +70,7 @@ class Coverage:
             return replace(turn, reason="no ground seen")
         if site_map.contradicted_s > cfg.doubted_s:
             return replace(turn, reason="the view contradicts the map")
-        if site_map.captured_s - float(site_map.seen_s.max()) > cfg.blind_s:
+        if site_map.captured_s - site_map.ground_s > cfg.blind_s:
             return Decision(
                 forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
             )
@@ -104,8 +104,8 @@ class Coverage:
 def _ground_rad(site_map: SiteMap, around_m: float) -> float | None:
     """Return the bearing of the middle of the ground around the drone, None where none was seen."""
     places_m = site_map.pose.points_to_body(site_map.places_m()[site_map.ground])
-    near_m = places_m[np.hypot(*places_m.T) <= around_m]
     if not len(places_m):
         return None
+    near_m = places_m[np.hypot(*places_m.T) <= around_m]
     forward_m, right_m = (near_m if len(near_m) else places_m).mean(axis=0)
     return math.atan2(right_m, forward_m)

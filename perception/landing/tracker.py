@@ -189,7 +189,7 @@ class HelipadFinder:
     def see(
         self, class_map: ClassMap, frame: Frame, camera: CameraModel
     ) -> HelipadDetection | None:
-        """Take in a class map and return what was detected in it.
+        """Take in a class map and return what was detected in it; specks are nothing.
 
         Args:
             class_map: made from `frame`.

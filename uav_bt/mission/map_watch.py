@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -78,8 +77,7 @@ class MapWatch:
             return 0.0
         if self._airborne_s is None:
             self._airborne_s = now_s
-        ground_s = float(site_map.seen_s.max(initial=-math.inf))
-        return site_map.captured_s - max(ground_s, self._airborne_s)
+        return site_map.captured_s - max(site_map.ground_s, self._airborne_s)
 
     def _happened(self, site_map: SiteMap) -> Iterator[str]:
         """Yield what has happened to the map since the last tick."""

@@ -121,6 +121,11 @@ class SiteMap:
         """Cells that were seen to be ground."""
         return np.asarray(np.isfinite(self.seen_s))
 
+    @property
+    def ground_s(self) -> float:
+        """When a view last showed ground; -inf before any has."""
+        return float(self.seen_s.max(initial=-math.inf))
+
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return the row and column of a place, which may lie outside the grid."""
         return (

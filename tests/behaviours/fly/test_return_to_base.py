@@ -518,6 +518,21 @@ def test_almost_above_the_pad_nothing_of_unknown_range_is_gone_round() -> None:
     assert fly(bench, (0.1, 0.0), unplaced_rad=UNPLACED_RAD) is Status.SUCCESS
 
 
+def test_almost_above_the_pad_a_memory_that_is_stale_permits_nothing() -> None:
+    """It makes a detour, as it does further away."""
+    bench = approaching((1.2, 0.0), Says(TURN_RIGHT))
+    bench.allow_stale()
+    bench.clock.advance(5.0)
+    for _ in range(12):
+        show(bench)
+        bench.board[HELIPAD] = HelipadFix(
+            captured_s=bench.clock.now(), forward_m=0.4, right_m=0.0, detected=True
+        )
+        bench.tick()
+        assert bench.proposed is None or velocity(bench).forward_mps == 0.0
+    assert velocity(bench).yaw_rate_radps > 0.0
+
+
 def test_past_the_pad_it_is_there() -> None:
     """It does not turn round for centimetres."""
     bench = overflying()

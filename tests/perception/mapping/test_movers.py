@@ -286,7 +286,7 @@ def test_a_place_without_movers_has_none() -> None:
 
 
 @pytest.mark.parametrize(("height_m", "movers"), [(0.9, 0), (HEIGHT_M, 1)])
-def test_nothing_is_followed_from_low_down(height_m: float, movers: int) -> None:
+def test_nothing_is_judged_to_move_from_low_down(height_m: float, movers: int) -> None:
     """A decimetre that the height is off there lets what stands slide."""
     views = mapped([None] * 4 + crossing(), SiteMapper(), height_m)
     assert max(len(found.movers) for found in views) == movers

@@ -37,7 +37,7 @@ class Body:
     """Flies what it is ordered, and drifts; all velocities of the world, x forward at yaw 0."""
 
     drift_mps: tuple[float, float] = (0.0, 0.0)
-    told_mps: float = 0.0  # forward, more than it flies
+    bias_mps: float = 0.0  # forward, more than it flies
     leapt_m: float = 0.0  # of dead reckoning, along x
     hold: PositionHold = field(default_factory=PositionHold)
     x_m: float = 0.0
@@ -62,7 +62,7 @@ class Body:
             pose=pose,
             seen=pose,
             velocity=BodyVelocity(
-                forward_mps=told[0] + self.told_mps + error[0], right_mps=told[1] + error[1]
+                forward_mps=told[0] + self.bias_mps + error[0], right_mps=told[1] + error[1]
             ),
             error=BodyVelocity(forward_mps=error[0], right_mps=error[1]),
             tracked_s=self.now_s - self.untracked_s,
@@ -86,7 +86,7 @@ class Body:
         arrived = self.sent[-1 - LATE_TICKS] if len(self.sent) > LATE_TICKS else Hover()
         order = arrived if isinstance(arrived, Velocity) else Velocity()
         wanted = rotate(order.forward_mps, order.right_mps, self.yaw_rad)
-        missed = rotate(-self.told_mps, 0.0, self.yaw_rad)
+        missed = rotate(-self.bias_mps, 0.0, self.yaw_rad)
         share = 1.0 - math.exp(-TICK_S / 0.3)
         learned = 1.0 - math.exp(-TICK_S / LEARNED_S)
         truth = (missed[0] + self.drift_mps[0], missed[1] + self.drift_mps[1])
@@ -125,12 +125,12 @@ def test_a_drift_is_held(proposed: Movement, drift: tuple[float, float]) -> None
 
 
 @ON_THE_SPOT
-@pytest.mark.parametrize("told_mps", [0.2, -0.2])
+@pytest.mark.parametrize("bias_mps", [0.2, -0.2])
 def test_a_velocity_that_is_told_wrong_moves_nothing_for_long(
-    proposed: Movement, told_mps: float
+    proposed: Movement, bias_mps: float
 ) -> None:
     """The drone itself knows better: nothing is to be ordered against it."""
-    body = Body(told_mps=told_mps)
+    body = Body(bias_mps=bias_mps)
 
     assert body.fly(proposed, 20.0) < 0.25
     assert math.hypot(body.x_m, body.y_m) < 0.12
@@ -230,9 +230,9 @@ def test_where_dead_reckoning_leaps_the_drone_stays(proposed: Movement, leap_m: 
     body.fly(proposed, 0.5)
     for _ in range(2):
         body.leapt_m += leap_m / 2
-        body.told_mps = leap_m / TICK_S
+        body.bias_mps = leap_m / TICK_S
         body.tick(proposed)
-        body.told_mps, body.mps, body.error_mps = 0.0, (0.0, 0.0), (0.0, 0.0)
+        body.bias_mps, body.mps, body.error_mps = 0.0, (0.0, 0.0), (0.0, 0.0)
 
     assert body.fly(proposed, 2.0) < 0.05
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -18,16 +19,16 @@ from uav_bt.tree.script.values import (
 )
 
 
-class Expression:
+class Expression(ABC):
     """A part of a script."""
 
+    @abstractmethod
     def evaluate(self, environment: Environment) -> Value:
         """Return what it comes to.
 
         Raises:
             ScriptError: it comes to nothing.
         """
-        raise NotImplementedError
 
     def parts(self) -> tuple[Expression, ...]:
         """Return the parts it is made of."""
