@@ -19,7 +19,7 @@ from uav_bt.classes import HELIPAD_BOX, HELIPAD_H
 from uav_bt.types import PAD_SIZE_M, CameraModel, ClassMap
 from uav_bt.types.projection import ground_points
 
-# The H with its ring fills six tenths of the pad's top.
+# The panel with the H, which is the class, fills six tenths of the pad's top.
 _WHOLE_H_M2: Final = 0.6 * PAD_SIZE_M[0] * PAD_SIZE_M[1]
 
 
