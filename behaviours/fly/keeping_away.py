@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from behaviours.path.following import around
 from uav_bt.types import ObstaclePoints
+from uav_bt.types.site_map import SiteMap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,12 +18,34 @@ class KeepAwayConfig:
     intrusion_m: float = 0.38  # an obstacle this near is moved away from; half a diagonal is 0.2 m
     room_step_m: float = 0.15  # of that step
     edge_m: float = 0.3  # it does not lead nearer to the carpet's edge
-    # While it turns the drone moves away, at the speed below, from obstacles nearer than this and
-    # from the carpet's edge, which may be nearer by so much.
+    # From obstacles nearer than this the drone moves away while it turns or flies on, and from the
+    # carpet's edge, which may be nearer by so much; the faster the nearer.
     keep_away_m: float = 0.45
     edge_nearer_m: float = 0.15
-    keep_away_mps: float = 0.08
+    keep_away_per_s: float = 1.0
+    keep_away_mps: float = 0.2  # at most
     min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
+
+
+def by_the_map(obstacles: ObstaclePoints | None, site_map: SiteMap | None) -> ObstaclePoints | None:
+    """Return what stands around the drone, placed by the map where the map has it.
+
+    What was seen lately is placed by dead reckoning, and has drifted since; the map is matched to
+    every view.
+
+    Args:
+        obstacles: around the drone, in its frame; None while they are not known.
+        site_map: as it is known now; None where there is none. One that views contradict is not
+            used.
+    """
+    if obstacles is None or site_map is None or site_map.contradicted_s > 0.0:
+        return obstacles
+    lately, to_body = around(obstacles, site_map), site_map.pose.points_to_body
+    return replace(
+        obstacles,
+        points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
+        edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),
+    )
 
 
 def step_away_m(
@@ -67,5 +91,7 @@ def push_away_mps(obstacles: ObstaclePoints | None, config: KeepAwayConfig) -> t
     weights = np.clip(config.keep_away_m / room_m - 1.0, 0.0, None)
     if not weights.any():
         return 0.0, 0.0
-    forward_mps, right_mps = -config.keep_away_mps * (weights / ranges_m) @ points_m / weights.sum()
+    intrusion_m = config.keep_away_m - float(room_m.min())
+    speed_mps = min(config.keep_away_per_s * intrusion_m, config.keep_away_mps)
+    forward_mps, right_mps = -speed_mps * (weights / ranges_m) @ points_m / weights.sum()
     return float(forward_mps), float(right_mps)

@@ -14,17 +14,39 @@ from typing import Any, ClassVar
 import numpy as np
 
 from behaviours.fly.heading import HeadingController
-from behaviours.fly.keeping_away import KeepAwayConfig, push_away_mps, step_away_m
+from behaviours.fly.keeping_away import (
+    KeepAwayConfig,
+    by_the_map,
+    push_away_mps,
+    step_away_m,
+)
 from behaviours.fly.movement import MovingLeaf
 from behaviours.fly.mover import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.stage_timer import StageTimer
-from uav_bt.board import FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, ODOMETRY, PHASE, STATE
+from uav_bt.board import (
+    FLIGHT_HEIGHT,
+    FRAME,
+    HELD_TURN,
+    OBSTACLES,
+    ODOMETRY,
+    PHASE,
+    SITE_MAP,
+    STATE,
+)
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy
 from uav_bt.tree import Port
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
+from uav_bt.types import (
+    CameraModel,
+    ClassMap,
+    DroneState,
+    Frame,
+    HeldTurn,
+    ObstaclePoints,
+    Velocity,
+)
 
 POLICY = Port("policy", str, default="segmentation", doc="leaf policy that chooses the way")
 FLOWING = Port(
@@ -134,7 +156,7 @@ class SteeringLeaf(MovingLeaf):
             return
         down_mps = cfg.climb_per_s * self._too_high_m(state)
         # The heading follows the way; what pushes the drone aside on it is beside the view.
-        _, right_mps = push_away_mps(self.read(OBSTACLES).value, cfg.keep_away)
+        _, right_mps = push_away_mps(self._around(), cfg.keep_away)
         self.propose(
             Velocity(
                 forward_mps=speed_mps,
@@ -187,8 +209,11 @@ class SteeringLeaf(MovingLeaf):
 
         A hovering drone drifts, and while it turns it may drift to where the camera does not point.
         """
-        forward_mps, right_mps = push_away_mps(self.read(OBSTACLES).value, self.steering.keep_away)
+        forward_mps, right_mps = push_away_mps(self._around(), self.steering.keep_away)
         return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
+
+    def _around(self) -> ObstaclePoints | None:
+        return by_the_map(self.read(OBSTACLES).value, self.read(SITE_MAP).value)
 
     # --- turning ----------------------------------------------------------------------------------
 

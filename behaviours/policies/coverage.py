@@ -27,7 +27,7 @@ class CoverageConfig:
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
     # Looking beyond the edge for longer, it drifts unnoticed: a turn over the outside takes less.
-    blind_s: float = 3.0
+    blind_s: float = 2.0
     around_m: float = 2.0  # of the drone: ground to turn to
     follow: FollowConfig = field(default_factory=FollowConfig)
 

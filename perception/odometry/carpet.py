@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.odometry.height import SmoothHeight
+from perception.odometry.heading import Heading, HeadingConfig
 from perception.odometry.velocity_error import VelocityError, VelocityErrorConfig
 from perception.odometry.visual import GroundView, OdometryConfig, ground_motion
 from uav_bt.classes import CARPET
@@ -25,8 +25,6 @@ from uav_bt.types import (
 )
 from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CarpetOdometryConfig:
@@ -36,7 +34,9 @@ class CarpetOdometryConfig:
     border_px: int = 2  # carpet so near to something else is left out: its corners are the other's
     max_gap_s: float = 0.5  # between two frames; telemetry alone after a longer one
     min_height_m: float = 0.5  # of the camera; lower the carpet rushes by
+    max_yaw_rate_radps: float = 3.0  # a heading that turns faster than a drone can has leapt
     following: OdometryConfig = field(default_factory=OdometryConfig)
+    heading: HeadingConfig = field(default_factory=HeadingConfig)
     error: VelocityErrorConfig = field(default_factory=VelocityErrorConfig)
 
 
@@ -46,7 +46,6 @@ class _Sight:
 
     view: GroundView
     carpet: NDArray[np.uint8]
-    lens: OdometryPose  # by telemetry alone
 
 
 class CarpetOdometry:
@@ -54,13 +53,13 @@ class CarpetOdometry:
 
     def __init__(self, config: CarpetOdometryConfig | None = None) -> None:
         self._config = config or CarpetOdometryConfig()
-        self._odometry = Odometry()
-        self._last: _Sight | None = None
-        self._drift_m = np.zeros(2)  # to add to telemetry's positions when the last frame was seen
-        self._seen_s = -math.inf  # capture of that frame
-        self._tracked_s = -math.inf  # of the last frame whose ground was followed
+        self._odometry = Odometry()  # telemetry alone
+        self._heading = Heading(self._config.heading)
         self._error = VelocityError(self._config.error)
-        self._height = SmoothHeight()
+        self._last: _Sight | None = None
+        # At the capture of the last frame, by telemetry alone and corrected.
+        self._seen: tuple[OdometryPose, OdometryPose] | None = None
+        self._tracked_s = -math.inf  # capture of the last frame whose ground was followed
 
     @property
     def now(self) -> OdometryPose | None:
@@ -69,19 +68,21 @@ class CarpetOdometry:
 
     def at(self, time_s: float) -> OdometryPose | None:
         """Return the pose of a moment of the last seconds, None before the first telemetry."""
+        if self._seen is not None and time_s == self._seen[1].time_s:
+            return self._seen[1]
         return self._corrected(self._odometry.at(time_s))
 
     @property
     def estimate(self) -> MotionEstimate | None:
         """How the drone moves over the ground; None before the first frame and telemetry."""
-        pose, seen = self.now, self.at(self._seen_s)
-        if pose is None or seen is None or math.isinf(self._seen_s):
+        pose = self.now
+        if pose is None or self._seen is None:
             return None
         reported, (x_mps, y_mps) = self._odometry.velocity, map(float, self._error.mps)
         forward_mps, right_mps = rotate(x_mps, y_mps, -pose.yaw_rad)
         return MotionEstimate(
             pose=pose,
-            seen=seen,
+            seen=self._seen[1],
             velocity=BodyVelocity(
                 forward_mps=reported.forward_mps + forward_mps,
                 right_mps=reported.right_mps + right_mps,
@@ -94,7 +95,6 @@ class CarpetOdometry:
     def predict(self, state: DroneState) -> OdometryPose | None:
         """Follow the drone's own motion up to a telemetry sample; return the pose then."""
         self._odometry.update(state)
-        self._height.predict(state)
         return self.now
 
     def see(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
@@ -105,43 +105,54 @@ class CarpetOdometry:
             frame: the newest; its telemetry says how the camera looked.
             camera: intrinsics at any size of the same shape.
         """
+        raw = self._odometry.at(frame.captured_s)
+        if raw is None:
+            return
+        raw = replace(raw, time_s=frame.captured_s)
         before, self._last = self._last, self._sight(class_map, frame, camera)
-        passed_s = max(0.0, frame.captured_s - self._seen_s)
-        self._seen_s = frame.captured_s
-        if math.isinf(passed_s):
+        if self._seen is None:
+            self._heading.see(raw.yaw_rad, None, 0.0)
+            self._seen = raw, raw
             return
+        then, seen = self._seen
+        way, passed_s = _between(then, raw), max(0.0, frame.captured_s - seen.time_s)
         self._error.predict(passed_s)
-        shift_m = self._missed(before)
-        if shift_m is None:
-            self._drift_m += self._error.mps * passed_s  # what telemetry misses goes on
-            return
-        self._drift_m += shift_m
-        self._tracked_s = frame.captured_s
-        self._error.correct(shift_m / passed_s, passed_s)
+        missed_m = self._error.mps * passed_s  # by telemetry, in the odometry's frame
+        x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
+        expected = replace(way, x_m=float(x_m), y_m=float(y_m))
+        shown = self._shown(before, expected, passed_s, camera.forward_offset_m)
+        self._heading.see(raw.yaw_rad, None if shown is None else shown.yaw_rad, passed_s)
+        if shown is not None:
+            self._tracked_s = frame.captured_s
+            missed_m = np.array(rotate(shown.x_m - way.x_m, shown.y_m - way.y_m, seen.yaw_rad))
+            self._error.correct(missed_m / passed_s, passed_s)
+        x_m, y_m = np.array(seen.to_world(way.x_m, way.y_m)) + missed_m
+        here = replace(raw, x_m=float(x_m), y_m=float(y_m), yaw_rad=self._heading.yaw_rad)
+        self._seen = raw, here
 
-    def _missed(self, before: _Sight | None) -> Floats | None:
-        """Return by how much telemetry is wrong about the way from one frame to the last, (2,)."""
-        if before is None or self._last is None:
+    def _shown(
+        self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float
+    ) -> Pose2D | None:
+        """Return the body's motion since the frame before as the ground shows it.
+
+        Args:
+            before: that frame.
+            expected: the motion, by telemetry.
+            passed_s: since then.
+            offset_m: of the lens ahead of the body's centre.
+        """
+        cfg = self._config
+        if before is None or self._last is None or not 0.0 < passed_s <= cfg.max_gap_s:
             return None
-        passed_s = self._last.lens.time_s - before.lens.time_s
-        if not 0.0 < passed_s <= self._config.max_gap_s:
-            return None
-        reckoned = _between(before.lens, self._last.lens)
-        error_m = rotate_points(self._error.mps * passed_s, -before.lens.yaw_rad)
-        expected = replace(
-            reckoned, x_m=reckoned.x_m + float(error_m[0]), y_m=reckoned.y_m + float(error_m[1])
-        )
-        measured = ground_motion(
-            before.view, self._last.view, expected, before.carpet, self._config.following
-        )
-        if measured is None:
-            return None
-        missed_m = measured.x_m - reckoned.x_m, measured.y_m - reckoned.y_m
-        return np.array(rotate(*missed_m, before.lens.yaw_rad))
+        if abs(expected.yaw_rad) > cfg.max_yaw_rate_radps * passed_s:
+            expected = replace(expected, yaw_rad=0.0)
+        guess = _of_lens(expected, offset_m)
+        lens = ground_motion(before.view, self._last.view, guess, before.carpet, cfg.following)
+        return None if lens is None else _of_lens(lens, -offset_m)
 
     def _sight(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> _Sight | None:
-        pose, height_m = self._odometry.at(frame.captured_s), self._height.see(frame)
-        if pose is None or not height_m >= self._config.min_height_m:
+        height_m = frame.height_above_carpet_m
+        if not height_m >= self._config.min_height_m:
             return None
         height_px, width_px = frame.image.shape[:2]
         small_px = min(width_px, self._config.width_px)
@@ -152,7 +163,6 @@ class CarpetOdometry:
             (class_map.ids == CARPET).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT
         )
         around = np.ones((2 * self._config.border_px + 1,) * 2, dtype=np.uint8)
-        x_m, y_m = pose.to_world(camera.forward_offset_m, 0.0)
         return _Sight(
             view=GroundView(
                 grey=np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), dtype=np.uint8),
@@ -161,15 +171,27 @@ class CarpetOdometry:
                 height_m=height_m,
             ),
             carpet=np.asarray(cv2.erode(carpet, around), dtype=np.uint8),
-            lens=replace(pose, x_m=x_m, y_m=y_m),
         )
 
-    def _corrected(self, pose: OdometryPose | None) -> OdometryPose | None:
-        if pose is None:
-            return None
-        since_s = 0.0 if math.isinf(self._seen_s) else pose.time_s - self._seen_s
-        x_m, y_m = self._drift_m + self._error.mps * since_s
-        return replace(pose, x_m=pose.x_m + float(x_m), y_m=pose.y_m + float(y_m))
+    def _corrected(self, raw: OdometryPose | None) -> OdometryPose | None:
+        if raw is None or self._seen is None:
+            return raw
+        then, seen = self._seen
+        turn_rad = self._heading.correction_rad
+        x_m, y_m = rotate(raw.x_m - then.x_m, raw.y_m - then.y_m, turn_rad)
+        missed_m = self._error.mps * (raw.time_s - seen.time_s)
+        return replace(
+            raw,
+            x_m=seen.x_m + x_m + float(missed_m[0]),
+            y_m=seen.y_m + y_m + float(missed_m[1]),
+            yaw_rad=raw.yaw_rad + turn_rad,
+        )
+
+
+def _of_lens(motion: Pose2D, offset_m: float) -> Pose2D:
+    """Return the motion of a point that lies so far ahead of another whose motion is known."""
+    x_m, y_m = motion.to_world(offset_m, 0.0)
+    return Pose2D(x_m=x_m - offset_m, y_m=y_m, yaw_rad=motion.yaw_rad)
 
 
 def _between(first: Pose2D, second: Pose2D) -> Pose2D:

@@ -25,8 +25,8 @@ class VelocityErrorConfig:
     wander_mps: float = 0.015
     first_mps: float = 0.03
     forget_s: float = 30.0
-    doubt_mps: float = 0.025
-    seen_m: float = 0.005
+    doubt_mps: float = 0.012
+    seen_m: float = 0.003
 
 
 class VelocityError:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -39,10 +40,14 @@ class OdometryConfig:
     window_px: int = 15  # of the optical flow
     max_range_m: float = 4.0  # further carpet is seen too flatly to say much
     inlier_m: float = 0.03  # on the ground; boxes' points move by more
-    min_points: int = 20  # with fewer, telemetry stays
+    min_points: int = 20  # with fewer, telemetry stays,
+    min_spread_m: float = 0.25  # and with points closer together: they tell no turn from a shift
     rounds: int = 6  # of fitting and weighing
+    # By which the second height may be wrong against the first, where all points are on the carpet;
+    # among others, a scale would take up their movement.
+    max_scale: float = 0.02
     # What differs more from telemetry than it can be wrong was measured on something else.
-    max_yaw_rad: float = 0.05
+    max_yaw_rad: float = 0.1
     max_shift_m: float = 0.12
 
     def believes(self, measured: Pose2D, expected: Pose2D) -> bool:
@@ -111,15 +116,18 @@ def ground_motion(
     here = here[usable][tracked]
     there = ground_points(found[tracked], second.camera, second.gimbal_pitch_rad, second.height_m)
     good = np.isfinite(there).all(axis=1)
-    return _fitted(here[good], there[good], guess, config)
+    max_scale = 0.0 if carpet is None else config.max_scale
+    return _fitted(here[good], there[good], guess, config, max_scale)
 
 
 def _moved(points: Floats, motion: Pose2D) -> Floats:
     return rotate_points(points, -motion.yaw_rad) + motion.to_body(0.0, 0.0)
 
 
-def _fitted(here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig) -> Pose2D | None:
-    """Fit a rigid movement of the plane, reweighted so that what is no carpet loses its weight."""
+def _fitted(
+    here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig, max_scale: float
+) -> Pose2D | None:
+    """Fit a movement of the plane, reweighted so that what is no carpet loses its weight."""
     if len(here) < config.min_points:
         return None
     # Far points are measured worse: an error of a pixel grows with the square of the distance.
@@ -130,28 +138,38 @@ def _fitted(here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig) 
     centre = np.median(residual, axis=0)
     weight = trust / (1.0 + (((residual - centre) / scale_m) ** 2).sum(axis=1)) ** 2
     for _ in range(config.rounds):
-        motion = _rigid(here, there, weight)
-        residual = there - _moved(here, motion)
+        fit = _similarity(here, there, weight, max_scale)
+        motion = fit.motion
+        residual = fit.scale * there - _moved(here, motion)
         scale_m = max(config.inlier_m, 0.6 * scale_m)
         weight = trust / (1.0 + ((residual / scale_m) ** 2).sum(axis=1)) ** 2
     inliers = np.count_nonzero(np.hypot(*residual.T) < config.inlier_m)
-    enough = inliers >= config.min_points and config.believes(motion, guess)
-    return motion if enough else None
+    enough = inliers >= config.min_points and fit.spread_m >= config.min_spread_m
+    return motion if enough and config.believes(motion, guess) else None
 
 
-def _rigid(here: Floats, there: Floats, weight: Floats) -> Pose2D:
-    """Return the weighted least-squares rotation and translation (Umeyama, in the plane).
+class _Fit(NamedTuple):
+    motion: Pose2D
+    scale: float  # of the second points
+    spread_m: float  # of the points around their middle, root mean square
 
-    OpenCV's `estimateAffinePartial2D` has no weights and fits a scale, and SciPy's
-    `Rotation.align_vectors` works in three dimensions without the translation.
+
+def _similarity(here: Floats, there: Floats, weight: Floats, max_scale: float) -> _Fit:
+    """Return the weighted least-squares rotation, translation and scale (Umeyama, in the plane).
+
+    The scale takes up what the second height is wrong against the first, which would pass for a way
+    ahead. OpenCV's `estimateAffinePartial2D` has no weights, and SciPy's `Rotation.align_vectors`
+    works in three dimensions without the translation.
     """
     share = weight / weight.sum()
     from_, to = share @ here, share @ there
     a, b = here - from_, there - to
     # Points turn counter to the camera, and y is to the right: the signs of a clockwise heading.
-    yaw_rad = math.atan2(
-        float(share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1])),
-        float(share @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])),
-    )
-    origin = from_ - rotation(yaw_rad) @ to
-    return Pose2D(x_m=float(origin[0]), y_m=float(origin[1]), yaw_rad=yaw_rad)
+    across = float(share @ (a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]))
+    along = float(share @ (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]))
+    yaw_rad, spread_m2 = math.atan2(across, along), float(share @ (b**2).sum(axis=1))
+    scale = math.hypot(across, along) / spread_m2 if spread_m2 > 0.0 else 1.0
+    scale = min(max(scale, 1.0 - max_scale), 1.0 + max_scale)
+    origin = from_ - rotation(yaw_rad) @ (scale * to)
+    motion = Pose2D(x_m=float(origin[0]), y_m=float(origin[1]), yaw_rad=yaw_rad)
+    return _Fit(motion, scale, math.sqrt(spread_m2))

@@ -12,6 +12,7 @@ from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, SITE_M
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import ValueRangeError
+from uav_bt.mission.carpet_height import CarpetHeight
 from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.flown_tree import FlownTree, NextTree
@@ -95,6 +96,7 @@ class MissionRunner:
         self._clock = clock
         self._timer = timer
         self._screening = Screening(drone.camera, judge_frame)
+        self._height = CarpetHeight()
         self._contingencies = Contingencies(self._limits)
         self._hold = PositionHold(self._config.hold)
         self._flown = FlownTree(tree, next_tree, timer=timer)
@@ -168,7 +170,8 @@ class MissionRunner:
             self._flown.renew()
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
-        observation = self._screening.usable(self._drone.observe(), start_s)
+        usable = self._screening.usable(self._drone.observe(), start_s)
+        observation = self._height.corrected(usable)
         self._write_board(observation, start_s)
         self._context.proposals.clear()
 
@@ -265,8 +268,7 @@ class MissionRunner:
         return command
 
     def _write_board(self, observation: Observation, now_s: float) -> None:
-        board = self._context.board
-        state = observation.state
+        board, state = self._context.board, observation.state
         board.write(STATE, state, captured_s=state.captured_s)
         board.write(HEIGHT, state.height_above_carpet_m, captured_s=state.captured_s)
         board.write(ELAPSED, self._judge.elapsed(now_s))

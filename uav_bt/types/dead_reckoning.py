@@ -82,14 +82,15 @@ class MotionEstimate:
         return self.pose.time_s - self.tracked_s
 
     def over_ground(self, state: DroneState) -> DroneState:
-        """Return telemetry with the velocity over the ground."""
+        """Return telemetry with the velocity over the ground and the dead-reckoned heading."""
         reported = state.velocity
         velocity = BodyVelocity(
             forward_mps=reported.forward_mps + self.error.forward_mps,
             right_mps=reported.right_mps + self.error.right_mps,
             down_mps=reported.down_mps + self.error.down_mps,
         )
-        return replace(state, velocity=velocity)
+        attitude = replace(state.attitude, yaw_rad=self.pose.yaw_rad)
+        return replace(state, velocity=velocity, attitude=attitude)
 
 
 class Odometry:

@@ -75,8 +75,8 @@ def test_without_a_way_it_turns_to_where_the_ground_is(yaw_deg: float, side: int
 
 def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it() -> None:
     outwards = drawn_map(pose=(0.0, 1.8, math.radians(90)))
-    assert decide(replace(outwards, captured_s=3.5)).reason != "turns to the ground"
-    decision = decide(replace(outwards, captured_s=4.5))
+    assert decide(replace(outwards, captured_s=2.5)).reason != "turns to the ground"
+    decision = decide(replace(outwards, captured_s=3.5))
     assert decision.reason == "turns to the ground"
     assert decision.speed_mps == 0.0
     assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)

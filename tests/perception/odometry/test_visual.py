@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
+import cv2
 import numpy as np
 import pytest
 
 from perception.odometry.carpet import CarpetOdometry
+from perception.odometry.visual import GroundView, OdometryConfig, ground_motion
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Helipad, Scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET
-from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, Frame
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    ClassMap,
+    DroneState,
+    FlyingState,
+    Frame,
+    Pose2D,
+)
 
 SIZE_PX = (320, 180)
 CAMERA = anafi_camera(*SIZE_PX)
@@ -25,8 +35,15 @@ STEP_S = 0.1
 LAB = Scene(name="empty", helipad=Helipad(position_m=(-2.2, -1.7)), boxes=())
 
 
-def fly(poses: Sequence[CameraPose], told: BodyVelocity, *, blind: bool = False) -> CarpetOdometry:
-    """Show the pictures of poses, 0.1 s apart, with a velocity told by telemetry."""
+def fly(
+    poses: Sequence[CameraPose],
+    told: BodyVelocity,
+    *,
+    blind: bool = False,
+    yaw_off_rad: Callable[[int], float] = lambda _: 0.0,
+    height_off_m: Callable[[int], float] = lambda _: 0.0,
+) -> CarpetOdometry:
+    """Show the pictures of poses, 0.1 s apart, with what telemetry tells and is wrong by."""
     odometry = CarpetOdometry()
     for index, view in enumerate(
         render_views(LAB, poses, size_px=SIZE_PX, profile=Profile.named("lab"))
@@ -36,7 +53,7 @@ def fly(poses: Sequence[CameraPose], told: BodyVelocity, *, blind: bool = False)
             DroneState(
                 captured_s=time_s,
                 flying=FlyingState.FLYING,
-                attitude=Attitude(yaw_rad=-view.pose.yaw_rad),
+                attitude=Attitude(yaw_rad=-view.pose.yaw_rad + yaw_off_rad(index)),
                 velocity=told,
             )
         )
@@ -45,7 +62,7 @@ def fly(poses: Sequence[CameraPose], told: BodyVelocity, *, blind: bool = False)
             index=index,
             captured_s=time_s,
             gimbal_pitch_rad=PITCH_RAD,
-            height_above_carpet_m=HEIGHT_M,
+            height_above_carpet_m=HEIGHT_M + height_off_m(index),
         )
         odometry.see(ClassMap(ids=view.ids, captured_s=time_s), frame, CAMERA)
     return odometry
@@ -70,6 +87,52 @@ def test_a_drift_that_telemetry_does_not_feel_is_found() -> None:
     assert odometry.now is not None
     assert odometry.now.x_m == pytest.approx(0.0, abs=0.02)
     assert odometry.now.y_m == pytest.approx(-0.225, abs=0.02)
+
+
+def test_a_height_that_is_wrong_does_not_pass_for_a_way_ahead() -> None:
+    """By half a percent too low: the carpet would have come nearer by half a centimetre."""
+    odometry = fly([pose(-1.0, 0.0)] * 2, BodyVelocity(), height_off_m=lambda index: -0.008 * index)
+
+    assert odometry.now is not None
+    assert math.hypot(odometry.now.x_m, odometry.now.y_m) < 0.002
+
+
+def test_points_close_together_tell_no_turn_from_a_shift() -> None:
+    (shown,) = render_views(LAB, [pose(-1.0, 0.0)], size_px=SIZE_PX, profile=Profile.named("lab"))
+    view = GroundView(
+        grey=np.asarray(cv2.cvtColor(shown.image, cv2.COLOR_RGB2GRAY), dtype=np.uint8),
+        camera=CAMERA,
+        gimbal_pitch_rad=PITCH_RAD,
+        height_m=HEIGHT_M,
+    )
+    patch = np.zeros(view.grey.shape, dtype=np.uint8)
+    patch[130:170, 130:190] = 1
+    still = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    assert ground_motion(view, view, still, patch) is None
+    assert ground_motion(view, view, still, patch, OdometryConfig(min_spread_m=0.0)) is not None
+
+
+def test_the_noise_of_telemetry_s_heading_is_not_the_pose_s() -> None:
+    noise_rad = np.random.default_rng(1).normal(0.0, 0.015, 31)
+    noise_rad[0] = 0.0
+    turn = [pose(-1.0, 0.0, -0.03 * step) for step in range(31)]
+    odometry = fly(turn, BodyVelocity(), yaw_off_rad=lambda index: float(noise_rad[index]))
+
+    assert odometry.estimate is not None
+    assert odometry.estimate.seen.yaw_rad == pytest.approx(0.9, abs=0.01)
+
+
+def test_a_leap_of_telemetry_s_heading_turns_nothing() -> None:
+    def leap_rad(index: int) -> float:
+        return 0.8 if index >= 10 else 0.0
+
+    slide = [pose(-1.0, 0.015 * step) for step in range(21)]
+    estimate = fly(slide, BodyVelocity(right_mps=-0.15), yaw_off_rad=leap_rad).estimate
+
+    assert estimate is not None
+    assert estimate.seen.yaw_rad == pytest.approx(0.0, abs=0.02)
+    assert estimate.pose.yaw_rad == pytest.approx(0.0, abs=0.02)
+    assert (estimate.pose.x_m, estimate.pose.y_m) == pytest.approx((0.0, -0.3), abs=0.03)
 
 
 def test_turning_about_the_camera_moves_nothing() -> None:

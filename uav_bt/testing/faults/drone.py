@@ -131,7 +131,9 @@ class FaultyDrone(DroneWrapper):
 
     def source_of(self, frame: Frame) -> Frame:
         """Return the camera's own frame whose view a delivered frame shows."""
-        return self._shown[1] if self._shown is not None and self._shown[0] is frame else frame
+        if self._shown is not None and self._shown[0].image is frame.image:
+            return self._shown[1]
+        return frame
 
     def _source(self, shown: Frame) -> Frame:
         frames = [past.frame for past in self._past if past.frame is not None]

@@ -1,0 +1,137 @@
+"""The height above the carpet: without the altimeter's error, and not fooled by what is below."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from uav_bt.mission.carpet_height import CarpetHeight
+from uav_bt.types import BodyVelocity, DroneState, FlyingState, Frame, Observation
+
+TICK_S = 0.1
+FLYING_M = 1.5
+
+
+def observed(
+    time_s: float,
+    true_m: float = FLYING_M,
+    *,
+    altimeter_m: float = 0.0,
+    surface_m: float = 0.0,
+    down_mps: float = 0.0,
+    captured_s: float | None = None,
+) -> Observation:
+    """Return what a drone reports whose altimeter is off, above a surface, with a frame."""
+    altitude_m = true_m + altimeter_m
+    frame = Frame(
+        image=np.zeros((9, 16, 3), dtype=np.uint8),
+        index=1,
+        captured_s=time_s if captured_s is None else captured_s,
+        gimbal_pitch_rad=0.0,
+        height_above_carpet_m=altitude_m,
+    )
+    state = DroneState(
+        captured_s=time_s,
+        flying=FlyingState.FLYING,
+        velocity=BodyVelocity(down_mps=down_mps),
+        altitude_m=altitude_m - 0.1,  # it stood that high
+        height_m=true_m - surface_m,
+        height_above_carpet_m=altitude_m,
+    )
+    return Observation(frame=frame, state=state)
+
+
+def errors_m(report: Callable[[float], Observation], last_s: float = 60.0) -> list[float]:
+    """Return how far the estimates of a flight at one height are off."""
+    height, found = CarpetHeight(), []
+    for tick in range(round(last_s / TICK_S)):
+        corrected = height.corrected(report(tick * TICK_S))
+        found.append(corrected.state.height_above_carpet_m - FLYING_M)
+    return found
+
+
+def test_the_altimeter_s_slow_error_is_taken_off() -> None:
+    def report(time_s: float) -> Observation:
+        return observed(time_s, altimeter_m=0.1 * math.sin(time_s / 20.0))
+
+    assert np.abs(errors_m(report)).max() < 0.03
+
+
+def test_the_noise_of_both_is_smoothed() -> None:
+    rng = np.random.default_rng(1)
+
+    def report(time_s: float) -> Observation:
+        altimeter_m, below_m = rng.normal(0.0, 0.03, 2)
+        return observed(time_s, altimeter_m=altimeter_m, surface_m=below_m)
+
+    off_m = errors_m(report)
+    assert np.std(off_m) < 0.015
+    assert np.std(np.diff(off_m)) < 0.01
+
+
+def test_a_box_or_the_pad_below_is_no_carpet() -> None:
+    def report(time_s: float) -> Observation:
+        over = 10.0 < time_s < 40.0
+        return observed(time_s, surface_m=0.4 if over else 0.0)
+
+    assert np.abs(errors_m(report)).max() < 1e-6
+
+
+def test_a_take_off_from_a_box_counts_from_the_carpet() -> None:
+    assert np.abs(errors_m(lambda time_s: observed(time_s, surface_m=0.4))).max() < 1e-6
+
+
+def test_a_climb_is_followed_at_once_and_late_frames_are_placed_where_they_were() -> None:
+    height = CarpetHeight()
+    for tick in range(30):
+        time_s = tick * TICK_S
+        captured_s = max(0.0, time_s - 0.3)
+        report = observed(time_s, 1.0 + 0.5 * time_s, down_mps=-0.5, captured_s=captured_s)
+        corrected = height.corrected(report)
+        assert corrected.state.height_above_carpet_m == pytest.approx(1.0 + 0.5 * time_s)
+        assert corrected.frame is not None
+        assert corrected.frame.height_above_carpet_m == pytest.approx(1.0 + 0.5 * captured_s)
+
+
+def test_a_drone_that_reports_no_vertical_velocity_is_measured_anew() -> None:
+    height = CarpetHeight()
+    height.corrected(observed(0.0, 0.1))
+    corrected = height.corrected(observed(TICK_S, 1.0))
+    assert corrected.state.height_above_carpet_m == pytest.approx(1.0)
+
+
+def test_after_a_gap_the_altimeter_counts_less_its_known_error() -> None:
+    height = CarpetHeight()
+    for tick in range(300):
+        height.corrected(observed(tick * TICK_S, altimeter_m=0.06))
+    corrected = height.corrected(observed(100.0, 0.8, altimeter_m=0.06))
+    assert corrected.state.height_above_carpet_m == pytest.approx(0.8, abs=0.02)
+
+
+def test_what_was_estimated_is_estimated_again_from_its_record() -> None:
+    """A replay flies by what is on record, which was corrected already."""
+    rng, first, second = np.random.default_rng(2), CarpetHeight(), CarpetHeight()
+    for tick in range(100):
+        altimeter_m, below_m = rng.normal(0.0, 0.03, 2)
+        report = observed(tick * TICK_S, altimeter_m=altimeter_m, surface_m=below_m)
+        flown = first.corrected(report)
+        again = second.corrected(flown)
+        assert again.state == flown.state
+        assert again.frame is not None
+        assert flown.frame is not None
+        assert again.frame.height_above_carpet_m == flown.frame.height_above_carpet_m
+
+
+def test_one_frame_stays_one_and_a_sample_that_is_not_newer_changes_nothing() -> None:
+    height, report = CarpetHeight(), observed(1.0)
+    first, again = height.corrected(report), height.corrected(report)
+    assert first.frame is again.frame
+    assert first.state == again.state
+
+
+def test_before_any_telemetry_the_report_stays_as_it_is() -> None:
+    report = observed(-math.inf, captured_s=1.0)
+    assert CarpetHeight().corrected(report) == Observation(frame=report.frame, state=report.state)
