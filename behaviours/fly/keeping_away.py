@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from behaviours.path.following import around
 from uav_bt.types import ObstaclePoints
 from uav_bt.types.site_map import SiteMap
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +30,10 @@ class KeepAwayConfig:
     min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
 
 
-def by_the_map(obstacles: ObstaclePoints | None, site_map: SiteMap | None) -> ObstaclePoints | None:
-    """Return what stands around the drone, placed by the map where the map has it.
+def by_the_map(
+    obstacles: ObstaclePoints | None, site_map: SiteMap | None, config: KeepAwayConfig
+) -> ObstaclePoints | None:
+    """Return what is near the drone, placed by the map where the map has it.
 
     What was seen lately is placed by dead reckoning, and has drifted since; the map is matched to
     every view.
@@ -37,14 +42,20 @@ def by_the_map(obstacles: ObstaclePoints | None, site_map: SiteMap | None) -> Ob
         obstacles: around the drone, in its frame; None while they are not known.
         site_map: as it is known now; None where there is none. One that views contradict is not
             used.
+        config: what is near.
     """
     if obstacles is None or site_map is None or site_map.contradicted_s > 0.0:
         return obstacles
-    lately, to_body = around(obstacles, site_map), site_map.pose.points_to_body
+
+    def near(points_m: Floats) -> Floats:
+        return np.asarray(points_m[np.hypot(*points_m.T) <= config.keep_away_m])
+
+    seen = replace(obstacles, points_m=near(obstacles.points_m), edges_m=near(obstacles.edges_m))
+    lately, to_body = around(seen, site_map), site_map.pose.points_to_body
     return replace(
-        obstacles,
-        points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
-        edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),
+        seen,
+        points_m=near(to_body(np.vstack([site_map.obstacles_m, lately.seen_m]))),
+        edges_m=near(to_body(np.vstack([site_map.edges_m, lately.edges_m]))),
     )
 
 

@@ -38,15 +38,7 @@ from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import Decision, LeafPolicy
 from uav_bt.tree import Port
-from uav_bt.types import (
-    CameraModel,
-    ClassMap,
-    DroneState,
-    Frame,
-    HeldTurn,
-    ObstaclePoints,
-    Velocity,
-)
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
 
 POLICY = Port("policy", str, default="segmentation", doc="leaf policy that chooses the way")
 FLOWING = Port(
@@ -156,7 +148,7 @@ class SteeringLeaf(MovingLeaf):
             return
         down_mps = cfg.climb_per_s * self._too_high_m(state)
         # The heading follows the way; what pushes the drone aside on it is beside the view.
-        _, right_mps = push_away_mps(self._around(), cfg.keep_away)
+        _, right_mps = self._push_mps()
         self.propose(
             Velocity(
                 forward_mps=speed_mps,
@@ -209,11 +201,13 @@ class SteeringLeaf(MovingLeaf):
 
         A hovering drone drifts, and while it turns it may drift to where the camera does not point.
         """
-        forward_mps, right_mps = push_away_mps(self._around(), self.steering.keep_away)
+        forward_mps, right_mps = self._push_mps()
         return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
 
-    def _around(self) -> ObstaclePoints | None:
-        return by_the_map(self.read(OBSTACLES).value, self.read(SITE_MAP).value)
+    def _push_mps(self) -> tuple[float, float]:
+        cfg = self.steering.keep_away
+        near = by_the_map(self.read(OBSTACLES).value, self.read(SITE_MAP).value, cfg)
+        return push_away_mps(near, cfg)
 
     # --- turning ----------------------------------------------------------------------------------
 

@@ -66,6 +66,8 @@ def around(
 
 def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
     """Return the points that have none of the known ones so near."""
+    if not len(points_m):
+        return points_m
     from scipy.spatial import cKDTree  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
     nearest_m, _ = cKDTree(known_m).query(points_m, distance_upper_bound=near_m)

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from behaviours.fly.keeping_away import KeepAwayConfig, push_away_mps, step_away_m
+from behaviours.fly.keeping_away import (
+    KeepAwayConfig,
+    by_the_map,
+    push_away_mps,
+    step_away_m,
+)
+from tests.behaviours.path.test_survey import drawn_map
 from uav_bt.types import ObstaclePoints
 
 CONFIG = KeepAwayConfig()
@@ -55,3 +62,27 @@ def test_the_push_grows_with_the_intrusion_up_to_a_limit() -> None:
     assert pushes_mps == sorted(pushes_mps)
     assert 0.0 < pushes_mps[0] < pushes_mps[1] < pushes_mps[2]
     assert pushes_mps[2] == pytest.approx(CONFIG.keep_away_mps)
+
+
+def test_what_the_map_has_is_kept_away_from_where_the_map_has_it() -> None:
+    """It is remembered on the left, where it has drifted to; the map knows it on the right."""
+    site_map = drawn_map(obstacles=np.array([(0.0, 0.3), (0.0, 0.35), (0.05, 0.3)]))
+    remembered = around((0.0, 0.1), (0.02, 0.1), (0.0, 0.12))
+    found = by_the_map(remembered, site_map, CONFIG)
+    assert found is not None
+    assert found.nearest_m == pytest.approx(0.3)
+    assert push_away_mps(found, CONFIG)[1] < 0.0
+
+
+def test_what_is_not_on_the_map_is_kept_away_from_where_it_was_seen() -> None:
+    seen = around((0.0, -0.3), (0.0, -0.32), (0.02, -0.3))
+    found = by_the_map(seen, drawn_map(), CONFIG)
+    assert found is not None
+    assert found.nearest_m == pytest.approx(0.3)
+
+
+def test_a_map_that_views_contradict_is_not_used() -> None:
+    seen, site_map = around((0.0, 0.1)), drawn_map(obstacles=np.array([(0.0, 0.3)]))
+    assert by_the_map(seen, replace(site_map, contradicted_s=0.5), CONFIG) is seen
+    assert by_the_map(seen, None, CONFIG) is seen
+    assert by_the_map(None, site_map, CONFIG) is None
