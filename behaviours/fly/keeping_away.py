@@ -25,7 +25,7 @@ class KeepAwayConfig:
     # carpet's edge, which may be nearer by so much; the faster the nearer.
     keep_away_m: float = 0.45
     edge_nearer_m: float = 0.15
-    keep_away_per_s: float = 1.0
+    keep_away_per_s: float = 1.5
     keep_away_mps: float = 0.2  # at most
     min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
 

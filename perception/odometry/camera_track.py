@@ -206,9 +206,10 @@ def measured_motion(
     )
     if min(first.height_m, second.height_m) <= 0.0:
         return None
-    found = ground_motion(first, second, guess, config=config)
-    if found is None:
+    shown = ground_motion(first, second, guess, config=config)
+    if shown is None:
         return None
+    found = shown.motion
     back = _about_down(-found.yaw_rad).as_matrix()
     axes = [camera_axes(view.gimbal_pitch_rad) for view in (first, second)]
     moved = np.array([found.x_m, found.y_m, apart[2]])

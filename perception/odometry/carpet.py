@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 
 from perception.odometry.heading import Heading, HeadingConfig
 from perception.odometry.velocity_error import VelocityError, VelocityErrorConfig
-from perception.odometry.visual import GroundView, OdometryConfig, ground_motion
+from perception.odometry.visual import (
+    GroundMotion,
+    GroundView,
+    OdometryConfig,
+    ground_motion,
+)
 from uav_bt.classes import CARPET
 from uav_bt.types import (
     BodyVelocity,
@@ -121,18 +126,20 @@ class CarpetOdometry:
         x_m, y_m = np.array([way.x_m, way.y_m]) + rotate_points(missed_m, -seen.yaw_rad)
         expected = replace(way, x_m=float(x_m), y_m=float(y_m))
         shown = self._shown(before, expected, passed_s, camera.forward_offset_m)
-        self._heading.see(raw.yaw_rad, None if shown is None else shown.yaw_rad, passed_s)
+        turned_rad = None
         if shown is not None:
             self._tracked_s = frame.captured_s
-            missed_m = np.array(rotate(shown.x_m - way.x_m, shown.y_m - way.y_m, seen.yaw_rad))
-            self._error.correct(missed_m / passed_s, passed_s)
+            (x_m, y_m), turned_rad = (shown.motion.x_m, shown.motion.y_m), shown.motion.yaw_rad
+            missed_m = np.array(rotate(x_m - way.x_m, y_m - way.y_m, seen.yaw_rad))
+            self._error.correct(missed_m / passed_s, passed_s, shown.spread_m)
+        self._heading.see(raw.yaw_rad, turned_rad, passed_s)
         x_m, y_m = np.array(seen.to_world(way.x_m, way.y_m)) + missed_m
         here = replace(raw, x_m=float(x_m), y_m=float(y_m), yaw_rad=self._heading.yaw_rad)
         self._seen = raw, here
 
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float
-    ) -> Pose2D | None:
+    ) -> GroundMotion | None:
         """Return the body's motion since the frame before as the ground shows it.
 
         Args:
@@ -148,7 +155,7 @@ class CarpetOdometry:
             expected = replace(expected, yaw_rad=0.0)
         guess = _of_lens(expected, offset_m)
         lens = ground_motion(before.view, self._last.view, guess, before.carpet, cfg.following)
-        return None if lens is None else _of_lens(lens, -offset_m)
+        return lens and lens._replace(motion=_of_lens(lens.motion, -offset_m))
 
     def _sight(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> _Sight | None:
         height_m = frame.height_above_carpet_m

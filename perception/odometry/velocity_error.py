@@ -19,7 +19,8 @@ class VelocityErrorConfig:
         forget_s: unseen, the error is less and less likely the old one.
         doubt_mps: an error of this size may as well be none, and is taken for none.
         seen_m: standard deviation of what two frames, and telemetry's noise, say of the way
-            between them.
+            between them, when the points of the ground spread by `wide_m`; it grows with the
+            square of what they are closer together.
     """
 
     wander_mps: float = 0.015
@@ -27,6 +28,7 @@ class VelocityErrorConfig:
     forget_s: float = 30.0
     doubt_mps: float = 0.012
     seen_m: float = 0.003
+    wide_m: float = 0.6
 
 
 class VelocityError:
@@ -52,14 +54,17 @@ class VelocityError:
         self._mean_mps = self._mean_mps * math.exp(-passed_s / self._config.forget_s)
         self._variance += self._config.wander_mps**2 * passed_s
 
-    def correct(self, seen_mps: NDArray[np.float64], passed_s: float) -> None:
+    def correct(self, seen_mps: NDArray[np.float64], passed_s: float, spread_m: float) -> None:
         """Take in what two frames show.
 
         Args:
             seen_mps: velocity beyond telemetry's, (2,), in the odometry's frame.
             passed_s: time between the two frames.
+            spread_m: of the points that show it, root mean square around their middle.
         """
-        noise = (self._config.seen_m / passed_s) ** 2
+        cfg = self._config
+        closer = max(1.0, cfg.wide_m / spread_m) ** 2
+        noise = (cfg.seen_m * closer / passed_s) ** 2
         gain = self._variance / (self._variance + noise)
         self._mean_mps = self._mean_mps + gain * (seen_mps - self._mean_mps)
         self._variance *= 1.0 - gain

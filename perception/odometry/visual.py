@@ -41,7 +41,7 @@ class OdometryConfig:
     max_range_m: float = 4.0  # further carpet is seen too flatly to say much
     inlier_m: float = 0.03  # on the ground; boxes' points move by more
     min_points: int = 20  # with fewer, telemetry stays,
-    min_spread_m: float = 0.25  # and with points closer together: they tell no turn from a shift
+    min_spread_m: float = 0.3  # and with points closer together: they tell no turn from a shift
     rounds: int = 6  # of fitting and weighing
     # By which the second height may be wrong against the first, where all points are on the carpet;
     # among others, a scale would take up their movement.
@@ -68,13 +68,20 @@ class GroundView:
     height_m: float  # of the lens above the carpet
 
 
+class GroundMotion(NamedTuple):
+    """How a camera moved over the ground between two frames."""
+
+    motion: Pose2D  # of the second camera in the level frame of the first
+    spread_m: float  # of the points around their middle, root mean square: the wider, the surer
+
+
 def ground_motion(
     first: GroundView,
     second: GroundView,
     guess: Pose2D,
     carpet: Image | None = None,
     config: OdometryConfig | None = None,
-) -> Pose2D | None:
+) -> GroundMotion | None:
     """Measure where the second camera is in the level frame of the first.
 
     Args:
@@ -126,36 +133,31 @@ def _moved(points: Floats, motion: Pose2D) -> Floats:
 
 def _fitted(
     here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig, max_scale: float
-) -> Pose2D | None:
+) -> GroundMotion | None:
     """Fit a movement of the plane, reweighted so that what is no carpet loses its weight."""
     if len(here) < config.min_points:
         return None
     # Far points are measured worse: an error of a pixel grows with the square of the distance.
     trust = 1.0 / (1.0 + (there**2).sum(axis=1)) ** 2
-    motion, scale_m = guess, 4.0 * config.inlier_m
+    scale_m = 4.0 * config.inlier_m
     # The guess may be off as a whole: take the common shift away before points are judged.
-    residual = there - _moved(here, motion)
+    residual = there - _moved(here, guess)
     centre = np.median(residual, axis=0)
     weight = trust / (1.0 + (((residual - centre) / scale_m) ** 2).sum(axis=1)) ** 2
     for _ in range(config.rounds):
-        fit = _similarity(here, there, weight, max_scale)
-        motion = fit.motion
-        residual = fit.scale * there - _moved(here, motion)
+        found, scale = _similarity(here, there, weight, max_scale)
+        residual = scale * there - _moved(here, found.motion)
         scale_m = max(config.inlier_m, 0.6 * scale_m)
         weight = trust / (1.0 + ((residual / scale_m) ** 2).sum(axis=1)) ** 2
     inliers = np.count_nonzero(np.hypot(*residual.T) < config.inlier_m)
-    enough = inliers >= config.min_points and fit.spread_m >= config.min_spread_m
-    return motion if enough and config.believes(motion, guess) else None
+    enough = inliers >= config.min_points and found.spread_m >= config.min_spread_m
+    return found if enough and config.believes(found.motion, guess) else None
 
 
-class _Fit(NamedTuple):
-    motion: Pose2D
-    scale: float  # of the second points
-    spread_m: float  # of the points around their middle, root mean square
-
-
-def _similarity(here: Floats, there: Floats, weight: Floats, max_scale: float) -> _Fit:
-    """Return the weighted least-squares rotation, translation and scale (Umeyama, in the plane).
+def _similarity(
+    here: Floats, there: Floats, weight: Floats, max_scale: float
+) -> tuple[GroundMotion, float]:
+    """Return the weighted least-squares motion, and the scale (Umeyama, in the plane).
 
     The scale takes up what the second height is wrong against the first, which would pass for a way
     ahead. OpenCV's `estimateAffinePartial2D` has no weights, and SciPy's `Rotation.align_vectors`
@@ -172,4 +174,4 @@ def _similarity(here: Floats, there: Floats, weight: Floats, max_scale: float) -
     scale = min(max(scale, 1.0 - max_scale), 1.0 + max_scale)
     origin = from_ - rotation(yaw_rad) @ (scale * to)
     motion = Pose2D(x_m=float(origin[0]), y_m=float(origin[1]), yaw_rad=yaw_rad)
-    return _Fit(motion, scale, math.sqrt(spread_m2))
+    return GroundMotion(motion, math.sqrt(spread_m2)), scale

@@ -248,13 +248,13 @@ def test_a_turn_draws_away_from_what_is_near() -> None:
     turn = bench.proposed
     assert isinstance(turn, Velocity)
     assert turn.yaw_rate_radps < -0.3
-    assert (turn.forward_mps, turn.right_mps) == pytest.approx((0.0, -0.05))
+    assert (turn.forward_mps, turn.right_mps) == pytest.approx((0.0, -0.075))
 
 
 def test_a_turn_keeps_off_the_edge_of_the_carpet() -> None:
     """It may be nearer than an obstacle."""
     bench = turning(Says(TURN_LEFT))
-    for ahead_m, away_mps in ((0.35, 0.0), (0.25, -0.05)):
+    for ahead_m, away_mps in ((0.35, 0.0), (0.25, -0.075)):
         show(bench, seconds=0.3)
         bench.board[OBSTACLES] = ObstaclePoints(
             points_m=np.empty((0, 2)),

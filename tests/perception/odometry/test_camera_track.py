@@ -148,9 +148,9 @@ def test_two_equal_pictures_show_no_movement(flight: KnownFlight) -> None:
     guess = Pose2D(x_m=0.02, y_m=-0.01, yaw_rad=0.01)
     found = ground_motion(view, view, guess)
     assert found is not None
-    assert abs(found.x_m) < 2e-3
-    assert abs(found.y_m) < 2e-3
-    assert abs(found.yaw_rad) < 1e-3
+    assert abs(found.motion.x_m) < 2e-3
+    assert abs(found.motion.y_m) < 2e-3
+    assert abs(found.motion.yaw_rad) < 1e-3
 
 
 def test_a_window_of_nought_is_refused() -> None:
