@@ -51,9 +51,9 @@ def test_the_step_does_not_lead_to_the_edge() -> None:
 
 
 def test_between_an_obstacle_and_the_edge_the_push_is_from_the_nearer() -> None:
-    forward_mps, right_mps = push_away_mps(around((0.0, 0.3), edges=[(0.0, -1.0)]), CONFIG)
+    forward_mps, right_mps = push_away_mps(around((0.0, 0.4), edges=[(0.0, -1.0)]), CONFIG)
     assert math.isclose(forward_mps, 0.0, abs_tol=1e-9)
-    assert right_mps == pytest.approx(-CONFIG.keep_away_per_s * (CONFIG.keep_away_m - 0.3))
+    assert right_mps == pytest.approx(-CONFIG.keep_away_per_s * (CONFIG.keep_away_m - 0.4))
     assert push_away_mps(around((0.0, 1.0)), CONFIG) == (0.0, 0.0)
 
 
