@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from behaviours.path.following import around
 from uav_bt.types import ObstaclePoints
 from uav_bt.types.site_map import SiteMap
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +24,7 @@ class KeepAwayConfig:
     edge_nearer_m: float = 0.15
     keep_away_per_s: float = 1.5
     keep_away_mps: float = 0.2  # at most
+    alike_m: float = 0.25  # points so near to each other show one thing
     min_range_m: float = 0.05  # nearer points count as so far away: a division needs it
 
 
@@ -40,23 +38,28 @@ def by_the_map(
 
     Args:
         obstacles: around the drone, in its frame; None while they are not known.
-        site_map: as it is known now; None where there is none. One that views contradict is not
-            used.
+        site_map: with the drone where it is now; None where there is none. One that views
+            contradict is not used.
         config: what is near.
     """
     if obstacles is None or site_map is None or site_map.contradicted_s > 0.0:
         return obstacles
 
-    def near(points_m: Floats) -> Floats:
-        return np.asarray(points_m[np.hypot(*points_m.T) <= config.keep_away_m])
-
-    seen = replace(obstacles, points_m=near(obstacles.points_m), edges_m=near(obstacles.edges_m))
+    seen = _within(obstacles, config.keep_away_m + config.alike_m)
     lately, to_body = around(seen, site_map), site_map.pose.points_to_body
-    return replace(
+    found = replace(
         seen,
-        points_m=near(to_body(np.vstack([site_map.obstacles_m, lately.seen_m]))),
-        edges_m=near(to_body(np.vstack([site_map.edges_m, lately.edges_m]))),
+        points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
+        edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),
     )
+    return _within(found, config.keep_away_m)
+
+
+def _within(obstacles: ObstaclePoints, reach_m: float) -> ObstaclePoints:
+    points_m, edges_m = (
+        each[np.hypot(*each.T) <= reach_m] for each in (obstacles.points_m, obstacles.edges_m)
+    )
+    return replace(obstacles, points_m=points_m, edges_m=edges_m)
 
 
 def step_away_m(

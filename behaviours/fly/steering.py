@@ -205,9 +205,10 @@ class SteeringLeaf(MovingLeaf):
         return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
 
     def _push_mps(self) -> tuple[float, float]:
+        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
+        placed = None if site_map is None or motion is None else site_map.at(motion.pose)
         cfg = self.steering.keep_away
-        near = by_the_map(self.read(OBSTACLES).value, self.read(SITE_MAP).value, cfg)
-        return push_away_mps(near, cfg)
+        return push_away_mps(by_the_map(self.read(OBSTACLES).value, placed, cfg), cfg)
 
     # --- turning ----------------------------------------------------------------------------------
 

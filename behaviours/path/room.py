@@ -37,14 +37,14 @@ class Margins:
     Distances are from the body's centre, half of whose diagonal is 0.2 m.
     """
 
-    touch_m: float = 0.38  # no leg passes an obstacle nearer: a hull's 0.2 m, drift, and sway
+    touch_m: float = 0.40  # no leg passes an obstacle nearer: a hull's 0.2 m, drift, and sway
     wide_m: float = 0.75  # from here on the full speed
     tight_m: float = 0.34  # where legs with all that room lead nowhere
     tightest_m: float = 0.30  # where without it there is no way out of where the drone flew in
     # Views of a drone that knows well where it is, and how high, are off the map by so much. What
     # they are off more is added, so many times, to the distance from obstacles and edges.
-    sure_m: float = 0.025
-    unsure_times: float = 5.0
+    sure_m: float = 0.016
+    unsure_times: float = 8.0
     unsure_m: float = 0.12  # no more is added
     doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed,
     past_assumed: bool = False  # but over open ground that was seen, if this is set

@@ -75,8 +75,7 @@ class Registration:
 
     def corrected(self, pose: Pose2D) -> Pose2D:
         """Return a dead-reckoned pose in the map's frame."""
-        x_m, y_m = self.correction.to_world(pose.x_m, pose.y_m)
-        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad + self.correction.yaw_rad)
+        return self.correction.pose_to_world(pose)
 
     def predict(self, reckoned: Pose2D, time_s: float, *, tracked: bool) -> None:
         """Let the uncertainty grow up to a time.

@@ -39,7 +39,6 @@ class CarpetOdometryConfig:
     border_px: int = 2  # carpet so near to something else is left out: its corners are the other's
     max_gap_s: float = 0.5  # between two frames; telemetry alone after a longer one
     min_height_m: float = 0.5  # of the camera; lower the carpet rushes by
-    max_yaw_rate_radps: float = 3.0  # a heading that turns faster than a drone can has leapt
     following: OdometryConfig = field(default_factory=OdometryConfig)
     heading: HeadingConfig = field(default_factory=HeadingConfig)
     error: VelocityErrorConfig = field(default_factory=VelocityErrorConfig)
@@ -65,6 +64,7 @@ class CarpetOdometry:
         # At the capture of the last frame, by telemetry alone and corrected.
         self._seen: tuple[OdometryPose, OdometryPose] | None = None
         self._tracked_s = -math.inf  # capture of the last frame whose ground was followed
+        self._turn_radps = 0.0  # as the ground showed it last
 
     @property
     def now(self) -> OdometryPose | None:
@@ -95,6 +95,7 @@ class CarpetOdometry:
             ),
             error=BodyVelocity(forward_mps=forward_mps, right_mps=right_mps),
             tracked_s=self._tracked_s,
+            turn_rad=self._heading.correction_rad,
         )
 
     def predict(self, state: DroneState) -> OdometryPose | None:
@@ -151,11 +152,15 @@ class CarpetOdometry:
         cfg = self._config
         if before is None or self._last is None or not 0.0 < passed_s <= cfg.max_gap_s:
             return None
-        if abs(expected.yaw_rad) > cfg.max_yaw_rate_radps * passed_s:
-            expected = replace(expected, yaw_rad=0.0)
-        guess = _of_lens(expected, offset_m)
-        lens = ground_motion(before.view, self._last.view, guess, before.carpet, cfg.following)
-        return lens and lens._replace(motion=_of_lens(lens.motion, -offset_m))
+        held = replace(expected, yaw_rad=self._turn_radps * passed_s)
+        leaps = abs(held.yaw_rad - expected.yaw_rad) > cfg.following.max_yaw_rad
+        for each in (expected, held) if leaps else (expected,):
+            guess = _of_lens(each, offset_m)
+            lens = ground_motion(before.view, self._last.view, guess, before.carpet, cfg.following)
+            if lens is not None:
+                self._turn_radps = lens.motion.yaw_rad / passed_s
+                return lens._replace(motion=_of_lens(lens.motion, -offset_m))
+        return None
 
     def _sight(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> _Sight | None:
         height_m = frame.height_above_carpet_m

@@ -4,8 +4,8 @@ The drone's own velocity is off by a centimetre a second for seconds on end, whi
 quarter of a metre in half a minute. The carpet stands still, and its points lie in a known plane:
 two frames of them, followed by optical flow (Lucas and Kanade), give the horizontal movement, and
 the heading to a fraction of the half degree by which telemetry's is wrong (which moves an image by
-more than two pixels, more than depth does at some metres). In flight, `CarpetOdometry`
-(`perception.odometry.carpet`) corrects positions only: the error of telemetry's heading is bounded.
+more than two pixels, more than depth does at some metres). `CarpetOdometry`
+(`perception.odometry.carpet`) uses both in flight.
 """
 
 from __future__ import annotations

@@ -99,8 +99,10 @@ class RehearsedDrone(DroneWrapper):
 
     def _pretended(self, state: DroneState) -> DroneState:
         raised_m = self._now.altitude_m
+        velocity, climb_mps = state.velocity, self._now.climb_mps
         return replace(
             state,
+            velocity=replace(velocity, down_mps=velocity.down_mps - climb_mps),
             flying=self._now.flying,
             movement=self._now.status,
             altitude_m=state.altitude_m + raised_m,

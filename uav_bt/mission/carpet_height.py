@@ -3,7 +3,8 @@
 An altimeter wanders by centimetres with pressure and air flow, and all that the camera places on
 the ground is wrong by the same share of its range. The rangefinder has no such error, but measures
 to the box or the landing pad that it is above. A Kalman filter estimates the height and the
-altimeter's error, and between two measurements it follows the vertical velocity.
+altimeter's error, and between two measurements it follows the vertical velocity. What stands lower
+than some 0.3 m above the carpet is not told from it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from uav_bt.types import DroneState, Frame, Observation
 
 _ALTIMETER: Final = np.array([1.0, 1.0])  # of the states, height and error, what each measures
 _RANGEFINDER: Final = np.array([1.0, 0.0])
+_SAME_M: Final = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +37,9 @@ class CarpetHeightConfig:
         gate_stds: a surface further from where the carpet should be is another; an altitude
             further off means that the vertical velocity does not tell, and the height begins anew,
         gap_s: as it does after a longer time without telemetry.
+        agree_m: a rangefinder that differs so little from the altimeter measures to the carpet,
+            whatever the estimate,
+        differ_m: and one that differs by more does not: the altimeter is never so wrong.
         memory_s: how far back late frames may lie.
     """
 
@@ -45,6 +50,8 @@ class CarpetHeightConfig:
     walk_m: float = 0.02
     gate_stds: float = 4.0
     gap_s: float = 1.0
+    agree_m: float = 0.1
+    differ_m: float = 0.25
     memory_s: float = 3.0
 
 
@@ -59,6 +66,8 @@ class CarpetHeight:
         self._config = config or CarpetHeightConfig()
         self._last: DroneState | None = None
         self._standing_m = 0.0  # height above the carpet where the altimeter shows 0
+        self._apart_m = 0.0  # the rangefinder's value less the altimeter's, at first;
+        self._ranges = False  # it never changes where there is no rangefinder
         self._sunk_m: deque[tuple[float, float]] = deque()  # by the velocity, at each time
         self._mean_m = np.zeros(2)  # the height less what the drone has sunk, the altimeter's error
         self._covariance = np.zeros((2, 2))
@@ -95,6 +104,7 @@ class CarpetHeight:
             return
         if last is None:
             self._standing_m = state.height_above_carpet_m - state.altitude_m
+            self._apart_m = state.height_m - state.altitude_m
         self._last = state
         if last is None or state.captured_s - last.captured_s > cfg.gap_s:
             self._begin(state)
@@ -114,7 +124,17 @@ class CarpetHeight:
         altitude_m = self._standing_m + state.altitude_m + sunk_m
         if not self._measure(_ALTIMETER, altitude_m, cfg.altimeter_m):
             self._begin(state)
-        self._measure(_RANGEFINDER, state.height_m + self._sunk_m[-1][1], cfg.rangefinder_m)
+        self._range(state)
+
+    def _range(self, state: DroneState) -> None:
+        """Take in the rangefinder, if there is one and it measures to the carpet."""
+        cfg, apart_m = self._config, state.height_m - state.altitude_m
+        self._ranges |= abs(apart_m - self._apart_m) > _SAME_M
+        differs_m = abs(apart_m - self._standing_m)
+        if self._ranges and differs_m <= cfg.differ_m:
+            below_m = state.height_m + self._sunk_m[-1][1]
+            agrees = differs_m <= cfg.agree_m
+            self._measure(_RANGEFINDER, below_m, cfg.rangefinder_m, sure=agrees)
 
     def _begin(self, state: DroneState) -> None:
         """Believe the altimeter, less the error that is known."""
@@ -125,11 +145,13 @@ class CarpetHeight:
         self._covariance[0] = self._covariance[:, 0] = 0.0
         self._covariance[0, 0] = cfg.altimeter_m**2
 
-    def _measure(self, slopes: NDArray[np.float64], value_m: float, std_m: float) -> bool:
+    def _measure(
+        self, slopes: NDArray[np.float64], value_m: float, std_m: float, *, sure: bool = False
+    ) -> bool:
         """Correct by a measurement; return False when it is too far off to be one of these."""
         off_m = value_m - float(slopes @ self._mean_m)
         variance = float(slopes @ self._covariance @ slopes) + std_m**2
-        if abs(off_m) > self._config.gate_stds * math.sqrt(variance):
+        if not sure and abs(off_m) > self._config.gate_stds * math.sqrt(variance):
             return False
         gain = self._covariance @ slopes / variance
         self._mean_m = self._mean_m + gain * off_m

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
-from uav_bt.types.pose import Pose2D
+from uav_bt.types.pose import Pose2D, wrap_angle
 from uav_bt.types.telemetry import BodyVelocity, DroneState
 
 SomePose = TypeVar("SomePose", bound=Pose2D)
@@ -68,6 +68,7 @@ class MotionEstimate:
         velocity: over the ground, now: telemetry's with `error` added.
         error: what the ground shows beyond telemetry's velocity, slowly varying.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
+        turn_rad: the heading less telemetry's, slowly varying.
     """
 
     pose: OdometryPose
@@ -75,6 +76,7 @@ class MotionEstimate:
     velocity: BodyVelocity
     error: BodyVelocity
     tracked_s: float
+    turn_rad: float = 0.0
 
     @property
     def untracked_s(self) -> float:
@@ -82,14 +84,15 @@ class MotionEstimate:
         return self.pose.time_s - self.tracked_s
 
     def over_ground(self, state: DroneState) -> DroneState:
-        """Return telemetry with the velocity over the ground and the dead-reckoned heading."""
+        """Return telemetry with the velocity over the ground and the corrected heading."""
         reported = state.velocity
         velocity = BodyVelocity(
             forward_mps=reported.forward_mps + self.error.forward_mps,
             right_mps=reported.right_mps + self.error.right_mps,
             down_mps=reported.down_mps + self.error.down_mps,
         )
-        attitude = replace(state.attitude, yaw_rad=self.pose.yaw_rad)
+        yaw_rad = wrap_angle(state.attitude.yaw_rad + self.turn_rad)
+        attitude = replace(state.attitude, yaw_rad=yaw_rad)
         return replace(state, velocity=velocity, attitude=attitude)
 
 

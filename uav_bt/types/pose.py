@@ -52,6 +52,11 @@ class Pose2D:
     y_m: float
     yaw_rad: float
 
+    def pose_to_world(self, pose: Pose2D) -> Pose2D:
+        """Return a pose given from this one in the frame that this one is given in."""
+        x_m, y_m = self.to_world(pose.x_m, pose.y_m)
+        return Pose2D(x_m=x_m, y_m=y_m, yaw_rad=pose.yaw_rad + self.yaw_rad)
+
     def to_world(self, forward_m: float, side_m: float) -> tuple[float, float]:
         """Return a point given from this pose in the frame that the pose is given in.
 

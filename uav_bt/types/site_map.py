@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -125,6 +125,10 @@ class SiteMap:
     def ground_s(self) -> float:
         """When a view last showed ground; -inf before any has."""
         return float(self.seen_s.max(initial=-math.inf))
+
+    def at(self, reckoned: Pose2D) -> SiteMap:
+        """Return the map with the drone at a dead-reckoned pose."""
+        return replace(self, pose=self.correction.pose_to_world(reckoned))
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return the row and column of a place, which may lie outside the grid."""

@@ -70,7 +70,9 @@ class DroneState:
     attitude: Attitude = field(default_factory=Attitude)
     velocity: BodyVelocity = field(default_factory=BodyVelocity)
     altitude_m: float = 0.0  # above the take-off point
-    height_m: float = 0.0  # above the surface below
+    # Above the surface below, by a rangefinder; without one, at a fixed distance from the altitude.
+    height_m: float = 0.0
+    # As a drone reports it, at a fixed distance from the altitude; the mission estimates it anew.
     height_above_carpet_m: float = 0.0
     gimbal_pitch_rad: float = 0.0
     battery: float | None = 1.0  # 0 to 1; None before the drone has reported it

@@ -221,10 +221,10 @@ def test_an_edge_seen_lately_counts_beside_the_maps() -> None:
 
 
 def test_views_that_are_off_the_map_widen_the_distances() -> None:
-    sure, unsure = MARGINS.by(0.02), MARGINS.by(0.04)
+    sure, unsure = MARGINS.by(MARGINS.sure_m), MARGINS.by(MARGINS.sure_m + 0.01)
     assert sure == MARGINS
-    assert unsure.touch_m == pytest.approx(MARGINS.touch_m + 0.075)
-    assert unsure.edge_m == pytest.approx(MARGINS.edge_m + 0.075)
+    assert unsure.touch_m == pytest.approx(MARGINS.touch_m + 0.01 * MARGINS.unsure_times)
+    assert unsure.edge_m == pytest.approx(MARGINS.edge_m + 0.01 * MARGINS.unsure_times)
     assert MARGINS.by(1.0).touch_m == pytest.approx(MARGINS.touch_m + MARGINS.unsure_m)
     site_map = drawn_map(obstacles=np.array([[1.0, 0.0]]))
     open_now = Room(site_map, Lately()).open.sum()

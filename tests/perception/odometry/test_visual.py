@@ -122,9 +122,10 @@ def test_the_noise_of_telemetry_s_heading_is_not_the_pose_s() -> None:
     assert odometry.estimate.seen.yaw_rad == pytest.approx(0.9, abs=0.01)
 
 
-def test_a_leap_of_telemetry_s_heading_turns_nothing() -> None:
+@pytest.mark.parametrize("leapt_rad", [0.15, 0.2, 0.3, 0.8, -1.57])
+def test_a_leap_of_telemetry_s_heading_turns_nothing(leapt_rad: float) -> None:
     def leap_rad(index: int) -> float:
-        return 0.8 if index >= 10 else 0.0
+        return leapt_rad if index >= 10 else 0.0
 
     slide = [pose(-1.0, 0.015 * step) for step in range(21)]
     estimate = fly(slide, BodyVelocity(right_mps=-0.15), yaw_off_rad=leap_rad).estimate

@@ -80,6 +80,23 @@ def test_a_box_or_the_pad_below_is_no_carpet() -> None:
     assert np.abs(errors_m(report)).max() < 1e-6
 
 
+def test_a_wrong_velocity_does_not_take_the_pad_for_the_carpet_for_long() -> None:
+    """It hovers above the pad for 40 s and believes to sink: back over carpet all is well."""
+
+    def report(time_s: float) -> Observation:
+        surface_m = 0.4 if 10.0 < time_s < 50.0 else 0.0
+        return observed(time_s, surface_m=surface_m, down_mps=0.05)
+
+    assert np.abs(errors_m(report)[530:]).max() < 0.05
+
+
+def test_a_drone_without_a_rangefinder_flies_by_its_altimeter() -> None:
+    def report(time_s: float) -> Observation:
+        return observed(time_s, surface_m=0.15)  # as far from the altitude all the time
+
+    assert np.abs(errors_m(report)).max() < 1e-6
+
+
 def test_a_take_off_from_a_box_counts_from_the_carpet() -> None:
     assert np.abs(errors_m(lambda time_s: observed(time_s, surface_m=0.4))).max() < 1e-6
 
@@ -106,7 +123,7 @@ def test_a_drone_that_reports_no_vertical_velocity_is_measured_anew() -> None:
 def test_after_a_gap_the_altimeter_counts_less_its_known_error() -> None:
     height = CarpetHeight()
     for tick in range(300):
-        height.corrected(observed(tick * TICK_S, altimeter_m=0.06))
+        height.corrected(observed(tick * TICK_S, altimeter_m=0.06 if tick else 0.0))
     corrected = height.corrected(observed(100.0, 0.8, altimeter_m=0.06))
     assert corrected.state.height_above_carpet_m == pytest.approx(0.8, abs=0.02)
 
