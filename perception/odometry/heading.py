@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-_REPORTED: Final = np.array([1.0, 1.0])  # telemetry tells the heading and its own error together
+_REPORTED: Final = np.array([1.0, 1.0])  # telemetry measures the heading and its own error together
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ An altimeter wanders by centimetres with pressure and air flow, and all that the
 the ground is wrong by the same share of its range. The rangefinder has no such error, but measures
 to the box or the landing pad that it is above. A Kalman filter estimates the height and the
 altimeter's error, and between two measurements it follows the vertical velocity. What stands lower
-than some 0.3 m above the carpet is not told from it.
+than some 0.3 m above the carpet cannot be distinguished from it.
 """
 
 from __future__ import annotations
