@@ -43,7 +43,7 @@ def fly(
     yaw_off_rad: Callable[[int], float] = lambda _: 0.0,
     height_off_m: Callable[[int], float] = lambda _: 0.0,
 ) -> CarpetOdometry:
-    """Show the pictures of poses, 0.1 s apart, with the velocity that telemetry reports, and its errors."""
+    """Show the pictures of poses, 0.1 s apart, with the reported velocity and what is off."""
     odometry = CarpetOdometry()
     for index, view in enumerate(
         render_views(LAB, poses, size_px=SIZE_PX, profile=Profile.named("lab"))
