@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,21 +45,14 @@ def by_the_map(
     if obstacles is None or site_map is None or site_map.contradicted_s > 0.0:
         return obstacles
 
-    seen = _within(obstacles, config.keep_away_m + config.alike_m)
+    seen = obstacles.within(config.keep_away_m + config.alike_m)
     lately, to_body = around(seen, site_map), site_map.pose.points_to_body
-    found = replace(
-        seen,
+    found = ObstaclePoints(
         points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
         edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),
+        captured_s=obstacles.captured_s,
     )
-    return _within(found, config.keep_away_m)
-
-
-def _within(obstacles: ObstaclePoints, reach_m: float) -> ObstaclePoints:
-    points_m, edges_m = (
-        each[np.hypot(*each.T) <= reach_m] for each in (obstacles.points_m, obstacles.edges_m)
-    )
-    return replace(obstacles, points_m=points_m, edges_m=edges_m)
+    return found.within(config.keep_away_m)
 
 
 def step_away_m(

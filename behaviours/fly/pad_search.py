@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from behaviours.fly.ground_pointing import pitch_showing_ground
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.fly.wander import wander
 from behaviours.path.map_search import Aim, MapSearch
@@ -115,7 +116,7 @@ class PadSearch:
         site_map, state = self._site_map(), self._leaf.state()
         mark = None if site_map is None else self._map.mark_of(site_map)
         if mark is None or site_map is None or state is None or self._map.aim is not Aim.MARK:
-            return self._flight_rad
+            return pitch_showing_ground(self._leaf, self._flight_rad)
         range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
         above_m = max(state.height_above_carpet_m - PAD_HEIGHT_M, 0.0)
         mark_rad = -math.atan2(above_m, max(range_m, 0.05))

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from behaviours.fly.ground_pointing import LOOKS_DOWN, pitch_showing_ground
 from behaviours.fly.heading import HeadingController
 from behaviours.fly.keeping_away import (
     KeepAwayConfig,
@@ -26,6 +27,7 @@ from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.stage_timer import StageTimer
 from uav_bt.board import (
     FLIGHT_HEIGHT,
+    FLIGHT_PITCH,
     FRAME,
     HELD_TURN,
     OBSTACLES,
@@ -68,8 +70,11 @@ class SteeringLeaf(MovingLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     steering: ClassVar[SteeringConfig] = SteeringConfig()
-    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY,)
-    reads: ClassVar[tuple[Key[Any], ...]] = (STATE, FLIGHT_HEIGHT, ODOMETRY, *VIEW_KEYS)
+    ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, LOOKS_DOWN)
+    reads: ClassVar[tuple[Key[Any], ...]] = (
+        *(STATE, FLIGHT_HEIGHT, FLIGHT_PITCH, ODOMETRY),
+        *VIEW_KEYS,
+    )
     writes = (PHASE, HELD_TURN)
     resumes = False  # an interrupted step is decided anew, on what is in view then
 
@@ -90,6 +95,13 @@ class SteeringLeaf(MovingLeaf):
         self._heading = HeadingController()
         self._course: tuple[float, float, float] | None = None  # yaw, speed, and decided when
         self._forget_turn()
+
+    def gimbal_pitch_rad(self) -> float | None:
+        """Return the camera's pitch with the port `looks_down`, None to leave it as it is."""
+        flight_rad = self.read(FLIGHT_PITCH).value
+        if flight_rad is None or not self.port_value(LOOKS_DOWN.name):
+            return None
+        return pitch_showing_ground(self, flight_rad)
 
     # --- advancing --------------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from behaviours.fly.movement import MovingLeaf, camera_points_at
 from behaviours.fly.mover import Progress
-from uav_bt.board import FLIGHT_HEIGHT, FRAME, PHASE, STATE
+from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, FRAME, PHASE, STATE
 from uav_bt.mission.safety import Limits
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
@@ -65,12 +65,13 @@ class TakeOff(MovingLeaf):
         ),
     )
     reads = (STATE, FRAME)
-    writes = (PHASE, FLIGHT_HEIGHT)
+    writes = (PHASE, FLIGHT_HEIGHT, FLIGHT_PITCH)
 
     def initialise(self) -> None:
-        """Set the height that the whole mission flies at, and note the time."""
+        """Set height and camera pitch of the mission's flight, and note the time."""
         self.write(PHASE, MissionPhase.TAKE_OFF)
         self.write(FLIGHT_HEIGHT, self.port_value("height_m"))
+        self.write(FLIGHT_PITCH, self.gimbal_pitch_rad())
         self._started_s = self.leaf_clock.now()
 
     def gimbal_pitch_rad(self) -> float:

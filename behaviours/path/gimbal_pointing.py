@@ -1,14 +1,80 @@
-"""Where the camera points on the way to the helipad."""
+"""Where the camera points: down to the ground near its edge, and at the helipad on the way."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import PAD_HEIGHT_M, DroneState, HelipadFix, ObstaclePoints
+from uav_bt.types import PAD_HEIGHT_M, CameraModel, DroneState, HelipadFix, ObstaclePoints
+from uav_bt.types.projection import ground_points
+from uav_bt.types.site_map import SiteMap
 
+_SAMPLES: Final = 12, 9  # columns and rows of an image
 _MIN_BEARINGS = 2  # degrees that must show something of unknown range; fewer are specks of the mask
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundPointingConfig:
+    """When the camera looks down, so that the odometry sees ground to follow."""
+
+    down_rad: float = math.radians(-56)  # steeper, views are not matched to the map
+    far_m: float = 3.0  # ground further away is seen too flatly
+    enough: float = 0.35  # of the image: with so much ground it stays as in flight,
+    little: float = 0.15  # with so little it looks down as far as it may
+
+
+def ground_share(
+    site_map: SiteMap,
+    camera: CameraModel,
+    pitch_rad: float,
+    height_m: float,
+    config: GroundPointingConfig | None = None,
+) -> float:
+    """Return the share of an image that shows what may be ground: near, and not beyond its edge.
+
+    Args:
+        site_map: with the drone where it is now.
+        camera: intrinsics at any size.
+        pitch_rad: of the gimbal, negative down.
+        height_m: of the camera above the ground.
+        config: how far ground counts.
+    """
+    config = config or GroundPointingConfig()
+    across, down = (np.linspace(0.0, 1.0, count) for count in _SAMPLES)
+    pixels = np.stack(
+        np.meshgrid((camera.width_px - 1) * across, (camera.height_px - 1) * down), axis=-1
+    ).reshape(-1, 2)
+    shown_m = ground_points(pixels, camera, pitch_rad, max(height_m, 0.05))
+    near = np.hypot(*shown_m.T) <= config.far_m
+    lens_m = np.array([camera.forward_offset_m, 0.0])
+    places_m = site_map.pose.points_to_world(shown_m + lens_m)
+    return float(np.mean(near & site_map.lies_on(~site_map.outside, places_m)))
+
+
+def ground_pitch_rad(
+    site_map: SiteMap,
+    camera: CameraModel,
+    flight_rad: float,
+    height_m: float,
+    config: GroundPointingConfig | None = None,
+) -> float:
+    """Return the camera's pitch: as in flight, and lower where that would show little ground.
+
+    Args:
+        site_map: with the drone where it is now.
+        camera: intrinsics at any size.
+        flight_rad: the pitch in flight, negative down.
+        height_m: of the camera above the ground.
+        config: how far down, and when.
+    """
+    config = config or GroundPointingConfig()
+    share = ground_share(site_map, camera, flight_rad, height_m, config)
+    lowest_rad = min(config.down_rad, flight_rad)
+    return float(np.interp(share, (config.little, config.enough), (lowest_rad, flight_rad)))
 
 
 @dataclass(frozen=True, kw_only=True)

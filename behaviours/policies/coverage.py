@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from behaviours.path.following import FollowConfig, around, follow
+from behaviours.path.gimbal_pointing import ground_share
 from behaviours.path.room import Floats, Margins, Rooms, Width
 from behaviours.path.survey import SurveyConfig, best_leg, new_ground_per_second
 from uav_bt.errors import MissionError
@@ -26,8 +27,9 @@ class CoverageConfig:
     little_m2ps: float = 0.03
     turn_rad: float = math.radians(30)  # when no way is known: look further round
     doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
-    # Looking beyond the edge for longer, it drifts unnoticed: a turn over the outside takes less.
+    # Looking beyond the edge for longer it drifts unnoticed: a turn over the outside takes less.
     blind_s: float = 2.0
+    little_ground: float = 0.15  # of the image: with less it looks beyond the edge
     around_m: float = 2.0  # of the drone: ground to turn to
     follow: FollowConfig = field(default_factory=FollowConfig)
 
@@ -70,7 +72,10 @@ class Coverage:
             return replace(turn, reason="no ground seen")
         if site_map.contradicted_s > cfg.doubted_s:
             return replace(turn, reason="the view contradicts the map")
-        if site_map.captured_s - site_map.ground_s > cfg.blind_s:
+        shown = ground_share(
+            site_map, view.camera, view.gimbal_pitch_rad, view.height_above_carpet_m
+        )
+        if site_map.untracked_s > cfg.blind_s and shown < cfg.little_ground:
             return Decision(
                 forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
             )

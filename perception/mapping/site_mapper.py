@@ -219,6 +219,7 @@ class SiteMapper:
             contradicted_s=self._contradicted_s,
             restarts=self.restarts,
             full=grid.full,
+            untracked_s=self._motion.untracked_s,
         )
 
     @property

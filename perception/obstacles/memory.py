@@ -150,11 +150,15 @@ class ObstacleMemory:
         pose = self._odometry.now
         if pose is None:
             return ObstaclePoints(points_m=np.empty((0, 2)), captured_s=self._newest_s)
-        local = pose.points_to_body(self._points)
+        local, cfg = pose.points_to_body(self._points), self._config
+        left_s = self._until_s - pose.time_s
+        is_base, is_edge = self._kinds == _Kind.BASE, self._kinds == _Kind.EDGE
         return ObstaclePoints(
-            points_m=local[self._kinds == _Kind.BASE],
+            points_m=local[is_base],
             assumed_m=local[self._kinds == _Kind.ASSUMED],
-            edges_m=local[self._kinds == _Kind.EDGE],
+            edges_m=local[is_edge],
+            points_age_s=cfg.max_age_s - left_s[is_base],
+            edges_age_s=cfg.edge_age_s - left_s[is_edge],
             captured_s=self._newest_s,
             unplaced_rad=_wrapped(self._unplaced_rad - pose.yaw_rad),
             unplaced_edges_rad=_wrapped(self._unplaced_edges_rad - pose.yaw_rad),

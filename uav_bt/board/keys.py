@@ -112,6 +112,13 @@ FLIGHT_HEIGHT: Final = Key(
     unit="m",
     writer="the take-off",
 )
+FLIGHT_PITCH: Final = Key(
+    "flight_pitch_rad",
+    float,
+    "the camera's pitch in flight, negative down",
+    unit="rad",
+    writer="the take-off",
+)
 
 HELD_TURN: Final = Key(
     "held_turn",
@@ -151,6 +158,7 @@ MISSION_KEYS: Final[tuple[Key[Any], ...]] = (
     SITE_MAP,
     PHASE,
     FLIGHT_HEIGHT,
+    FLIGHT_PITCH,
     HELD_TURN,
     RECENT_VIEWS,
     ADVICE,

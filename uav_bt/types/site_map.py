@@ -108,6 +108,7 @@ class SiteMap:
     contradicted_s: float = 0.0  # for so long the view has disagreed with the map
     restarts: int = 0  # how often the map was given up for that
     full: bool = False  # part of the place lies beyond the grid
+    untracked_s: float = 0.0  # for so long the odometry has followed no ground
 
     __repr__ = shapes_repr
 
@@ -136,6 +137,19 @@ class SiteMap:
             math.floor((x_m - self.corner_m[0]) / self.cell_m + 0.5),
             math.floor((y_m - self.corner_m[1]) / self.cell_m + 0.5),
         )
+
+    def lies_on(self, cells: Flags, places_m: Floats) -> Flags:
+        """Return which places lie on cells of one of its grids that are set.
+
+        Args:
+            cells: (rows, columns).
+            places_m: (..., 2); those outside the grid, and NaN, lie on none.
+        """
+        steps = (places_m - np.array(self.corner_m)) / self.cell_m
+        inside = ((steps >= -0.5) & (steps < np.array(cells.shape) - 0.5)).all(axis=-1)
+        found = np.zeros(inside.shape, dtype=bool)
+        found[inside] = cells[tuple(np.rint(steps[inside]).astype(np.intp).T)]
+        return found
 
     def is_beyond_edge(self, x_m: float, y_m: float) -> bool:
         """Return whether a place lies beyond the edge of the ground, and further than a margin."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -54,6 +54,9 @@ class ObstaclePoints:
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     # Bearings on which the carpet ends nearer than anything visible. (L,)
     unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    # How long ago points and edges were seen last, (N,) and (E,); empty: not known.
+    points_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    edges_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     __repr__ = shapes_repr
 
@@ -61,6 +64,13 @@ class ObstaclePoints:
         for points in (self.points_m, self.assumed_m, self.edges_m):
             if points.ndim != 2 or points.shape[1] != 2:
                 raise ShapeError("obstacle points", expected="Nx2", actual=points.shape)
+        for points, age_s in (
+            (self.points_m, self.points_age_s),
+            (self.edges_m, self.edges_age_s),
+        ):
+            if age_s.shape not in {(0,), points.shape[:1]}:
+                expected = str(points.shape[:1])
+                raise ShapeError("ages of obstacle points", expected=expected, actual=age_s.shape)
 
     @property
     def nearest_m(self) -> float:
@@ -68,6 +78,17 @@ class ObstaclePoints:
         if not len(self.points_m):
             return math.inf
         return float(np.hypot(self.points_m[:, 0], self.points_m[:, 1]).min())
+
+    def within(self, reach_m: float) -> ObstaclePoints:
+        """Return it with the points and edges only that are so near to the body's centre."""
+        points, edges = (np.hypot(*each.T) <= reach_m for each in (self.points_m, self.edges_m))
+        return replace(
+            self,
+            points_m=self.points_m[points],
+            edges_m=self.edges_m[edges],
+            points_age_s=self.points_age_s[points] if len(self.points_age_s) else np.empty(0),
+            edges_age_s=self.edges_age_s[edges] if len(self.edges_age_s) else np.empty(0),
+        )
 
     def allows(
         self, forward_m: float, right_m: float = 0.0, *, margin_m: float, assumed: bool = True

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +18,19 @@ from tests.behaviours.leaf_world import (
     show,
     steering_bench,
 )
-from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, FRAME, HELD_TURN, OBSTACLES, PHASE, STATE
+from tests.behaviours.path.test_survey import drawn_map
+from uav_bt.board import (
+    CLASS_MAP,
+    FLIGHT_HEIGHT,
+    FLIGHT_PITCH,
+    FRAME,
+    HELD_TURN,
+    OBSTACLES,
+    ODOMETRY,
+    PHASE,
+    SITE_MAP,
+    STATE,
+)
 from uav_bt.errors import NodeFailedError, UnknownNameError, ValueRangeError
 from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
@@ -25,12 +40,14 @@ from uav_bt.types import (
     ClassMap,
     DroneState,
     FlyingState,
+    GimbalTo,
     HeldTurn,
     MoveBy,
     MovementState,
     ObstaclePoints,
     Velocity,
 )
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 
 
 def stepping(policy: Says | None = None, **attributes: object) -> LeafBench:
@@ -294,6 +311,26 @@ def test_at_a_speed_it_keeps_away_from_what_is_beside_it(beside_m: float, goes: 
     assert isinstance(bench.proposed, Velocity)
     assert bench.proposed.forward_mps == 0.4
     assert np.sign(bench.proposed.right_mps) == goes
+
+
+@pytest.mark.parametrize("looks_down", [True, False])
+def test_at_the_edge_the_camera_is_lowered_to_the_ground(*, looks_down: bool) -> None:
+    flight_rad = math.radians(-42)
+    bench = steering_bench(Explore, Says(ADVANCE), looks_down=looks_down)
+    bench.board[FLIGHT_PITCH] = flight_rad
+    edge = drawn_map(pose=(0.0, 1.8, math.pi / 2))
+    here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
+    bench.board[SITE_MAP] = edge
+    bench.board[ODOMETRY] = MotionEstimate(
+        pose=here, seen=here, velocity=BodyVelocity(), error=BodyVelocity(), tracked_s=0.0
+    )
+    bench.allow_stale()
+    live(bench)
+    assert bench.pointed == (GimbalTo(pitch_rad=math.radians(-56)) if looks_down else None)
+    inside = OdometryPose(x_m=0.0, y_m=-1.0, yaw_rad=math.pi / 2, time_s=0.0)
+    bench.board[ODOMETRY] = replace(bench.board[ODOMETRY], pose=inside)
+    live(bench)
+    assert bench.pointed == (GimbalTo(pitch_rad=flight_rad) if looks_down else None)
 
 
 def test_a_speed_is_not_flown_on_blind() -> None:

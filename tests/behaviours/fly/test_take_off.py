@@ -8,7 +8,7 @@ import pytest
 
 from behaviours.fly.take_off import TakeOff
 from tests.behaviours.leaf_world import halted_proposals, live, show, wait
-from uav_bt.board import FLIGHT_HEIGHT, PHASE, STATE
+from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, PHASE, STATE
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import FlyingState, GimbalTo, MoveBy, MovementState, MovementStatus
@@ -45,10 +45,11 @@ def test_from_the_ground_to_the_flight_height() -> None:
 
 def test_the_height_holds_for_the_whole_mission() -> None:
     """What steers afterwards reads it from the board, whatever the tree calls the leaf."""
-    bench = LeafBench(TakeOff, height_m=1.2)
+    bench = LeafBench(TakeOff, height_m=1.2, gimbal_deg=-40.0)
     live(bench, flying=FlyingState.LANDED, height_m=0.45)
 
     assert bench.board[FLIGHT_HEIGHT] == 1.2
+    assert bench.board[FLIGHT_PITCH] == pytest.approx(math.radians(-40.0))
 
 
 def test_near_enough_needs_no_climb() -> None:

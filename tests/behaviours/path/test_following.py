@@ -39,6 +39,20 @@ def test_what_is_not_on_the_map_counts_from_where_the_drone_is() -> None:
     assert np.allclose(lately.seen_m, np.column_stack([0.5 - BOX[:, 1], BOX[:, 0]]))
 
 
+@pytest.mark.parametrize(("age_s", "counts"), [(2.0, True), (4.0, False)])
+def test_what_the_map_does_not_show_on_its_ground_counts_for_a_while(
+    *, age_s: float, counts: bool
+) -> None:
+    """It was seen from a wrong place: views since then have not put it on the map."""
+    old = replace(
+        seen(BOX, BOX), points_age_s=np.full(len(BOX), age_s), edges_age_s=np.full(len(BOX), age_s)
+    )
+    lately = around(old, drawn_map())
+    assert (len(lately.seen_m) > 0, len(lately.edges_m) > 0) == (counts, counts)
+    nothing = np.zeros((61, 61), dtype=bool)
+    assert len(around(old, drawn_map(known=nothing)).seen_m) == len(BOX)  # nobody saw the ground
+
+
 def test_single_points_are_no_obstacle() -> None:
     lonely = np.array([[1.0, 1.0], [1.1, 1.0], [-1.0, -1.0]])
     assert not len(around(seen(lonely), drawn_map()).seen_m)

@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from behaviours.path.gimbal_pointing import GimbalPointing
+from behaviours.path.gimbal_pointing import GimbalPointing, ground_pitch_rad, ground_share
+from tests.behaviours.path.test_survey import drawn_map
+from tests.behaviours.policies.cast_world import CAMERA
 from uav_bt.types import DroneState, FlyingState, HelipadFix, ObstaclePoints
 
 FLIGHT_RAD = math.radians(-30)
@@ -54,3 +56,23 @@ def test_specks_and_what_is_beside_are_not(what: str, degrees: list[float]) -> N
     assert (
         pitch_rad(GimbalPointing(), known(**{what: degrees}), range_m=3.0, now_s=0.0) == FLIGHT_RAD
     )
+
+
+def test_in_the_open_the_camera_looks_ahead() -> None:
+    inside = drawn_map(pose=(-1.5, 0.0, 0.0))
+    assert ground_pitch_rad(inside, CAMERA, FLIGHT_RAD, 1.5) == FLIGHT_RAD
+
+
+@pytest.mark.parametrize("yaw_deg", [60, 90, 120])
+def test_at_the_edge_it_looks_down_to_the_ground_before_it(yaw_deg: float) -> None:
+    """0.6 m from the edge, where the view in flight begins more than a metre ahead."""
+    edge = drawn_map(pose=(0.0, 1.4, math.radians(yaw_deg)))
+    pitch_rad = ground_pitch_rad(edge, CAMERA, FLIGHT_RAD, 1.5)
+    assert pitch_rad == pytest.approx(math.radians(-56))
+    before = ground_share(edge, CAMERA, FLIGHT_RAD, 1.5)
+    assert ground_share(edge, CAMERA, pitch_rad, 1.5) > before
+
+
+def test_a_camera_that_looks_down_further_in_flight_stays() -> None:
+    edge = drawn_map(pose=(0.0, 1.8, math.radians(90)))
+    assert ground_pitch_rad(edge, CAMERA, math.radians(-70), 1.5) == math.radians(-70)

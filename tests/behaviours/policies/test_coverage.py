@@ -75,11 +75,16 @@ def test_without_a_way_it_turns_to_where_the_ground_is(yaw_deg: float, side: int
 
 def test_when_it_looks_at_no_ground_for_long_it_turns_back_to_it() -> None:
     outwards = drawn_map(pose=(0.0, 1.8, math.radians(90)))
-    assert decide(replace(outwards, captured_s=2.5)).reason != "turns to the ground"
-    decision = decide(replace(outwards, captured_s=3.5))
+    assert decide(replace(outwards, untracked_s=1.5)).reason != "turns to the ground"
+    decision = decide(replace(outwards, untracked_s=2.5))
     assert decision.reason == "turns to the ground"
     assert decision.speed_mps == 0.0
     assert abs(decision.yaw_rad) == pytest.approx(math.pi, abs=0.1)
+
+
+def test_where_ground_is_in_view_that_cannot_be_followed_it_flies_on() -> None:
+    """A plain floor has nothing to follow; turning would not help."""
+    assert decide(replace(drawn_map(), untracked_s=20.0)).reason != "turns to the ground"
 
 
 def test_facing_new_ground_it_flies() -> None:

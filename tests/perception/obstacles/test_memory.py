@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -216,6 +217,7 @@ def test_old_points_are_forgotten() -> None:
 
     memory.predict(state(5.0))
     assert len(memory.points().points_m) > 0
+    assert np.allclose(memory.points().points_age_s, 5.0)
     memory.predict(state(5.1))
     assert len(memory.points().points_m) == 0
 
@@ -385,6 +387,20 @@ def test_assumed_points_count_unless_told_otherwise() -> None:
 
     assert not assumed.allows(0.3, margin_m=0.3)
     assert assumed.allows(0.3, margin_m=0.3, assumed=False)
+
+
+def test_what_is_within_a_reach_keeps_its_age() -> None:
+    points = ObstaclePoints(
+        points_m=np.array([[0.3, 0.0], [1.0, 0.0]]),
+        edges_m=np.array([[2.0, 0.0]]),
+        captured_s=0.0,
+        points_age_s=np.array([1.0, 2.0]),
+    )
+    near = points.within(0.5)
+    assert (len(near.points_m), len(near.edges_m)) == (1, 0)
+    assert near.points_age_s.tolist() == [1.0]
+    with pytest.raises(ShapeError, match="ages"):
+        replace(points, points_age_s=np.zeros(3))
 
 
 def test_points_must_be_pairs() -> None:
