@@ -7,6 +7,7 @@ Each flight is a line of DIR/flights.jsonl, and those that are there are not flo
 
 height       of the body above the carpet, as it is flown by, root mean square
 turn, way    of dead reckoning from one frame to the next, where it followed the ground
+untracked    share of the time in which it has followed no ground for a second and longer
 drift        of the drone's place on the map, mean
 distance     to the nearest object nearer than 0.7 m, on the map less the true one, 95th percentile:
              so much further away than it is the map believes it
@@ -39,7 +40,11 @@ FLIGHTS = "flights.jsonl"
 SURVEY_S = 180
 FIRST_S = 15.0  # of the flight: the map begins
 NEAR_M = 0.7
-COLUMNS = ("height_m", "turn_rad", "way_m", "drift_m", "distance_m", "nearest_m", "passed_90s")
+UNTRACKED_S = 1.0
+COLUMNS = (
+    *("height_m", "turn_rad", "way_m", "untracked", "drift_m"),
+    *("distance_m", "nearest_m", "passed_90s"),
+)
 
 
 class ErrorLog:
@@ -55,6 +60,7 @@ class ErrorLog:
         self._height_m: list[float] = []
         self._turn_rad: list[float] = []
         self._way_m: list[float] = []
+        self._untracked: list[bool] = []
         self._drift_m: list[float] = []
         self._distance_m: list[float] = []
 
@@ -71,6 +77,7 @@ class ErrorLog:
             return
         self._height_m.append(state.height_above_carpet_m - pose.z_m)
         self._add_step(motion)
+        self._untracked.append(motion.untracked_s > UNTRACKED_S)
         believed = placement.pose_to_world(site_map.pose)
         self._drift_m.append(math.hypot(believed.x_m - pose.x_m, believed.y_m - pose.y_m))
         true_m = nearest_object_m(self._ground, pose)
@@ -96,6 +103,7 @@ class ErrorLog:
             "height_m": _rms(self._height_m),
             "turn_rad": _rms(self._turn_rad),
             "way_m": _rms(self._way_m),
+            "untracked": float(np.mean(self._untracked)) if self._untracked else None,
             "drift_m": float(np.mean(self._drift_m)) if self._drift_m else None,
             "distance_m": float(np.percentile(self._distance_m, 95)) if self._distance_m else None,
         }
@@ -124,9 +132,10 @@ def fly(scene: str, seed: int, profile: str) -> dict[str, object]:
     """Fly the survey once and return its line."""
     text = explore_and_come_home(
         explore="""<RetryUntilSuccessful num_attempts="-1"><Fallback>
-            <Explore policy="coverage" gives_way="true"/>
-            <ForceFailure><Avoid policy="coverage" gives_way="true"/></ForceFailure>
-            </Fallback></RetryUntilSuccessful>""",
+            <Explore policy="coverage" looks_down="true" gives_way="true"/>
+            <ForceFailure>
+            <Avoid policy="coverage" looks_down="true" gives_way="true"/>
+            </ForceFailure></Fallback></RetryUntilSuccessful>""",
         explore_s=SURVEY_S,
         home='<ReturnToBase gives_way="true"/>',
         gimbal_deg=-42,
