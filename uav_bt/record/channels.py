@@ -170,6 +170,7 @@ class SiteMapNote:
     contradicted_s: float = 0.0
     restarts: int = 0
     full: bool = False
+    untracked_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

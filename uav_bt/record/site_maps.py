@@ -49,6 +49,7 @@ def note_of(site_map: SiteMap) -> SiteMapNote:
         contradicted_s=site_map.contradicted_s,
         restarts=site_map.restarts,
         full=site_map.full,
+        untracked_s=site_map.untracked_s,
     )
 
 
@@ -93,6 +94,7 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
         contradicted_s=note.contradicted_s,
         restarts=note.restarts,
         full=note.full,
+        untracked_s=note.untracked_s,
     )
 
 

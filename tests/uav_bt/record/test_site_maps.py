@@ -58,6 +58,7 @@ def site_map() -> SiteMap:
         contradicted_s=0.5,
         restarts=2,
         full=True,
+        untracked_s=math.inf,  # no ground was ever followed
     )
 
 
@@ -84,6 +85,7 @@ def test_a_map_comes_back() -> None:
     ):
         assert getattr(back, name) == getattr(kept, name), name
     assert (back.contradicted_s, back.restarts, back.full) == (0.5, 2, True)
+    assert back.untracked_s == math.inf
 
 
 def test_a_map_is_small() -> None:
