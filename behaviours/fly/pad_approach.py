@@ -6,7 +6,6 @@ import enum
 import math
 from dataclasses import dataclass
 
-from behaviours.fly.ground_pointing import pitch_showing_ground
 from behaviours.fly.heading import HeadingController
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.fly.tried_sides import TriedSides
@@ -121,10 +120,8 @@ class PadApproach:
     def pitch_rad(self) -> float:
         """Return the camera's pitch for the phase."""
         fix, state = self._leaf.read(HELIPAD).value, self._leaf.state()
-        if self._by_policy or fix is None or state is None:
+        if self._phase is _Phase.DETOUR or self._by_policy or fix is None or state is None:
             return self._flight_rad
-        if self._phase is _Phase.DETOUR:
-            return pitch_showing_ground(self._leaf, self._flight_rad)
         obstacles, now_s = self._leaf.read(OBSTACLES).value, self._leaf.clock.now()
         return self._pointing.pitch_rad(
             fix, obstacles, state, flight_rad=self._flight_rad, now_s=now_s

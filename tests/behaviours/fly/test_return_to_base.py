@@ -20,17 +20,19 @@ from tests.behaviours.leaf_world import (
     steering_bench,
 )
 from tests.behaviours.path.test_survey import drawn_map, where
-from uav_bt.board import HELIPAD, OBSTACLES, PHASE, SITE_MAP, STATE
+from uav_bt.board import HELIPAD, OBSTACLES, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
+    BodyVelocity,
     GimbalTo,
     HelipadFix,
     MoveBy,
     ObstaclePoints,
     Velocity,
 )
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
 
 SEARCH_GIMBAL = GimbalTo(pitch_rad=math.radians(-30))
@@ -282,6 +284,27 @@ def test_a_policy_that_judges_the_approach_searches_as_well() -> None:
     fly(bench, site_map=marked(1.6, 0.0), seconds=0.3)
 
     assert isinstance(bench.proposed, MoveBy)
+
+
+@pytest.mark.parametrize("approach", ["policy", "memory"])
+def test_at_the_edge_the_camera_is_lowered_where_the_map_leads_not_under_a_policy(
+    approach: str,
+) -> None:
+    """A student knows views of one pitch; lowered, a view shows it carpet where the edge is."""
+    bench = steering_bench(ReturnToBase, Says(ADVANCE), gimbal_deg=-30.0, approach=approach)
+    edge = replace(
+        drawn_map(pose=(0.0, 1.8, math.pi / 2), passed=None),
+        seen_s=np.where(where("left"), -math.inf, drawn_map().seen_s).astype(np.float32),
+    )
+    here = OdometryPose(x_m=0.0, y_m=1.8, yaw_rad=math.pi / 2, time_s=0.0)
+    bench.board[ODOMETRY] = MotionEstimate(
+        pose=here, seen=here, velocity=BodyVelocity(), error=BodyVelocity(), tracked_s=0.0
+    )
+    bench.allow_stale()
+    for _ in range(2):
+        fly(bench, site_map=edge, yaw_rad=math.pi / 2)
+    lowered = bench.pointed != SEARCH_GIMBAL
+    assert lowered == (approach == "memory")
 
 
 class WithoutMap(ReturnToBase):
