@@ -15,7 +15,7 @@ LOOKS_DOWN: Final = Port(
     "looks_down",
     bool,
     default=False,
-    doc="lower the camera where it would show little ground: dead reckoning follows the ground",
+    doc="lower the camera where, by the site map, it would show little ground to follow",
 )
 
 
@@ -30,5 +30,7 @@ def pitch_showing_ground(leaf: SteeringLeaf, flight_rad: float) -> float:
     camera, state = leaf.read(CAMERA).value, leaf.state()
     if site_map is None or motion is None or camera is None or state is None:
         return flight_rad
+    if site_map.movers:
+        return flight_rad  # what moves is to stay in view
     here = site_map.at(motion.pose)
     return ground_pitch_rad(here, camera, flight_rad, state.height_above_carpet_m)

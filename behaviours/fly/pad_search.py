@@ -114,10 +114,13 @@ class PadSearch:
         if self._to_scan_rad > 0.0:
             return self._config.scan_pitch_rad
         site_map, state = self._site_map(), self._leaf.state()
-        if site_map is None or state is None or not self._led:
-            return self._flight_rad  # a policy that judges views knows those of this pitch
+        if site_map is None or state is None:
+            return self._flight_rad
         mark = self._map.mark_of(site_map)
         if mark is None or self._map.aim is not Aim.MARK:
+            # A policy knows views of one pitch, and a view was chosen for what it shows at that.
+            if not self._led or self._map.looks:
+                return self._flight_rad
             return pitch_showing_ground(self._leaf, self._flight_rad)
         range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
         above_m = max(state.height_above_carpet_m - PAD_HEIGHT_M, 0.0)

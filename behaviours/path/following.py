@@ -44,7 +44,7 @@ def around(
     *,
     same_m: float = 0.25,
     least: int = 3,
-    unmapped_s: float = 3.0,
+    unmapped_s: float = math.inf,
 ) -> Lately:
     """Return what was seen lately around the drone and is not on the map.
 
@@ -56,16 +56,14 @@ def around(
         site_map: as it is known now.
         same_m: what the map shows so near to a point is that point.
         least: fewer points of obstacles so near to each other are a network's error.
-        unmapped_s: what stands on ground that was seen is on the map so soon; where it is not, it
-            was seen from a wrong place, or is a network's error.
+        unmapped_s: what was seen last so long ago, on ground that the map has seen and without
+            being on the map since, does not count.
     """
     if obstacles is None:
         return Lately()
     to_map = site_map.pose.points_to_world
-    points_m = _not_refuted(
-        site_map, to_map(obstacles.points_m), obstacles.points_age_s, unmapped_s
-    )
-    edges_m = _not_refuted(site_map, to_map(obstacles.edges_m), obstacles.edges_age_s, unmapped_s)
+    points_m = _believed(site_map, to_map(obstacles.points_m), obstacles.points_age_s, unmapped_s)
+    edges_m = _believed(site_map, to_map(obstacles.edges_m), obstacles.edges_age_s, unmapped_s)
     new_m = _far_from(site_map.obstacles_m, points_m, same_m)
     alike = np.linalg.norm(new_m[:, None] - new_m, axis=-1) < same_m
     return Lately(
@@ -75,8 +73,8 @@ def around(
     )
 
 
-def _not_refuted(site_map: SiteMap, places_m: Floats, age_s: Floats, unmapped_s: float) -> Floats:
-    """Return the places that are new, or not on ground that was seen."""
+def _believed(site_map: SiteMap, places_m: Floats, age_s: Floats, unmapped_s: float) -> Floats:
+    """Return the places that were seen lately, or are not on ground that the map has seen."""
     if not len(age_s):
         return places_m
     return places_m[(age_s <= unmapped_s) | ~site_map.lies_on(site_map.ground, places_m)]

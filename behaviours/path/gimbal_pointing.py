@@ -22,7 +22,7 @@ class GroundPointingConfig:
     """When the camera looks down, so that the odometry sees ground to follow."""
 
     down_rad: float = math.radians(-56)  # steeper, views are not matched to the map
-    far_m: float = 3.0  # ground further away is seen too flatly
+    far_heights: float = 2.0  # ground further away than so many heights is seen too flatly
     enough: float = 0.35  # of the image: with so much ground it stays as in flight,
     little: float = 0.15  # with so little it looks down as far as it may
 
@@ -36,6 +36,8 @@ def ground_share(
 ) -> float:
     """Return the share of an image that shows what may be ground: near, and not beyond its edge.
 
+    Places beyond what the map holds are no ground; unknown cells of it may be.
+
     Args:
         site_map: with the drone where it is now.
         camera: intrinsics at any size.
@@ -48,8 +50,9 @@ def ground_share(
     pixels = np.stack(
         np.meshgrid((camera.width_px - 1) * across, (camera.height_px - 1) * down), axis=-1
     ).reshape(-1, 2)
-    shown_m = ground_points(pixels, camera, pitch_rad, max(height_m, 0.05))
-    near = np.hypot(*shown_m.T) <= config.far_m
+    height_m = max(height_m, 0.05)
+    shown_m = ground_points(pixels, camera, pitch_rad, height_m)
+    near = np.hypot(*shown_m.T) <= config.far_heights * height_m
     lens_m = np.array([camera.forward_offset_m, 0.0])
     places_m = site_map.pose.points_to_world(shown_m + lens_m)
     return float(np.mean(near & site_map.lies_on(~site_map.outside, places_m)))
@@ -74,6 +77,8 @@ def ground_pitch_rad(
     config = config or GroundPointingConfig()
     share = ground_share(site_map, camera, flight_rad, height_m, config)
     lowest_rad = min(config.down_rad, flight_rad)
+    if ground_share(site_map, camera, lowest_rad, height_m, config) < share:
+        return flight_rad  # from beyond the edge the ground lies further away
     return float(np.interp(share, (config.little, config.enough), (lowest_rad, flight_rad)))
 
 

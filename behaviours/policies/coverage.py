@@ -31,6 +31,8 @@ class CoverageConfig:
     blind_s: float = 2.0
     little_ground: float = 0.15  # of the image: with less it looks beyond the edge
     around_m: float = 2.0  # of the drone: ground to turn to
+    # Seen from where a drone that had lost the ground believed to be, a box bars a way for ever.
+    unmapped_s: float = 3.0
     follow: FollowConfig = field(default_factory=FollowConfig)
 
 
@@ -75,11 +77,13 @@ class Coverage:
         shown = ground_share(
             site_map, view.camera, view.gimbal_pitch_rad, view.height_above_carpet_m
         )
-        if site_map.untracked_s > cfg.blind_s and shown < cfg.little_ground:
+        unseen_s = site_map.captured_s - site_map.ground_s
+        little = shown < cfg.little_ground or unseen_s > cfg.blind_s
+        if site_map.untracked_s > cfg.blind_s and little:
             return Decision(
                 forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
             )
-        lately = around(view.obstacles, site_map)
+        lately = around(view.obstacles, site_map, unmapped_s=cfg.unmapped_s)
         rooms = Rooms(site_map, lately, cfg.margins, past_assumed=True)
         room = rooms[Width.ORDINARY]
         leg = best_leg(room, cfg.survey, self._value)

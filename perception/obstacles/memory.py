@@ -68,6 +68,7 @@ class ObstacleMemory:
         self._odometry = CarpetOdometry()
         self._points = np.empty((0, 2))  # odometry frame
         self._until_s = np.empty(0)
+        self._seen_s = np.empty(0)
         self._kinds = np.empty(0, dtype=np.int8)
         self._newest_s = -np.inf
         self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
@@ -150,15 +151,14 @@ class ObstacleMemory:
         pose = self._odometry.now
         if pose is None:
             return ObstaclePoints(points_m=np.empty((0, 2)), captured_s=self._newest_s)
-        local, cfg = pose.points_to_body(self._points), self._config
-        left_s = self._until_s - pose.time_s
+        local, age_s = pose.points_to_body(self._points), pose.time_s - self._seen_s
         is_base, is_edge = self._kinds == _Kind.BASE, self._kinds == _Kind.EDGE
         return ObstaclePoints(
             points_m=local[is_base],
             assumed_m=local[self._kinds == _Kind.ASSUMED],
             edges_m=local[is_edge],
-            points_age_s=cfg.max_age_s - left_s[is_base],
-            edges_age_s=cfg.edge_age_s - left_s[is_edge],
+            points_age_s=age_s[is_base],
+            edges_age_s=age_s[is_edge],
             captured_s=self._newest_s,
             unplaced_rad=_wrapped(self._unplaced_rad - pose.yaw_rad),
             unplaced_edges_rad=_wrapped(self._unplaced_edges_rad - pose.yaw_rad),
@@ -215,7 +215,7 @@ class ObstacleMemory:
 
     def _keep(self, which: NDArray[np.bool_]) -> None:
         self._points, self._until_s = self._points[which], self._until_s[which]
-        self._kinds = self._kinds[which]
+        self._seen_s, self._kinds = self._seen_s[which], self._kinds[which]
 
     def _unexplained(
         self, hidden: NDArray[np.float64], pose: Pose2D, kind: _Kind, until_s: float
@@ -245,13 +245,14 @@ class ObstacleMemory:
         # `unique` keeps the first of a cell: of one kind the newest.
         merged = np.vstack([points, self._points])
         expiries = np.concatenate([np.full(len(points), until_s), self._until_s])
+        seen_s = np.concatenate([np.full(len(points), self._newest_s), self._seen_s])
         kinds = np.concatenate([np.full(len(points), kind, dtype=np.int8), self._kinds])
         order = np.lexsort((-expiries, kinds))
         cells = np.floor(merged[order] / self._config.cell_m).astype(np.int64)
         _, first = np.unique((cells[:, 0] << 32) + cells[:, 1], return_index=True)
         chosen = order[first]
         self._points, self._until_s = merged[chosen], expiries[chosen]
-        self._kinds = kinds[chosen]
+        self._seen_s, self._kinds = seen_s[chosen], kinds[chosen]
 
 
 def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -43,14 +43,16 @@ def test_what_is_not_on_the_map_counts_from_where_the_drone_is() -> None:
 def test_what_the_map_does_not_show_on_its_ground_counts_for_a_while(
     *, age_s: float, counts: bool
 ) -> None:
-    """It was seen from a wrong place: views since then have not put it on the map."""
+    """For planning; it may have been seen from a wrong place."""
     old = replace(
         seen(BOX, BOX), points_age_s=np.full(len(BOX), age_s), edges_age_s=np.full(len(BOX), age_s)
     )
-    lately = around(old, drawn_map())
+    lately = around(old, drawn_map(), unmapped_s=3.0)
     assert (len(lately.seen_m) > 0, len(lately.edges_m) > 0) == (counts, counts)
     nothing = np.zeros((61, 61), dtype=bool)
-    assert len(around(old, drawn_map(known=nothing)).seen_m) == len(BOX)  # nobody saw the ground
+    unseen = around(old, drawn_map(known=nothing), unmapped_s=3.0)
+    assert len(unseen.seen_m) == len(BOX)  # nobody saw the ground
+    assert len(around(old, drawn_map()).seen_m) == len(BOX)  # what pushes away counts as before
 
 
 def test_single_points_are_no_obstacle() -> None:

@@ -76,3 +76,16 @@ def test_at_the_edge_it_looks_down_to_the_ground_before_it(yaw_deg: float) -> No
 def test_a_camera_that_looks_down_further_in_flight_stays() -> None:
     edge = drawn_map(pose=(0.0, 1.8, math.radians(90)))
     assert ground_pitch_rad(edge, CAMERA, math.radians(-70), 1.5) == math.radians(-70)
+
+
+def test_beyond_the_edge_it_looks_ahead_to_the_ground() -> None:
+    """It lies further away than the lowered camera shows."""
+    beyond = drawn_map(pose=(0.0, 4.0, math.radians(-90)))
+    assert ground_share(beyond, CAMERA, FLIGHT_RAD, 1.5) < 0.35
+    assert ground_pitch_rad(beyond, CAMERA, FLIGHT_RAD, 1.5) == FLIGHT_RAD
+
+
+@pytest.mark.parametrize("height_m", [0.8, 1.5])
+def test_in_the_open_it_looks_ahead_at_any_height(height_m: float) -> None:
+    inside = drawn_map(pose=(-1.8, 0.0, 0.0))
+    assert ground_pitch_rad(inside, CAMERA, FLIGHT_RAD, height_m) == FLIGHT_RAD

@@ -87,6 +87,12 @@ def test_where_ground_is_in_view_that_cannot_be_followed_it_flies_on() -> None:
     assert decide(replace(drawn_map(), untracked_s=20.0)).reason != "turns to the ground"
 
 
+def test_where_no_ground_is_seen_though_the_map_has_some_there_it_turns_back() -> None:
+    """The drone is not where it believes to be."""
+    lost = replace(drawn_map(), captured_s=4.0, untracked_s=3.0)
+    assert decide(lost).reason == "turns to the ground"
+
+
 def test_facing_new_ground_it_flies() -> None:
     decision = decide(drawn_map(passed=where("left"), pose=(0.0, -0.2, math.pi / 2)))
     assert decision.speed_mps is not None

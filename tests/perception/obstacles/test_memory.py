@@ -474,3 +474,15 @@ def test_all_can_be_forgotten() -> None:
     assert not len(after.points_m)
     assert not len(after.edges_m)
     assert memory.motion is not None
+
+
+def test_a_shorter_life_makes_nothing_older() -> None:
+    """What may move is soon forgotten, and was seen lately all the same."""
+    memory = ObstacleMemory()
+    memory.predict(state(0.0))
+    look(memory, draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    memory.forget_by(2.5, np.array([[2.2, 0.0, 1.0]]))
+    memory.predict(state(1.0))
+    assert np.allclose(memory.points().points_age_s, 1.0)
+    memory.predict(state(2.6))
+    assert not len(memory.points().points_m)
