@@ -23,7 +23,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from mission_text import explore_and_come_home
+from mission_text import cover_or_turn, explore_and_come_home
 
 from uav_bt import app
 from uav_bt.app.assembly import Flight
@@ -131,11 +131,7 @@ def nearest_object_m(ground: Ground, pose: Pose) -> float:
 def fly(scene: str, seed: int, profile: str) -> dict[str, object]:
     """Fly the survey once and return its line."""
     text = explore_and_come_home(
-        explore="""<RetryUntilSuccessful num_attempts="-1"><Fallback>
-            <Explore policy="coverage" looks_down="true" gives_way="true"/>
-            <ForceFailure>
-            <Avoid policy="coverage" looks_down="true" gives_way="true"/>
-            </ForceFailure></Fallback></RetryUntilSuccessful>""",
+        explore=cover_or_turn(),
         explore_s=SURVEY_S,
         home='<ReturnToBase gives_way="true"/>',
         gimbal_deg=-42,

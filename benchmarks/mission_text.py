@@ -3,6 +3,19 @@
 from __future__ import annotations
 
 
+def cover_or_turn(policy: str = "coverage", *, by_map: bool = True) -> str:
+    """Return the node that explores in `trees/survey_and_land.xml`.
+
+    Args:
+        policy: that chooses the way.
+        by_map: whether it flies by the site map.
+    """
+    ports = f'policy="{policy}"' + by_map * ' looks_down="true" gives_way="true"'
+    return f"""<RetryUntilSuccessful num_attempts="-1"><Fallback>
+        <Explore {ports}/><ForceFailure><Avoid {ports}/></ForceFailure>
+        </Fallback></RetryUntilSuccessful>"""
+
+
 def explore_and_come_home(
     *, explore: str, explore_s: int, home: str, gimbal_deg: int, memory: str = "RememberObstacles"
 ) -> str:

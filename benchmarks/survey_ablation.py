@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from mission_text import explore_and_come_home
+from mission_text import cover_or_turn, explore_and_come_home
 
 from behaviours.perceive.class_map import RememberObstacles
 from behaviours.policies.coverage import Coverage
@@ -81,14 +81,11 @@ class Variant:
 
     def tree(self) -> str:
         """Return the mission as the text of a tree file."""
-        yields = "false" if self.explore in {"segmentation", "random"} else "true"
+        by_map = self.explore not in {"segmentation", "random"}
         return explore_and_come_home(
-            explore=f"""<RetryUntilSuccessful num_attempts="-1"><Fallback>
-                <Explore policy="{self.explore}" gives_way="{yields}"/>
-                <ForceFailure><Avoid policy="{self.explore}" gives_way="{yields}"/></ForceFailure>
-                </Fallback></RetryUntilSuccessful>""",
+            explore=cover_or_turn(self.explore, by_map=by_map),
             explore_s=SURVEY_S,
-            home=f'<ReturnToBase gives_way="{yields}"/>',
+            home=f'<ReturnToBase gives_way="{"true" if by_map else "false"}"/>',
             gimbal_deg=-42 if self.explore != "segmentation" else -30,
             memory=self.memory,
         )

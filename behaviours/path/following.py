@@ -35,6 +35,9 @@ class FollowConfig:
     half_width_m: float = 0.5  # of the corridor
     reaction_s: float = 0.45  # from a frame to its effect
     brake_mps2: float = 0.8
+    # What was seen so long ago, on the map's ground, and is not on the map since bars no way: seen
+    # from where a drone that had lost the ground believed to be, it would bar one for ever.
+    unmapped_s: float = 3.0
     moving: MovingConfig = field(default_factory=MovingConfig)
 
 

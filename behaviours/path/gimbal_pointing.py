@@ -76,6 +76,8 @@ def ground_pitch_rad(
     """
     config = config or GroundPointingConfig()
     share = ground_share(site_map, camera, flight_rad, height_m, config)
+    if share >= config.enough:
+        return flight_rad
     lowest_rad = min(config.down_rad, flight_rad)
     if ground_share(site_map, camera, lowest_rad, height_m, config) < share:
         return flight_rad  # from beyond the edge the ground lies further away

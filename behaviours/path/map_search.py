@@ -36,7 +36,6 @@ class MapSearchConfig:
     at_view_m: float = 0.25
     kept: float = 0.4  # a view is flown to while it shows this share of what it showed at first
     doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
-    unmapped_s: float = 3.0  # what was seen so long ago, and is not on the map, bars no way
     margins: Margins = field(default_factory=Margins)
     follow: FollowConfig = field(default_factory=FollowConfig)
     view: ViewConfig = field(default_factory=ViewConfig)
@@ -113,7 +112,7 @@ class MapSearch:
             self._restarts, self._in_vain_m = site_map.restarts, np.empty((0, 2))
             self.pause()
         # Where there is no other way, it leads through where something moved, too.
-        lately = around(obstacles, site_map, unmapped_s=self.config.unmapped_s)
+        lately = around(obstacles, site_map, unmapped_s=self.config.follow.unmapped_s)
         rooms = Rooms(site_map, lately, self.config.margins, crossing=True)
         mark = self.mark_of(site_map)
         if mark is not None:

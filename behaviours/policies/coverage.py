@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.gimbal_pointing import ground_share
+from behaviours.path.gimbal_pointing import GroundPointingConfig, ground_share
 from behaviours.path.room import Floats, Margins, Rooms, Width
 from behaviours.path.survey import SurveyConfig, best_leg, new_ground_per_second
 from uav_bt.errors import MissionError
@@ -29,11 +29,9 @@ class CoverageConfig:
     doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
     # Looking beyond the edge for longer it drifts unnoticed: a turn over the outside takes less.
     blind_s: float = 2.0
-    little_ground: float = 0.15  # of the image: with less it looks beyond the edge
     around_m: float = 2.0  # of the drone: ground to turn to
-    # Seen from where a drone that had lost the ground believed to be, a box bars a way for ever.
-    unmapped_s: float = 3.0
     follow: FollowConfig = field(default_factory=FollowConfig)
+    pointing: GroundPointingConfig = field(default_factory=GroundPointingConfig)
 
 
 class Coverage:
@@ -74,16 +72,11 @@ class Coverage:
             return replace(turn, reason="no ground seen")
         if site_map.contradicted_s > cfg.doubted_s:
             return replace(turn, reason="the view contradicts the map")
-        shown = ground_share(
-            site_map, view.camera, view.gimbal_pitch_rad, view.height_above_carpet_m
-        )
-        unseen_s = site_map.captured_s - site_map.ground_s
-        little = shown < cfg.little_ground or unseen_s > cfg.blind_s
-        if site_map.untracked_s > cfg.blind_s and little:
+        if site_map.untracked_s > cfg.blind_s and self._sees_little_ground(view, site_map):
             return Decision(
                 forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
             )
-        lately = around(view.obstacles, site_map, unmapped_s=cfg.unmapped_s)
+        lately = around(view.obstacles, site_map, unmapped_s=cfg.follow.unmapped_s)
         rooms = Rooms(site_map, lately, cfg.margins, past_assumed=True)
         room = rooms[Width.ORDINARY]
         leg = best_leg(room, cfg.survey, self._value)
@@ -108,6 +101,14 @@ class Coverage:
             reason=reason,
         )
         return way or turn
+
+    def _sees_little_ground(self, view: PolicyView, site_map: SiteMap) -> bool:
+        cfg, pitch_rad = self.config, view.gimbal_pitch_rad
+        if site_map.captured_s - site_map.ground_s > cfg.blind_s:
+            return True
+        height_m = view.height_above_carpet_m
+        shown = ground_share(site_map, view.camera, pitch_rad, height_m, cfg.pointing)
+        return shown < cfg.pointing.little
 
 
 def _ground_rad(site_map: SiteMap, around_m: float) -> float | None:
