@@ -236,7 +236,8 @@ class ObstacleMemory:
             & (known_ranges <= limits[:, None])
             & (self._kinds == kind)
         )
-        self._until_s[explains.any(axis=0)] = until_s
+        is_there = explains.any(axis=0)
+        self._until_s[is_there], self._seen_s[is_there] = until_s, self._newest_s
         return np.asarray(bearings[~explains.any(axis=1)])
 
     def _add(self, points: NDArray[np.float64], until_s: float, kind: _Kind) -> None:

@@ -54,7 +54,8 @@ class ObstaclePoints:
     unplaced_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     # Bearings on which the carpet ends nearer than anything visible. (L,)
     unplaced_edges_rad: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    # How long ago points and edges were seen last, (N,) and (E,); empty: not known.
+    # How long ago points and edges, or what stands or ends there, were seen last, (N,) and (E,);
+    # empty: not known.
     points_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     edges_age_s: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 

@@ -333,6 +333,7 @@ def test_a_remembered_base_explains_the_near_box() -> None:
     assert len(found.points_m) > 5
     assert len(found.unplaced_rad) == 0
     assert found.nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M - 1.0, abs=0.06)
+    assert found.points_age_s[np.hypot(*found.points_m.T).argmin()] == 0.0  # the box is in view
 
 
 def test_the_pad_is_no_obstacle() -> None:
