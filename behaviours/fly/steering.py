@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from behaviours.fly.course import Course
 from behaviours.fly.ground_pointing import LOOKS_DOWN, pitch_showing_ground
-from behaviours.fly.heading import HeadingController
 from behaviours.fly.keeping_away import (
     KeepAwayConfig,
     by_the_map,
@@ -23,6 +23,7 @@ from behaviours.fly.keeping_away import (
 )
 from behaviours.fly.movement import MovingLeaf
 from behaviours.fly.mover import Progress
+from behaviours.fly.turn import Turn
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.stage_timer import StageTimer
 from uav_bt.board import (
@@ -60,7 +61,6 @@ class SteeringConfig:
     turn_back_rad: float = math.radians(4)  # a smaller overshoot of a turn is left
     settle_s: float = 0.2  # the airframe swings on after a turn and would deflect a step
     interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
-    course_s: float = 0.5  # for so long a speed and a heading are flown without a new decision
     climb_per_s: float = 0.8  # of the error in height, while it flies at a speed
     climb_mps: float = 0.25  # at most
     lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
@@ -92,9 +92,8 @@ class SteeringLeaf(MovingLeaf):
         self._advancing = False  # the movement under way, if any, is an advance
         self._step_ends_m = 0.0  # ahead, of the advance under way
         self._stepped_s = 0.0
-        self._heading = HeadingController()
-        self._course: tuple[float, float, float] | None = None  # yaw, speed, and decided when
-        self._forget_turn()
+        self._course = Course()
+        self._turn = Turn()
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the camera's pitch with the port `looks_down`, None to leave it as it is."""
@@ -141,20 +140,15 @@ class SteeringLeaf(MovingLeaf):
 
         Args:
             state: of the drone.
-            decision: with a speed; None without a new view, and the last one is flown on for a
-                while.
+            decision: with a speed; without a new view the last is flown on for a while.
         """
-        cfg, now_s, yaw_rad = self.steering, self.clock.now(), state.attitude.yaw_rad
-        if decision is not None and decision.speed_mps is not None:
-            if decision.speed_mps > 0.0:
-                self.write(HELD_TURN, HeldTurn())
-            self._course = (yaw_rad + decision.yaw_rad, decision.speed_mps, now_s)
-        if self._course is None or now_s - self._course[2] > cfg.course_s:
-            self._course = None
+        cfg, yaw_rad = self.steering, state.attitude.yaw_rad
+        if decision is not None and decision.speed_mps:
+            self.write(HELD_TURN, HeldTurn())
+        course = self._course.follow(decision, yaw_rad=yaw_rad, now_s=self.clock.now())
+        if course is None:
             return
-        goal_rad, speed_mps, _ = self._course
-        error_rad = math.remainder(goal_rad - yaw_rad, 2.0 * math.pi)
-        yaw_rate = self._heading.update(error_rad, now_s)
+        speed_mps, yaw_rate = course
         if speed_mps == 0.0:
             self.propose(self.turn_keeping_away(yaw_rate))
             return
@@ -228,24 +222,18 @@ class SteeringLeaf(MovingLeaf):
         """Drop movement and turn, and only use views captured once the airframe has settled."""
         self._mover.drop(self.clock.now())
         self._view_from_s = self.clock.now() + self.steering.settle_s
-        self._course = None
-        self._heading.reset()
-        self._forget_turn()
-
-    def _forget_turn(self) -> None:
-        self._turning = False
-        self._to_turn_rad = 0.0  # still to turn before a free view ends the turn
-        self._last_yaw_rad = math.nan
+        self._course.drop()
+        self._turn = Turn()
 
     @property
     def turning(self) -> bool:
         """True while a turn is under way."""
-        return self._turning
+        return self._turn.under_way
 
     @property
     def turn_is_complete(self) -> bool:
         """True when the drone has turned as far as the policy asked, or no turn is under way."""
-        return self._to_turn_rad <= 0.0
+        return self._turn.complete
 
     @property
     def held_turn(self) -> HeldTurn:
@@ -260,22 +248,15 @@ class SteeringLeaf(MovingLeaf):
             decision: the policy's on the present view, if there is one.
         """
         yaw_rad, held = state.attitude.yaw_rad, self.held_turn
-        if not self._turning:
+        if not self.turning:
             if decision is None or not decision.blocked:
                 return
-            self._turning = True
-            self._to_turn_rad = abs(decision.yaw_rad)
-            self._last_yaw_rad = yaw_rad
+            self._turn.begin(abs(decision.yaw_rad), yaw_rad=yaw_rad)
         direction = held.direction
         if direction == 0 and decision is not None:
             direction = 1 if decision.yaw_rad > 0.0 else -1
-        turned_rad = math.remainder(yaw_rad - self._last_yaw_rad, 2.0 * math.pi)
-        self._to_turn_rad -= direction * turned_rad
-        self._last_yaw_rad = yaw_rad
-        self.write(
-            HELD_TURN,
-            HeldTurn(direction=direction, turned_rad=held.turned_rad + abs(turned_rad)),
-        )
+        turned_rad = held.turned_rad + abs(self._turn.go_on(yaw_rad, direction))
+        self.write(HELD_TURN, HeldTurn(direction=direction, turned_rad=turned_rad))
         # Views captured while turning count at once: the direction is the same for all of them.
         self._view_from_s = -math.inf
         self.propose(self.turn_keeping_away(direction * self.steering.yaw_rate_radps))

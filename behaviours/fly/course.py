@@ -1,0 +1,52 @@
+"""A course: a heading and a speed, flown on between the decisions of a policy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from behaviours.fly.heading import HeadingController
+from uav_bt.protocols import Decision
+
+_LASTS_S: Final = 0.5  # for so long a course is flown without a new decision
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ordered:
+    yaw_rad: float
+    speed_mps: float
+    since_s: float
+
+
+class Course:
+    """Turns the decisions of a policy that flies at a speed into a speed and a yaw rate."""
+
+    def __init__(self) -> None:
+        self._heading = HeadingController()
+        self._ordered: _Ordered | None = None
+
+    def drop(self) -> None:
+        """Forget the course."""
+        self._ordered = None
+        self._heading.reset()
+
+    def follow(
+        self, decision: Decision | None, *, yaw_rad: float, now_s: float
+    ) -> tuple[float, float] | None:
+        """Return the speed, m/s, and the yaw rate, rad/s; None when no course is left.
+
+        Args:
+            decision: with a speed; None without a new view.
+            yaw_rad: of the drone.
+            now_s: of the mission clock.
+        """
+        if decision is not None and decision.speed_mps is not None:
+            self._ordered = _Ordered(
+                yaw_rad=yaw_rad + decision.yaw_rad, speed_mps=decision.speed_mps, since_s=now_s
+            )
+        if self._ordered is None or now_s - self._ordered.since_s > _LASTS_S:
+            self._ordered = None
+            return None
+        error_rad = math.remainder(self._ordered.yaw_rad - yaw_rad, 2.0 * math.pi)
+        return self._ordered.speed_mps, self._heading.update(error_rad, now_s)
