@@ -61,11 +61,6 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Let this control student (ONNX) fly in place of the tree's policies.",
 )
-@click.option(
-    "--exact-masks",
-    is_flag=True,
-    help="Let the teacher judge by exact masks; it knows the way better than a student has to.",
-)
 @seed_option()
 @image_size_option
 @policy_option
@@ -86,7 +81,6 @@ def collect(
     profiles: tuple[str, ...],
     layouts: bool,
     student: Path | None,
-    exact_masks: bool,
     seed: int,
     image_size: tuple[int, int],
     policies: dict[str, str],
@@ -114,7 +108,6 @@ def collect(
         seed=seed,
         policies=policies,
         image_size_px=image_size,
-        exact_masks=exact_masks,
     )
     folder = out or RUNS / f"collected-{Path(tree).stem}"
     with campaign_progress(len(plan)) as progress:

@@ -40,7 +40,6 @@ class CollectionPlan:
     seed: int = 0  # of lights, layouts and flights
     policies: Mapping[str, str] = field(default_factory=dict)  # by node
     image_size_px: tuple[int, int] = (640, 360)  # width, height
-    exact_masks: bool = False  # the teacher judges by the referee's masks, not by a network's
     timeout_s: float = 1800.0  # of one flight, wall time
 
     def __post_init__(self) -> None:
@@ -94,7 +93,6 @@ def collect(
             seed_from=plan.seed,
             profile=profile,
             image_size_px=plan.image_size_px,
-            exact_masks=plan.exact_masks,
             record=True,
             record_quality="small",
             timeout_s=plan.timeout_s,
