@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from sim_bridge.twin.render import Renderer  # noqa: E402  (after load_mujoco)
 _HULL_RADIUS_M = math.hypot(HULL_HALF_M[0], HULL_HALF_M[1])
 _MARGIN_M = 0.15  # of the hull to boxes, and of the body's centre to the carpet's edge
 _TRIES = 10_000
+_LOWERED_DEG = (-60.0, -31.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +111,7 @@ class _Light:
 
 
 def sample_flight_poses(
-    scene: Scene, generator: np.random.Generator, count: int
+    scene: Scene, generator: np.random.Generator, count: int, *, lowered: float = 0.0
 ) -> list[CameraPose]:
     """Draw camera poses like those of a flight.
 
@@ -121,11 +122,19 @@ def sample_flight_poses(
         scene: the lab; the drone's hull stays clear of its boxes.
         generator: where the randomness comes from.
         count: how many.
+        lowered: share of the six whose camera is lowered further, as at the carpet's edge.
 
     Raises:
         ValueRangeError: the boxes leave no room to fly.
     """
-    return [_sample_pose(scene, generator, landing=index % 7 == 6) for index in range(count)]
+    poses = [_sample_pose(scene, generator, landing=index % 7 == 6) for index in range(count)]
+    if lowered:  # drawn last, so that places and headings do not depend on it
+        chosen = generator.random(count) < lowered
+        pitches_rad = np.radians(generator.uniform(*_LOWERED_DEG, count))
+        for index in np.flatnonzero(chosen).tolist():
+            if index % 7 != 6:
+                poses[index] = replace(poses[index], pitch_rad=float(pitches_rad[index]))
+    return poses
 
 
 def _sample_pose(scene: Scene, generator: np.random.Generator, *, landing: bool) -> CameraPose:

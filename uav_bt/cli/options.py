@@ -195,6 +195,28 @@ def run_option(name: str, content: str) -> _Decorator:
     )
 
 
+def device_option() -> _Decorator:
+    """Return the option for the device that a network is trained on."""
+    return click.option(
+        "--device",
+        type=click.Choice(["cpu", "cuda"]),
+        default="cpu",
+        show_default=True,
+        help="Where PyTorch trains; 'cuda' needs a GPU and a PyTorch built for it.",
+    )
+
+
+def batch_option(default: int, what: str) -> _Decorator:
+    """Return the option for the size of a batch; `what` it is made of."""
+    return click.option(
+        "--batch",
+        type=WholeNumber(min=2),
+        default=default,
+        show_default=True,
+        help=f"{what} in a step.",
+    )
+
+
 def steps_option(default: int) -> _Decorator:
     """Return the option for the steps of a training."""
     return click.option(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
@@ -15,6 +15,8 @@ from uav_bt.cli.command import Command
 from uav_bt.cli.options import (
     INPUT,
     RUNS,
+    batch_option,
+    device_option,
     output_option,
     run_option,
     seed_option,
@@ -25,7 +27,7 @@ from uav_bt.cli.progress import progress_bars
 from uav_bt.cli.ranges import WholeNumber
 from uav_bt.learning.dataset import read_flights
 from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan, label_flights, label_views
-from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, ViewPlan, depth_views
+from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
 
 
 @click.command(cls=Command)
@@ -39,9 +41,11 @@ from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, ViewPlan, dept
     help="The teacher that makes the masks; the shipped one if not given.",
 )
 @run_option("segmentation", "masks and checkpoint")
-@views_option(875)
+@views_option(1500)
 @seed_option(1)
 @steps_option(4000)
+@batch_option(12, "Images")
+@device_option()
 @click.option(
     "--loss",
     type=click.Choice(["cross_entropy", "bce_dice"]),
@@ -66,6 +70,8 @@ def segmentation(
     views: int,
     seed: int,
     steps: int,
+    batch: int,
+    device: str,
     loss: str,
     workers: int,
 ) -> None:
@@ -82,8 +88,15 @@ def segmentation(
 
     teacher_path = SHIPPED_TEACHER if teacher_path is None else teacher_path
     load_teacher(teacher_path)  # refuses a damaged one now, and not in a worker later
-    plan = UNetPlan(views=ViewPlan(scenes=scenes or TRAINING_SCENES, views=views, seed=seed))
-    config = TrainingConfig(steps=steps, loss=loss)  # type: ignore[arg-type]  # click checked it
+    plan = UNetPlan()
+    drawn = replace(plan.views, scenes=scenes or TRAINING_SCENES, views=views, seed=seed)
+    plan = replace(plan, views=drawn)
+    config = TrainingConfig(
+        steps=steps,
+        batch=batch,
+        device=device,
+        loss=loss,  # type: ignore[arg-type]  # click checked it
+    )
     with progress_bars() as advance:
         masks = run / f"masks-{_fingerprint(plan, teacher_path)}"
         if flights:
@@ -140,6 +153,7 @@ def segmentation(
 )
 @seed_option()
 @steps_option(2500)
+@device_option()
 def depth(
     *,
     flights: tuple[Path, ...],
@@ -152,6 +166,7 @@ def depth(
     validate: bool,
     seed: int,
     steps: int,
+    device: str,
 ) -> None:
     """Train the depth network on flights, without the true depth.
 
@@ -166,6 +181,7 @@ def depth(
     config = DepthTrainingConfig(
         steps=steps,
         seed=seed,
+        device=device,
         pose=pose,  # type: ignore[arg-type]  # click checked it
         photometric=1.0 if photometric else 0.0,
         geometry=0.1 if photometric else 0.0,

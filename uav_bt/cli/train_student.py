@@ -13,6 +13,8 @@ from uav_bt.cli.options import (
     FOLDER,
     INPUT,
     RUNS,
+    batch_option,
+    device_option,
     output_option,
     records_argument,
     run_option,
@@ -72,9 +74,8 @@ from uav_bt.learning.dataset import read_advised_flights, split_records
 )
 @seed_option()
 @steps_option(6000)
-@click.option(
-    "--batch", type=WholeNumber(min=2), default=24, show_default=True, help="Windows in a step."
-)
+@batch_option(24, "Windows")
+@device_option()
 def student(
     *,
     records: tuple[Path, ...],
@@ -89,6 +90,7 @@ def student(
     seed: int,
     steps: int,
     batch: int,
+    device: str,
 ) -> None:
     """Train the control student on records of advised flights.
 
@@ -101,7 +103,11 @@ def student(
 
     net = ControlNetConfig(views=views, spacing_s=spacing_s)
     config = ControlTrainingConfig(
-        steps=steps, batch=batch, seed=seed, samples=SampleConfig(near_weight=near_weight)
+        steps=steps,
+        batch=batch,
+        seed=seed,
+        samples=SampleConfig(near_weight=near_weight),
+        device=device,
     )
     kept = views_kept or run / "views"
     learnt, others = split_records(records, held_out)

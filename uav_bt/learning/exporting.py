@@ -27,7 +27,9 @@ NETWORKS: Final[dict[Network, NetworkFiles[Any]]] = {
     "student": STUDENT_FILES,
 }
 
-CALIBRATION_VIEWS: Final = ViewPlan(views=50, size_px=(640, 360), truth_size_px=(32, 18), seed=5)
+CALIBRATION_VIEWS: Final = ViewPlan(
+    views=50, size_px=(640, 360), lowered=0.25, truth_size_px=(32, 18), seed=5
+)
 """What shows which values a network meets: 200 images of the training scenes."""
 
 

@@ -12,6 +12,7 @@ from typing import Final
 import cv2
 import numpy as np
 
+from perception.networks.onnx_runtime import shrunk
 from perception.networks.weights_file import SHIPPED_WEIGHTS
 from perception.odometry.camera_track import shrink
 from perception.segmentation.clean import RefineConfig
@@ -26,6 +27,8 @@ from uav_bt.record.footage import flight_record, footage
 from uav_bt.record.moment import StoredFrame
 
 SHIPPED_TEACHER: Final = SHIPPED_WEIGHTS / "teacher.safetensors"
+
+_PART: Final = 100  # images that are labelled at a time
 
 
 # --- training -------------------------------------------------------------------------------------
@@ -96,7 +99,11 @@ def train_teacher_on_photographs(picks_path: Path, folder: Path, config: Teacher
 class UNetPlan:
     """What the segmentation U-Net learns from: the teacher's masks, never the exact ids."""
 
-    views: ViewPlan = field(default_factory=lambda: ViewPlan(views=875, seed=1))  # 3,500 in all
+    # As the teacher gets them.
+    views: ViewPlan = field(default_factory=lambda: ViewPlan(views=1500, lowered=0.25, seed=1))
+    # The network gets a flight's frames from the same places, degraded by these profiles in turn.
+    frame_size_px: tuple[int, int] = (640, 360)
+    profiles: tuple[str, ...] = ("lab", "harsh")
     refine: RefineConfig = field(default_factory=RefineConfig)
     size_px: tuple[int, int] = (224, 112)  # of the labels and of the images the net sees
 
@@ -109,42 +116,69 @@ def label_views(
     workers: int = 1,
     advance: Advance = silent,
 ) -> tuple[Image, Image]:
-    """Let the teacher label the plan's images; scenes already done in the folder are kept.
+    """Let the teacher label the plan's images; parts already done in the folder are kept.
 
     Args:
         teacher_path: the teacher's weights.
         plan: which images.
-        folder: where each scene's result is kept, so that a broken-off run goes on.
-        workers: processes; scenes are shared out among them.
-        advance: called when a scene is done.
+        folder: where each part's result is kept, so that a broken-off run goes on.
+        workers: processes; parts are shared out among them.
+        advance: called when a part is done.
 
     Returns:
         Images (N, h, w, 3) and the teacher's ids (N, h, w).
     """
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / f"labels-{Path(name).stem}.npz" for name in plan.views.scenes]
-    todo = [number for number, file in enumerate(files) if not file.is_file()]
-    advance("labels", len(files) - len(todo), len(files))
+    parts = {folder / f"labels-{name}.npz": views for name, views in _parts(plan.views)}
+    todo = {file: views for file, views in parts.items() if not file.is_file()}
+    advance("labels", len(parts) - len(todo), len(parts))
     # Not forked: a forked OpenGL context draws nothing.
     with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
         jobs = [
-            pool.submit(_label_scene, teacher_path, plan, plan.views.scenes[number], files[number])
-            for number in todo
+            pool.submit(_label, teacher_path, replace(plan, views=views), file)
+            for file, views in todo.items()
         ]
-        for done, job in enumerate(as_completed(jobs), start=len(files) - len(todo) + 1):
+        for done, job in enumerate(as_completed(jobs), start=len(parts) - len(todo) + 1):
             job.result()
-            advance("labels", done, len(files))
-    parts = [_kept_labels(file) for file in files]
-    return np.concatenate([rgb for rgb, _ in parts]), np.concatenate([ids for _, ids in parts])
+            advance("labels", done, len(parts))
+    labelled = [_kept_labels(file) for file in parts]
+    return np.concatenate([rgb for rgb, _ in labelled]), np.concatenate(
+        [ids for _, ids in labelled]
+    )
 
 
-def _label_scene(teacher_path: Path, plan: UNetPlan, scene: str, file: Path) -> None:
+def _parts(views: ViewPlan) -> Iterator[tuple[str, ViewPlan]]:
+    """Yield a plan in parts of one scene each: their names, and their plans."""
+    for scene in views.scenes:
+        for number, first in enumerate(range(0, views.views, _PART)):
+            part = replace(
+                views,
+                scenes=(scene,),
+                views=min(_PART, views.views - first),
+                seed=(views.seed << 16) + number,
+            )
+            yield f"{Path(scene).stem}-{number}", part
+
+
+def _label(teacher_path: Path, plan: UNetPlan, file: Path) -> None:
+    """Label the images of a part."""
     teacher = load_teacher(teacher_path)
-    rgbs, labels = [], []
-    for _, image, _ in twin_views(replace(plan.views, scenes=(scene,), truth_size_px=(32, 18))):
-        ids = teacher.refined_ids(teacher.resized(image), plan.refine)
-        rgbs.append(cv2.resize(image, plan.size_px, interpolation=cv2.INTER_AREA))
-        labels.append(cv2.resize(ids, plan.size_px, interpolation=cv2.INTER_NEAREST_EXACT))
+    views = replace(plan.views, truth_size_px=(32, 18))
+    labels = [
+        cv2.resize(
+            teacher.refined_ids(teacher.resized(image), plan.refine),
+            plan.size_px,
+            interpolation=cv2.INTER_NEAREST_EXACT,
+        )
+        for _, image, _ in twin_views(views)
+    ]
+    frames = [
+        [shrunk(image, plan.size_px) for _, image, _ in twin_views(degraded)]
+        for degraded in (
+            replace(views, size_px=plan.frame_size_px, profile=profile) for profile in plan.profiles
+        )
+    ]
+    rgbs = [frames[number % len(frames)][number] for number in range(len(labels))]
     with whole_file(file) as partial, partial.open("wb") as out:
         np.savez_compressed(out, rgb=np.stack(rgbs), ids=np.stack(labels))
 

@@ -52,6 +52,7 @@ class ViewPlan:
     truth_size_px: tuple[int, int] | None = None  # of the exact ids; the images' when None
     profile: str = "lab"  # whose noise, blur and exposure error the images get
     facing_pad: float = 0.25  # share that looks towards the helipad, which a random yaw rarely does
+    lowered: float = 0.0  # share whose camera is lowered, as near the carpet's edge
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -59,8 +60,9 @@ class ViewPlan:
             raise ValueRangeError(
                 f"images need a scene and a positive count, got {self.scenes}, {self.views}"
             )
-        if not 0.0 <= self.facing_pad <= 1.0:
-            raise ValueRangeError(f"facing_pad must lie within 0 and 1, got {self.facing_pad}")
+        for name in ("facing_pad", "lowered"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueRangeError(f"{name} must lie within 0 and 1, got {getattr(self, name)}")
 
 
 def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
@@ -81,7 +83,7 @@ def twin_views(plan: ViewPlan) -> Iterator[tuple[str, Image, Image]]:
             _towards(pose, scene.helipad.position_m, generator)
             if generator.random() < plan.facing_pad
             else pose
-            for pose in sample_flight_poses(scene, generator, plan.views)
+            for pose in sample_flight_poses(scene, generator, plan.views, lowered=plan.lowered)
         ]
         views = render_views(
             scene,

@@ -172,9 +172,14 @@ def train_control(
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         torch.manual_seed(int(rng.integers(2**31)))  # of the dropout
         batch = augmented(samples.draw(rng, config.batch), rng, config.augment)
-        prediction = net(_planes(batch.frames), torch.from_numpy(batch.state))
-        labels, turning = torch.from_numpy(batch.labels), torch.from_numpy(batch.turning)
-        return choice_loss(prediction, labels, turning), {}
+        frames, state, labels, turning = (
+            part.to(config.device)
+            for part in (
+                _planes(batch.frames),
+                *map(torch.from_numpy, (batch.state, batch.labels, batch.turning)),
+            )
+        )
+        return choice_loss(net(frames, state), labels, turning), {}
 
     return train(
         net,
@@ -195,8 +200,10 @@ def predict_control(net: ControlNet, batch: Batch) -> list[ControlEstimate]:
     """Return the network's estimates for the windows of a batch."""
     net.eval()
     with torch.inference_mode():
-        predictions: Tensor = net(_planes(batch.frames), torch.from_numpy(batch.state))
-    return [decode(prediction) for prediction in predictions.numpy()]
+        device = next(net.parameters()).device
+        state = torch.from_numpy(batch.state).to(device)
+        predictions: Tensor = net(_planes(batch.frames).to(device), state)
+    return [decode(prediction) for prediction in predictions.cpu().numpy()]
 
 
 def _planes(frames: NDArray[np.uint8]) -> Tensor:

@@ -51,8 +51,8 @@ def pixel_rays(intrinsics: Tensor, height: int, width: int) -> Tensor:
         (N, 3, H * W).
     """
     rows, columns = torch.meshgrid(
-        torch.arange(height, dtype=intrinsics.dtype),
-        torch.arange(width, dtype=intrinsics.dtype),
+        torch.arange(height, dtype=intrinsics.dtype, device=intrinsics.device),
+        torch.arange(width, dtype=intrinsics.dtype, device=intrinsics.device),
         indexing="ij",
     )
     fx, fy, cx, cy = (value[:, None] for value in intrinsics.unbind(dim=1))

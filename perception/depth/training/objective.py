@@ -26,22 +26,27 @@ class Batch:
 
     Args:
         clips: N of them, all with labels or all without.
+        device: where the tensors go.
     """
 
-    def __init__(self, clips: list[Clip]) -> None:
-        images = torch.from_numpy(np.stack([clip.images for clip in clips], axis=1))
-        self.images = images.flatten(0, 1).contiguous(memory_format=torch.channels_last)
-        self.motions = torch.from_numpy(np.stack([clip.motions for clip in clips], axis=1))
-        self.intrinsics = torch.from_numpy(np.stack([clip.intrinsics for clip in clips]))
-        self.labels = _stacked([clip.labels for clip in clips])
-        self.at_most = _stacked([clip.at_most for clip in clips])
+    def __init__(self, clips: list[Clip], device: str) -> None:
+        images = _stacked([clip.images for clip in clips], device).flatten(0, 1)
+        self.images = images.contiguous(memory_format=torch.channels_last)
+        self.motions = _stacked([clip.motions for clip in clips], device)
+        self.intrinsics = _stacked([clip.intrinsics for clip in clips], device, axis=0)
+        self.labels = _maps([clip.labels for clip in clips], device)
+        self.at_most = _maps([clip.at_most for clip in clips], device)
 
 
-def _stacked(maps: list[NDArray[np.float32] | None]) -> Tensor | None:
+def _stacked(arrays: list[NDArray[np.float32]], device: str, *, axis: int = 1) -> Tensor:
+    return torch.from_numpy(np.stack(arrays, axis=axis)).to(device)
+
+
+def _maps(maps: list[NDArray[np.float32] | None], device: str) -> Tensor | None:
     known = [each for each in maps if each is not None]
     if len(known) < len(maps):
         return None
-    return torch.from_numpy(np.stack(known, axis=1)).flatten(0, 1).unsqueeze(1)
+    return _stacked(known, device).flatten(0, 1).unsqueeze(1)
 
 
 def supervision_terms(batch: Batch, depth: Tensor) -> dict[str, Tensor]:

@@ -107,7 +107,7 @@ def train_depth(
     weights = asdict(config)
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
-        batch = Batch([draw(rng) for _ in range(config.batch)])
+        batch = Batch([draw(rng) for _ in range(config.batch)], config.device)
         depth = net(batch.images)
         terms = consistency_terms(batch, depth, pose) if config.compares_frames else {}
         terms |= supervision_terms(batch, depth)
@@ -150,6 +150,7 @@ def predict_depth(net: DepthNet, rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
         (N, H/2, W/2) float32.
     """
     planes = torch.from_numpy(np.ascontiguousarray(rgb.transpose(0, 3, 1, 2))).float().div_(255.0)
+    planes = planes.to(next(net.parameters()).device, memory_format=torch.channels_last)
     with torch.inference_mode():
-        depth = net(planes.contiguous(memory_format=torch.channels_last))
-    return np.asarray(depth[:, 0].numpy(), dtype=np.float32)
+        depth = net(planes)
+    return np.asarray(depth[:, 0].cpu().numpy(), dtype=np.float32)

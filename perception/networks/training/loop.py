@@ -40,6 +40,7 @@ class LoopConfig:
     average: float = 0.99  # decay of the running mean of the weights, which is what is kept
     seed: int = 0  # of the first weights, the order of the examples and their changes
     checkpoint_every: int = 200  # steps
+    device: str = "cpu"  # of PyTorch: `cpu` or `cuda`
 
     def __post_init__(self) -> None:
         if min(self.steps, self.batch, self.checkpoint_every) < 1 or self.learning_rate <= 0.0:
@@ -49,6 +50,11 @@ class LoopConfig:
             )
         if not 0.0 <= self.average < 1.0:
             raise ValueRangeError(f"average must lie within 0 and 1, got {self.average}")
+        if self.device == "cuda" and not torch.cuda.is_available():
+            raise ValueRangeError(
+                "device 'cuda' needs a GPU and a PyTorch built for it, and "
+                f"PyTorch {torch.__version__} finds none; train on 'cpu'"
+            )
 
     def learning_rate_factor(self, step: int) -> float:
         """Return the share of the peak learning rate at a step, counted from 0."""
@@ -91,7 +97,7 @@ def train(
 
     Args:
         net: learns, in place.
-        objective: draws a batch and computes its loss with `net`.
+        objective: draws a batch and computes its loss with `net`, on the device of the config.
         config: how to train.
         kind: of checkpoint; one of another kind is refused.
         about: the run's settings and data, as JSON values; a checkpoint of others is refused.
@@ -100,7 +106,7 @@ def train(
         progress: called after every step with the averaged network, in evaluation mode.
 
     Returns:
-        A copy of the network with the running mean of its weights, in evaluation mode.
+        A copy of the network with the running mean of its weights, in evaluation mode, on the CPU.
 
     Raises:
         WeightsError: the checkpoint is damaged or belongs to another run.
@@ -134,7 +140,7 @@ def train(
             terms={name: float(term.detach()) for name, term in terms.items()},
         )
         progress(now, run.averaged())
-    return run.averaged()
+    return run.averaged().cpu()
 
 
 class _Run(Generic[Net]):
@@ -146,6 +152,7 @@ class _Run(Generic[Net]):
         self._kind = kind
         self._about = about
         self.learners = nn.ModuleList([net] if beside is None else [net, beside])
+        self.learners.to(config.device)
         self.mean = AveragedModel(net, multi_avg_fn=_running_mean(config.average), use_buffers=True)
         rate = config.learning_rate
         groups = [{"params": list(self.learners.parameters()), "initial_lr": rate}]
@@ -192,7 +199,7 @@ def _running_mean(max_decay: float) -> Callable[[Any, Any, Any], None]:
 
 
 def _named_arrays(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, NDArray[Any]]:
-    return {f"{prefix}/{name}": tensor.detach().numpy() for name, tensor in tensors.items()}
+    return {f"{prefix}/{name}": tensor.detach().cpu().numpy() for name, tensor in tensors.items()}
 
 
 def _tensors_under(prefix: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:

@@ -199,7 +199,7 @@ def train_unet(
 
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         rgb, ids = _batch(images, rng, config)
-        return loss(net(rgb), ids, IGNORED), {}
+        return loss(net(rgb.to(config.device)), ids.to(config.device), IGNORED), {}
 
     return train(
         net,

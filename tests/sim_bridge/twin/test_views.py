@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,6 +34,20 @@ def test_sampled_poses_are_where_a_drone_could_be() -> None:
     assert np.median([pose.z_m for pose in ahead]) == pytest.approx(1.5, abs=0.03)
     down = [pose for pose in poses if pose.pitch_rad < math.radians(-54.0)]
     assert len(down) == 30
+
+
+def test_a_share_of_the_cameras_is_lowered_and_nothing_else_changes() -> None:
+    scene = load_scene("test-a")
+    ahead = sample_flight_poses(scene, np.random.default_rng(0), 210)
+    drawn = sample_flight_poses(scene, np.random.default_rng(0), 210, lowered=0.5)
+    lowered = 0
+    for index, (usual, pose) in enumerate(zip(ahead, drawn, strict=True)):
+        assert replace(pose, pitch_rad=usual.pitch_rad) == usual
+        if pose != usual:
+            assert index % 7 != 6, "a view of the landing"
+            assert math.radians(-60.0) <= pose.pitch_rad <= math.radians(-31.0)
+            lowered += 1
+    assert 70 < lowered < 110
 
 
 def test_views_repeat_and_vary_with_the_seed() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from http.server import HTTPServer
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,7 @@ from safetensors.numpy import load_file
 from perception.segmentation.teacher import load_teacher
 from tests.uav_bt.cli.cli_world import assert_refused, run
 from uav_bt.classes import CLASS_NAMES, GROUP_NAMES
-from uav_bt.learning.teacher import SHIPPED_TEACHER
-from uav_bt.learning.views import ViewPlan
+from uav_bt.learning.teacher import SHIPPED_TEACHER, UNetPlan
 
 ONE_SCENE = ("--scene", "train-a", "--views", 2)
 
@@ -120,7 +120,8 @@ def test_training_writes_both_files_and_goes_on_where_it_stopped(
     assert out.with_suffix(".onnx").is_file()
     (asked,) = masks
     assert asked[0] == SHIPPED_TEACHER
-    assert asked[1].views == ViewPlan(scenes=("train-a",), views=2, seed=5)
+    expected = replace(UNetPlan().views, scenes=("train-a",), views=2, seed=5)
+    assert asked[1].views == expected
     assert asked[2].parent == folder
 
     weights = load_file(out)
@@ -133,6 +134,17 @@ def test_training_writes_both_files_and_goes_on_where_it_stopped(
 
     longer = run(*command, "--steps", 3)
     assert_refused(longer, "checkpoint.safetensors", "other settings", "delete the file")
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="has a GPU")
+def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(
+    tmp_path: Path, masks: list[tuple[Any, ...]]
+) -> None:
+    folder = tmp_path / "run"
+    result = run("net", "train", "segmentation", "--device", "cuda", "--run", folder)
+    assert_refused(result, "'cuda' needs a GPU", "train on 'cpu'")
+    assert not masks
+    assert not folder.exists()
 
 
 def test_masks_of_another_plan_are_not_taken_for_these(

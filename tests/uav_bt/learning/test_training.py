@@ -19,7 +19,7 @@ from uav_bt.errors import FileError, UnknownNameError, ValueRangeError
 from uav_bt.learning import teacher as learning
 from uav_bt.learning.evaluation import evaluate_segmentation
 from uav_bt.learning.training import train_segmentation
-from uav_bt.learning.views import VALIDATION_SCENES, ViewPlan, twin_views
+from uav_bt.learning.views import VALIDATION_SCENES, Image, ViewPlan, twin_views
 
 SMALL = TeacherConfig(width_px=320, height_px=180, patch_px=11)
 PLAN = ViewPlan(scenes=("train-a", "train-b"), views=14, size_px=(320, 180))
@@ -83,7 +83,10 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
     weights = tmp_path / "teacher.safetensors"
     save_teacher(weights, teacher)
     plan = learning.UNetPlan(
-        views=replace(PLAN, views=3), refine=RefineConfig(rounds=1), size_px=(64, 32)
+        views=replace(PLAN, views=3),
+        frame_size_px=(160, 90),
+        refine=RefineConfig(rounds=1),
+        size_px=(64, 32),
     )
     told: list[tuple[str, int, int]] = []
     folder = tmp_path / "labels"
@@ -91,9 +94,9 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
     assert rgb.shape == (6, 32, 64, 3)
     assert ids.shape == (6, 32, 64)
     assert told[-1] == ("labels", 2, 2)
-    first = folder / "labels-train-a.npz"
+    first = folder / "labels-train-a-0.npz"
     made = first.stat().st_mtime_ns
-    (folder / "labels-train-b.npz").unlink()
+    (folder / "labels-train-b-0.npz").unlink()
     again, _ = learning.label_views(weights, plan, folder)
     np.testing.assert_array_equal(again, rgb)
     assert first.stat().st_mtime_ns == made
@@ -108,6 +111,33 @@ def test_labelling_keeps_what_is_done_and_training_writes_both_files(
     )
     assert steps == [1, 2]
     assert OnnxSegmenter(tmp_path / "unet.onnx").ids(rgb[0]).shape == (32, 64)
+
+
+def test_the_network_gets_frames_of_each_profile_in_turn_and_the_teachers_ids(
+    teacher: Teacher, tmp_path: Path
+) -> None:
+    weights = tmp_path / "teacher.safetensors"
+    save_teacher(weights, teacher)
+
+    def labelled(*profiles: str) -> tuple[Image, Image]:
+        plan = learning.UNetPlan(
+            views=replace(PLAN, scenes=("train-a",), views=3),
+            frame_size_px=(160, 90),
+            profiles=profiles,
+            refine=RefineConfig(rounds=1),
+            size_px=(64, 32),
+        )
+        return learning.label_views(weights, plan, tmp_path / "-".join(profiles))
+
+    (ideal, ids), (harsh, same), (both, _) = (
+        labelled("ideal"),
+        labelled("harsh"),
+        labelled("ideal", "harsh"),
+    )
+    np.testing.assert_array_equal(ids, same)
+    np.testing.assert_array_equal(both, [ideal[0], harsh[1], ideal[2]])
+    off = np.abs(harsh.astype(int) - ideal)
+    assert 1.0 < off.mean() < 20.0, "the same places, degraded"
 
 
 def test_the_teacher_learns_from_photographs_of_any_size(picks: list[Pick], tmp_path: Path) -> None:
