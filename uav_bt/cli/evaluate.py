@@ -23,13 +23,15 @@ from uav_bt.cli.depth_tables import depth_report
 from uav_bt.cli.options import (
     FOLDER,
     INPUT,
+    image_size_option,
     output_option,
+    profile_option,
     records_argument,
     seed_option,
     views_option,
 )
 from uav_bt.cli.progress import progress_bars
-from uav_bt.cli.ranges import WholeNumber
+from uav_bt.cli.ranges import Number, WholeNumber
 from uav_bt.files import writing
 from uav_bt.learning import evaluation
 from uav_bt.learning.dataset import read_advised_flights, records_of
@@ -53,6 +55,15 @@ _scores_option = output_option("--out", "Write the scores there too, as JSON.")
     type=INPUT,
     help="Class-mapping file of a foreign ONNX network.",
 )
+@click.option(
+    "--lowered",
+    type=Number(min=0.0, max=1.0),
+    default=0.0,
+    show_default=True,
+    help="Share of the images whose camera is lowered further, as at the carpet's edge.",
+)
+@image_size_option
+@profile_option
 @views_option(100)
 @seed_option(2)
 @_scores_option
@@ -60,6 +71,9 @@ def segmentation(
     *,
     model: str,
     classes: Path | None,
+    lowered: float,
+    image_size: tuple[int, int],
+    profile: str,
     scenes: tuple[str, ...],
     views: int,
     seed: int,
@@ -70,10 +84,18 @@ def segmentation(
     The score is the intersection over union over all pixels, by class and by navigation group.
     """
     segment = _segmenter(model, classes)
-    plan = ViewPlan(scenes=scenes or TESTING_SCENES, views=views, seed=seed)
+    plan = ViewPlan(
+        scenes=scenes or TESTING_SCENES,
+        views=views,
+        size_px=image_size,
+        profile=profile,
+        lowered=lowered,
+        seed=seed,
+    )
     with progress_bars() as advance:
         score = evaluation.evaluate_segmentation(segment, plan, advance=advance)
     result = {"model": model, "scenes": list(plan.scenes), "views": views, "seed": seed}
+    result |= {"image_size": list(image_size), "profile": profile, "lowered": lowered}
     result |= _figures(score)
     _show(result)
     _write(result, out)

@@ -41,7 +41,7 @@ from uav_bt.learning.views import TRAINING_SCENES, DepthViewPlan, depth_views
     help="The teacher that makes the masks; the shipped one if not given.",
 )
 @run_option("segmentation", "masks and checkpoint")
-@views_option(1500)
+@views_option(1200)
 @seed_option(1)
 @steps_option(4000)
 @batch_option(12, "Images")

@@ -100,7 +100,7 @@ class UNetPlan:
     """What the segmentation U-Net learns from: the teacher's masks, never the exact ids."""
 
     # As the teacher gets them.
-    views: ViewPlan = field(default_factory=lambda: ViewPlan(views=1500, lowered=0.25, seed=1))
+    views: ViewPlan = field(default_factory=lambda: ViewPlan(views=1200, lowered=0.25, seed=1))
     # The network gets a flight's frames from the same places, degraded by these profiles in turn.
     frame_size_px: tuple[int, int] = (640, 360)
     profiles: tuple[str, ...] = ("lab", "harsh")
