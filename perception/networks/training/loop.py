@@ -40,7 +40,7 @@ class LoopConfig:
     average: float = 0.99  # decay of the running mean of the weights, which is what is kept
     seed: int = 0  # of the first weights, the order of the examples and their changes
     checkpoint_every: int = 200  # steps
-    device: str = "cpu"  # of PyTorch: `cpu` or `cuda`
+    device: str = "cpu"  # of PyTorch: `cpu`, or `cuda`, where runs repeat but for rounding errors
 
     def __post_init__(self) -> None:
         if min(self.steps, self.batch, self.checkpoint_every) < 1 or self.learning_rate <= 0.0:
