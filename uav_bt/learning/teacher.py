@@ -141,10 +141,8 @@ def label_views(
         for done, job in enumerate(as_completed(jobs), start=len(parts) - len(todo) + 1):
             job.result()
             advance("labels", done, len(parts))
-    labelled = [_kept_labels(file) for file in parts]
-    return np.concatenate([rgb for rgb, _ in labelled]), np.concatenate(
-        [ids for _, ids in labelled]
-    )
+    rgb, ids = zip(*(_kept_labels(file) for file in parts), strict=True)
+    return np.concatenate(rgb), np.concatenate(ids)
 
 
 def _parts(views: ViewPlan) -> Iterator[tuple[str, ViewPlan]]:

@@ -172,13 +172,9 @@ def train_control(
     def objective(rng: np.random.Generator) -> tuple[Tensor, Mapping[str, Tensor]]:
         torch.manual_seed(int(rng.integers(2**31)))  # of the dropout
         batch = augmented(samples.draw(rng, config.batch), rng, config.augment)
-        frames, state, labels, turning = (
-            part.to(config.device)
-            for part in (
-                _planes(batch.frames),
-                *map(torch.from_numpy, (batch.state, batch.labels, batch.turning)),
-            )
-        )
+        numbers = map(torch.from_numpy, (batch.state, batch.labels, batch.turning))
+        state, labels, turning = (tensor.to(config.device) for tensor in numbers)
+        frames = _planes(batch.frames).to(config.device)
         return choice_loss(net(frames, state), labels, turning), {}
 
     return train(

@@ -136,10 +136,10 @@ def test_training_writes_both_files_and_goes_on_where_it_stopped(
     assert_refused(longer, "checkpoint.safetensors", "other settings", "delete the file")
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="has a GPU")
 def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(
-    tmp_path: Path, masks: list[tuple[Any, ...]]
+    tmp_path: Path, masks: list[tuple[Any, ...]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     folder = tmp_path / "run"
     result = run("net", "train", "segmentation", "--device", "cuda", "--run", folder)
     assert_refused(result, "'cuda' needs a GPU", "train on 'cpu'")
