@@ -1,10 +1,10 @@
 """Site files: what a place and its drone need, as YAML.
 
     # All of it may be left out.
-    flight_height_m: 1.2           # above the ground; replaces the height in the tree's TakeOff
+    flight_height_m: 1.2           # above the ground; replaces `height_m` of the tree's take-off
     take_off_surface_m: 0.4        # what it takes off from is so high above the ground
     camera: anafi-720p.yaml        # of `uav-bt lab calibrate`
-    network: {model: hall.onnx, classes: hall-classes.yaml}   # segments the images
+    network: {model: hall.onnx, classes: hall-classes.yaml}   # for all that segment
     ground: [carpet, background]   # which of the classes it may fly over and scale depth by
     limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
     battery: {take_off: 0.4, critical: 0.15}
