@@ -1,6 +1,6 @@
 """Nothing leaves the machine: no library reports its use or writes into the home folder.
 
-Each program runs in a process of its own: a report is sent when a library is imported.
+Each program runs in a new process: a report is sent when a library is imported.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def test_nobody_is_called_and_the_home_folder_stays_empty(program: str, tmp_path
                 "XDG_CACHE_HOME": str(home / ".cache"),
                 "XDG_CONFIG_HOME": str(home / ".config"),
                 "XDG_DATA_HOME": str(home / ".local/share"),
-                "MESA_SHADER_CACHE_DISABLE": "true",  # what a driver keeps there is no report
+                "MESA_SHADER_CACHE_DISABLE": "true",  # the driver's cache is not a report
                 "https_proxy": address,
                 "HTTPS_PROXY": address,
                 "PYTHONPATH": str(Path(__file__).parents[1]),

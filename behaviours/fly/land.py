@@ -17,7 +17,7 @@ from uav_bt.types import Land as LandCommand
 
 @dataclass(frozen=True, kw_only=True)
 class EmergencyLandConfig:
-    """Which views count, what a spot must hold, and when the drone is above it.
+    """Which views count, how large a spot is, and when the drone is above it.
 
     Attributes:
         pitch_slack_rad: deviation from straight down up to which a class map is used, radians.
@@ -69,8 +69,8 @@ class EmergencyLand(MovingLeaf):
 
     The surface is the ground or the top of the landing box, under the whole hull and a margin. For
     `look_s` the leaf waits for such a place. Then it takes a place that holds the hull without a
-    margin. Without one it lands where it is: to fly on over ground that it has not seen or cannot
-    recognise is no safer, and the reason for the emergency may be that it cannot fly any longer.
+    margin. Without one it lands where it is: unseen ground further on is not known to be safer, and
+    the drone may not be able to fly for longer.
     After a take-over it looks again.
     """
 

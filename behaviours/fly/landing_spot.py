@@ -1,8 +1,8 @@
 """Finds a place to land by a class map of a view straight down.
 
 A place is a disc that lies whole on one surface: on the ground, or on the top of the landing box.
-The two are at different heights, so each is measured in its own plane. Pixels outside the image
-are unknown and count as occupied.
+The two are at different heights, so each is measured in the plane of its surface. Pixels outside
+the image are unknown and count as occupied.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _pad_top(
         pad.shape[::-1],
         flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
     )
-    return pad & foot.astype(bool)
+    return np.asarray(pad & foot.astype(bool))
 
 
 def _nearest(

@@ -6,9 +6,9 @@
     carpet ends                 turn to the half with more carpet, as in the first level
     no depth                    turn on the spot and look again
 
-A step is the least of four: what the corridor leaves (metres, from the depth map), what the carpet
-leaves (metres, from the class map and the camera's geometry), what the memory of obstacles leaves
-(a forward-looking camera does not see what stands beside the drone), and the longest step.
+A step is the least of four lengths: the free corridor (from the depth map), the carpet ahead (from
+the class map and the camera's geometry), the way clear of remembered obstacles (a forward-looking
+camera does not see those beside the drone), and the longest step.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _RANGE_STEP_M = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorRuleConfig:
-    """How far steps go and what they keep clear of."""
+    """Lengths of steps, and the distances they keep."""
 
     longest_step_m: float = 1.0  # the paper's
     shortest_step_m: float = 0.3  # the first level's; less is not worth the stop

@@ -1,8 +1,8 @@
 """Imports the packages that run and quantise networks; none of them reports its use.
 
 OpenVINO and NNCF report through the package `openvino_telemetry`, which also writes an identifier
-into the home folder. Both do without it where it is not installed. ONNX Runtime, which NNCF runs
-for calibration, has a variable of its own (`Privacy.md` in its wheel).
+into the home folder. Both work without it where it is not installed. ONNX Runtime, which NNCF runs
+for calibration, reads the variable `ORT_DISABLE_TELEMETRY` (`Privacy.md` in its wheel).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def import_nncf() -> Any:
 
 
 def _switch_reports_off() -> None:
-    # An import of a module that is None here fails as if it were not installed.
+    # With this entry an import fails as if the package were not installed.
     sys.modules["openvino_telemetry"] = None  # type: ignore[assignment]
     os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 

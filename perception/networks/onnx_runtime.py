@@ -20,7 +20,7 @@ def read_model(path: Path, remedy: str) -> Any:
 
     Args:
         path: the ONNX file.
-        remedy: what makes the shipped one, for the message when there is no such file.
+        remedy: command that makes the shipped one, for the message when the file is absent.
 
     Raises:
         WeightsError: the file is absent or no network.
@@ -41,7 +41,7 @@ def compile_model(model: Any, threads: int) -> Any:
         threads: of inference.
 
     Raises:
-        ValueRangeError: there is no thread.
+        ValueRangeError: `threads` is less than 1.
     """
     if threads < 1:
         raise ValueRangeError(f"inference needs at least one thread, got {threads}")
@@ -117,7 +117,7 @@ def accept_uint8(
 
 
 def class_numbers(model: Any) -> Any:
-    """Let a network of class scores, 1xCxHxW, say what they mean: less leaves it, and sooner.
+    """Add the choice of the best class to a network of class scores, 1xCxHxW: it is faster there.
 
     Returns:
         The network with two outputs: the best class's number, 1x1xHxW int32 (the first of equals),
@@ -138,9 +138,9 @@ def class_numbers(model: Any) -> Any:
 def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:
     """Return an image resized (never cropped) to the width and height of a network's input.
 
-    Each pixel is the mean of what it covers, to less than a grey level: a mean over a whole number
-    of pixels, then what lies between two of them. OpenCV's exact one takes three times as long
-    where the sizes do not divide.
+    Each pixel is the mean of the area that it covers, to less than a grey level: first a mean over
+    a whole number of pixels, then linear interpolation. OpenCV's `INTER_AREA` takes three times as
+    long where the sizes do not divide.
     """
     if rgb.shape[1::-1] == size_px:
         return rgb

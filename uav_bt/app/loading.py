@@ -19,7 +19,7 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.shipped import resolve_tree
 
 Mission = str | Path | MissionTree
-"""A mission as it is given: a shipped one's name, a tree file, a tree, or a tree file's text.
+"""A mission: a shipped one's name, a tree file, a tree, or a tree file's text.
 
 A text is a `str` whose first character, blanks aside, is `<`.
 """
@@ -43,7 +43,7 @@ def load_mission(
     replaced: Mapping[str, Mapping[str, str]] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
-    """Load a tree with what options and site replace in it.
+    """Load a tree with the values that options and site replace in it.
 
     Args:
         tree: the mission.
@@ -54,9 +54,9 @@ def load_mission(
 
     Raises:
         TreeError: the file was refused, or a policy is unknown.
-        FileError: there is no such file or folder.
-        InputError: it is no mission, a tree that was set up before, or one whose leaves cannot take
-            a setting of the site.
+        FileError: the file or folder does not exist.
+        InputError: `tree` is not a mission or was set up before, or its leaves cannot take a
+            setting of the site.
     """
     overrides = {node: dict(given) for node, given in (replaced or {}).items()}
     for node, policy in options.policy_names.items():
@@ -111,7 +111,7 @@ def _site_values(site: Site | None) -> _ByKey:
         return {}
     height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
     classes = None if site.classes is None else str(site.classes)
-    wanted = {
+    wanted: dict[Key[Any], dict[str, str | None]] = {
         CLASS_MAP: {"model": site.model, "classes": classes},
         FLIGHT_HEIGHT: {_HEIGHT_PORT: height_m},
     }

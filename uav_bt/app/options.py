@@ -30,8 +30,8 @@ class FlightOptions:
 
     Attributes:
         scene: name or file of the scene that a simulated drone flies in; None: its default.
-        seed: of everything random, 0 or more. A drone given as an object has a seed of its own; a
-            named drone without a seed, such as anafi, refuses another one than 0.
+        seed: of everything random, 0 or more. It does not reach a drone given as an object. A
+            named drone without a seed, such as anafi, refuses any but 0.
         drone: what flies: NAME or NAME:ADDRESS of an installed drone, a configuration such as
             `TwinConfig(scene="val-a")`, or a `Drone`. An object is flown as it is; of a
             configuration, the site's values replace those of the same name.

@@ -117,7 +117,7 @@ def _check_adviser(tree: str | Path) -> None:
 def nodes_under_policy(tree: str | Path) -> list[str]:
     """Return the names of a tree's leaves that fly by a leaf policy.
 
-    A leaf that only writes a policy's advice is none of them.
+    A leaf that only writes a policy's advice is left out.
 
     Raises:
         TreeError: the tree was refused.

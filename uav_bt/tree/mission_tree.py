@@ -183,7 +183,7 @@ class MissionTree:
         Args:
             attributes: values by attribute, by a node's name or path.
             by_key: values by attribute, for all leaves that write a board key. A leaf without the
-                port keeps its own.
+                port is left as it is.
 
         Raises:
             InputError: there is no such node, it has no such port, or a value does not fit.

@@ -65,7 +65,7 @@ def test_the_pad_is_as_good_as_the_carpet() -> None:
 
 
 def test_unknown_ground_beyond_the_view_does_not_count() -> None:
-    """A disc that does not fit into the view is no spot."""
+    """A disc that does not fit into the view is not taken."""
     assert spot(all_carpet(), radius_m=0.45 * 91 / PX_PER_M) is not None
     assert spot(all_carpet(), radius_m=0.55 * 91 / PX_PER_M) is None
 

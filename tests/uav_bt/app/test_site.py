@@ -144,7 +144,7 @@ def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) ->
     assert max(heights) < 1.3
 
 
-# --- what a site sets in a tree -------------------------------------------------------------------
+# --- values of a site in a tree -------------------------------------------------------------------
 
 
 class SlowTakeOff(TakeOff):
@@ -171,7 +171,7 @@ class FixedClimb(Leaf):
 
 
 class OwnEyes(Leaf):
-    """Segment with a network of one's own choice."""
+    """Segment with another network."""
 
     ports = (Port("model", str, default="unet", doc="the network"),)
     writes = (CLASS_MAP,)

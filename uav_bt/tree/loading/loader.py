@@ -53,7 +53,7 @@ def load_tree(
             other uses.
         overrides: attribute values that replace the file's, by a node's name or path.
         by_key: attribute values that replace the file's in all leaves that write a board key,
-            beneath the overrides. A leaf without the port keeps what the file says.
+            beneath the overrides. A leaf without the port is left as it is.
         mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
             path, name or node id; of several that fit a leaf, in this order the first counts. Name,
             path, kind, ports and conditions stay as the file has them.
