@@ -32,11 +32,11 @@ from perception.control.training.samples import SampleConfig
 from uav_bt import campaign as campaigns
 from uav_bt.campaign.report.statistics import wilson
 from uav_bt.campaign.runner import LocalBackend
+from uav_bt.learning.collecting import nodes_under_policy
 from uav_bt.learning.dataset import read_advised_flights, split_records
 from uav_bt.learning.training import UNET_WEIGHTS, train_student
 
 TREE: Final = "explore_and_land_student"
-FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ def _flown(home: Path, arguments: argparse.Namespace) -> Sequence[Mapping[str, A
         [TREE],
         scenes=["val-*"],
         flights=arguments.flights,
-        policies=dict.fromkeys(FLYING, policy),
+        policies=dict.fromkeys(nodes_under_policy(TREE), policy),
     )
     result = campaigns.run(plan, home / "flights", backend=LocalBackend(arguments.workers))
     return result.flights

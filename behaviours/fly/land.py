@@ -1,4 +1,4 @@
-"""Land on the helipad, or, in an emergency, on any carpet."""
+"""Land on the helipad, or, in an emergency, on any surface that holds the drone."""
 
 from __future__ import annotations
 
@@ -6,28 +6,40 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
+from behaviours.fly.landing_spot import LandingSpot, nearest_landing_spot
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
-from uav_bt.classes import GROUP_CARPET, GROUP_HELIPAD, group_of
 from uav_bt.tree import Port, Status
-from uav_bt.types import CameraModel, ClassMap, DroneState, FlyingState, Frame, MissionPhase
+from uav_bt.types import BODY_SIZE_M, DroneState, FlyingState, MissionPhase
 from uav_bt.types import Land as LandCommand
-from uav_bt.types.projection import ground_points
 
 
 @dataclass(frozen=True, kw_only=True)
 class EmergencyLandConfig:
-    """Which views count, and when the drone is above the spot."""
+    """Which views count, how large a spot is, and when the drone is above it.
 
-    pitch_slack_rad: float = math.radians(5)  # off straight down, at which a class map counts
-    tolerance_m: float = 0.05  # to the spot; a shorter step is not worth its time
+    Attributes:
+        pitch_slack_rad: deviation from straight down up to which a class map is used, radians.
+            Chosen.
+        tolerance_m: distance to the spot below which no step is flown, metres. Chosen; within
+            `margin_m`.
+        margin_m: free distance around the hull, metres. Chosen: on the landing box of 0.5 m it is
+            all that a hull of 0.2 m half diagonal leaves.
+    """
+
+    pitch_slack_rad: float = math.radians(5)
+    tolerance_m: float = 0.05
+    margin_m: float = 0.05
 
 
 class Land(MovingLeaf):
-    """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground."""
+    """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground.
+
+    The leaf expects the landing mark below the camera, as `HelipadCenter` leaves it, and does not
+    look. After a pilot has taken over and handed back it flies no step: it lands where the pilot
+    left the drone, on whatever is there. A pilot who wants another place must not hand back.
+    """
 
     reads = (STATE, CAMERA)
     writes = (PHASE,)
@@ -52,48 +64,14 @@ class Land(MovingLeaf):
         return Status.RUNNING
 
 
-@dataclass(frozen=True)
-class LandingSpot:
-    """A free place to land, from the body's centre."""
-
-    forward_m: float
-    right_m: float
-
-
-def nearest_landing_spot(
-    class_map: ClassMap, camera: CameraModel, frame: Frame, *, radius_m: float
-) -> LandingSpot | None:
-    """Return the nearest place whose surroundings are all carpet (or helipad), None without one.
-
-    Args:
-        class_map: of a frame that looks straight down.
-        camera: intrinsics at the class map's size.
-        frame: the frame that the class map was made from.
-        radius_m: of the disc that must be free, metres.
-    """
-    import cv2  # noqa: PLC0415 - `uav-bt check` imports this module and must answer at once
-
-    groups = group_of(class_map.ids)
-    safe = ((groups == GROUP_CARPET) | (groups == GROUP_HELIPAD)).astype(np.uint8)
-    height_m = max(frame.height_above_carpet_m, 0.05)
-    # Beyond the image nothing is known: a border of unsafe pixels keeps the disc inside.
-    clear_px = cv2.distanceTransform(np.pad(safe, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
-    px_per_m = min(camera.fx_px, camera.fy_px) / height_m
-    rows, columns = np.nonzero(clear_px >= radius_m * px_per_m)
-    if rows.size == 0:
-        return None
-    spots = ground_points(
-        np.stack([columns, rows], axis=-1), camera, frame.gimbal_pitch_rad, height_m
-    )
-    spots[:, 0] += camera.forward_offset_m
-    forward_m, right_m = spots[np.argmin(np.hypot(spots[:, 0], spots[:, 1]))]
-    return LandingSpot(float(forward_m), float(right_m))
-
-
 class EmergencyLand(MovingLeaf):
-    """Land on the nearest free carpet below; where none is in view, land at once.
+    """Land on the nearest surface in view that holds the hull; FAILURE on the ground.
 
-    FAILURE on the ground: a mission that had to come down like this was not fulfilled.
+    The surface is the ground or the top of the landing box, under the whole hull and a margin. For
+    `look_s` the leaf waits for such a place. Then it takes a place that holds the hull without a
+    margin. Without one it lands where it is: unseen ground further on is not known to be safer, and
+    the drone may not be able to fly for longer.
+    After a take-over it looks again.
     """
 
     config: ClassVar[EmergencyLandConfig] = EmergencyLandConfig()
@@ -101,10 +79,10 @@ class EmergencyLand(MovingLeaf):
         Port(
             "radius_m",
             float,
-            default=0.25,
-            least=0.05,
+            default=0.0,
+            least=0,
             most=5,
-            doc="radius of the free disc to land on, m",
+            doc="radius of the free disc to land on, m; at least the hull and a margin",
         ),
         Port(
             "look_s",
@@ -112,7 +90,7 @@ class EmergencyLand(MovingLeaf):
             default=6.0,
             least=0,
             most=600,
-            doc="seconds to look for carpet before landing anyway",
+            doc="seconds to look for such a place before landing without a margin",
         ),
     )
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
@@ -136,18 +114,20 @@ class EmergencyLand(MovingLeaf):
             return Status.RUNNING
         if self.progress is Progress.INTERRUPTED:
             self._above_spot = False  # a person flew it elsewhere: look again
-        waited_s = self.leaf_clock.now() - self._started_s
-        if self._above_spot or waited_s > self.port_value("look_s"):
+        if self._above_spot:
             self.propose(LandCommand())
             return Status.RUNNING
-        spot = self._spot()
-        if spot is not None:
-            self._above_spot = True
-            if math.hypot(spot.forward_m, spot.right_m) > self.config.tolerance_m:
-                self.start_move(forward_m=spot.forward_m, right_m=spot.right_m)
+        late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")
+        hull_m = math.hypot(BODY_SIZE_M[0], BODY_SIZE_M[1]) / 2
+        spot = self._spot(max(self.port_value("radius_m"), hull_m + self.config.margin_m))
+        if spot is None and late:
+            spot = self._spot(hull_m)
+        self._above_spot = spot is not None or late
+        if spot is not None and spot.range_m > self.config.tolerance_m:
+            self.start_move(forward_m=spot.forward_m, right_m=spot.right_m)
         return Status.RUNNING
 
-    def _spot(self) -> LandingSpot | None:
+    def _spot(self, radius_m: float) -> LandingSpot | None:
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map = self.read(CLASS_MAP).value
         if frame is None or camera is None or class_map is None:
@@ -157,8 +137,5 @@ class EmergencyLand(MovingLeaf):
             return None
         height_px, width_px = class_map.ids.shape
         return nearest_landing_spot(
-            class_map,
-            camera.resized(width_px, height_px),
-            frame,
-            radius_m=self.port_value("radius_m"),
+            class_map, camera.resized(width_px, height_px), frame, radius_m=radius_m
         )

@@ -25,7 +25,6 @@ class PadApproachConfig:
     ahead_rad: float = math.radians(12)  # advance below this bearing error, else turn on the spot
     approach_mps: float = 0.45
     slow_down_per_s: float = 0.6  # speed per metre of remaining range
-    max_track_s: float = 20.0  # without a detection; flying round a box takes a while
     blocked_s: float = 2.0  # of unknown range even from above for so long: it is flown round
     unplaced_rad: float = math.radians(30)  # from ahead; an obstacle of unknown range there blocks
     # Under a policy.
@@ -173,8 +172,6 @@ class PadApproach:
         if unseen_s > cfg.out_of_view_s and fix.range_m < close_m and ahead:
             self._enter(_Phase.OVERFLY)
             return Status.RUNNING
-        if unseen_s > cfg.max_track_s:
-            return Status.FAILURE
         if self._by_policy:
             self._approach_by_policy(fix, state)
             return Status.RUNNING

@@ -9,7 +9,14 @@ from typing import Final
 import numpy as np
 
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import PAD_HEIGHT_M, CameraModel, DroneState, HelipadFix, ObstaclePoints
+from uav_bt.types import (
+    MIN_VIEW_HEIGHT_M,
+    PAD_HEIGHT_M,
+    CameraModel,
+    DroneState,
+    HelipadFix,
+    ObstaclePoints,
+)
 from uav_bt.types.projection import ground_points
 from uav_bt.types.site_map import SiteMap
 
@@ -50,7 +57,7 @@ def ground_share(
     pixels = np.stack(
         np.meshgrid((camera.width_px - 1) * across, (camera.height_px - 1) * down), axis=-1
     ).reshape(-1, 2)
-    height_m = max(height_m, 0.05)
+    height_m = max(height_m, MIN_VIEW_HEIGHT_M)
     shown_m = ground_points(pixels, camera, pitch_rad, height_m)
     near = np.hypot(*shown_m.T) <= config.far_heights * height_m
     lens_m = np.array([camera.forward_offset_m, 0.0])

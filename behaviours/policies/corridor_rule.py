@@ -6,9 +6,9 @@
     carpet ends                 turn to the half with more carpet, as in the first level
     no depth                    turn on the spot and look again
 
-A step is the least of four: what the corridor leaves (metres, from the depth map), what the carpet
-leaves (metres, from the class map and the camera's geometry), what the memory of obstacles leaves
-(a forward-looking camera does not see what stands beside the drone), and the longest step.
+A step is the least of four lengths: the free corridor (from the depth map), the carpet ahead (from
+the class map and the camera's geometry), the way clear of remembered obstacles (a forward-looking
+camera does not see those beside the drone), and the longest step.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
+from uav_bt.types import MIN_VIEW_HEIGHT_M
 from uav_bt.types.projection import project
 
 _ACROSS: int = 9  # samples of the carpet's width at each range
@@ -31,13 +32,14 @@ _RANGE_STEP_M = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class CorridorRuleConfig:
-    """How far steps go and what they keep clear of."""
+    """Lengths of steps, and the distances they keep."""
 
     longest_step_m: float = 1.0  # the paper's
     shortest_step_m: float = 0.3  # the first level's; less is not worth the stop
     turn_rad: float = math.radians(30)  # one correction; a third of the view
-    # Kept free between the step's end and an obstacle ahead, from the body's centre: the body's
-    # half length is 0.16, a metre of step strays by a tenth, the depth errs by another.
+    # Kept free between the step's end and an obstacle ahead, from the body's centre. The body
+    # reaches 0.12 m ahead of its centre and 0.16 m to either side (`BODY_SIZE_M`), so 0.2 m with
+    # any heading; a metre of step strays by 0.1 m, the depth errs by another 0.1 m.
     front_margin_m: float = 0.6
     # Kept between the step's end and the carpet's end, likewise.
     edge_margin_m: float = 0.5
@@ -46,7 +48,7 @@ class CorridorRuleConfig:
     carpet_range_m: float = 4.0  # from the camera; further away a row is too many decimetres
     side_margin_m: float = 0.55  # from the body's centre to remembered obstacles beside the way
     # Less of every margin after each full turn without a free way. Remembered obstacles are off by
-    # up to 0.2 m after half a minute of turning, the body's half diagonal is 0.2 m, too.
+    # up to 0.2 m after half a minute of turning; the body's half diagonal is 0.2 m, too.
     margin_relief_m: float = 0.04
     max_full_turns: int = 3  # of relief
     # Leaving a turn takes this much more room than a step: no dithering at the threshold.
@@ -74,7 +76,7 @@ def carpet_reach(groups: NDArray[np.uint8], view: PolicyView, config: CorridorRu
         view: the view that they belong to.
         config: width, share and range.
     """
-    height_m = max(view.height_above_carpet_m, 0.1)
+    height_m = max(view.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
     ranges = np.arange(_RANGE_STEP_M, config.carpet_range_m, _RANGE_STEP_M)
     across = np.linspace(-config.carpet_half_width_m, config.carpet_half_width_m, _ACROSS)
     points = np.empty((ranges.size, across.size, 3))

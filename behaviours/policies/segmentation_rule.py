@@ -33,7 +33,7 @@ from uav_bt.answers import Advance, Blocked
 from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET, GROUP_OBSTACLE, group_of
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import PolicyView
-from uav_bt.types import CameraModel
+from uav_bt.types import MIN_VIEW_HEIGHT_M, CameraModel
 from uav_bt.types.projection import ground_range_to_row
 
 _REFERENCE_PIXELS = 224 * 112  # the map size that the paper's pixel counts refer to
@@ -160,9 +160,8 @@ class SegmentationRule:
     @staticmethod
     def _rectangle(view: PolicyView, range_m: float, half_angle_rad: float) -> Rectangle:
         camera: CameraModel = view.camera
-        top = ground_range_to_row(
-            range_m, camera, view.gimbal_pitch_rad, max(view.height_above_carpet_m, 0.1)
-        )
+        height_m = max(view.height_above_carpet_m, MIN_VIEW_HEIGHT_M)
+        top = ground_range_to_row(range_m, camera, view.gimbal_pitch_rad, height_m)
         reach = camera.fx_px * math.tan(half_angle_rad)
         return Rectangle(
             top=int(np.clip(round(top), 0, camera.height_px - 1)),

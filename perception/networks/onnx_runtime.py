@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import functools
-import os
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.networks.inference_packages import import_openvino
 from perception.networks.named import check_onnx
 from uav_bt.errors import ValueRangeError, WeightsError
-
-_CPU_INFO: Final = Path("/proc/cpuinfo")
-_CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # oneDNN's, today's and the older name
 
 
 def read_model(path: Path, remedy: str) -> Any:
@@ -24,14 +20,14 @@ def read_model(path: Path, remedy: str) -> Any:
 
     Args:
         path: the ONNX file.
-        remedy: what makes the shipped one, for the message when there is no such file.
+        remedy: command that makes the shipped one, for the message when the file is absent.
 
     Raises:
         WeightsError: the file is absent or no network.
     """
     check_onnx(path, remedy)
     try:
-        return _openvino().Core().read_model(path)
+        return import_openvino().Core().read_model(path)
     except (RuntimeError, UnicodeDecodeError) as error:  # the latter for names inside the file
         reason = str(error).strip().splitlines()[-1]
         raise WeightsError(path, f"is not a readable ONNX network ({reason})") from error
@@ -45,7 +41,7 @@ def compile_model(model: Any, threads: int) -> Any:
         threads: of inference.
 
     Raises:
-        ValueRangeError: there is no thread.
+        ValueRangeError: `threads` is less than 1.
     """
     if threads < 1:
         raise ValueRangeError(f"inference needs at least one thread, got {threads}")
@@ -59,7 +55,7 @@ def compile_model(model: Any, threads: int) -> Any:
         # Pinned, the workers of a campaign would all sit on the same core.
         "ENABLE_CPU_PINNING": False,
     }
-    return _openvino().Core().compile_model(model, "CPU", settings)
+    return import_openvino().Core().compile_model(model, "CPU", settings)
 
 
 def input_size(model: Any, path: Path, *, planar: bool = True) -> tuple[int, int]:
@@ -106,14 +102,12 @@ def accept_uint8(
     Returns:
         The network with an input 1xHxWx3, uint8 RGB.
     """
-    _openvino()
-    from openvino import Layout, Type  # noqa: PLC0415
-    from openvino.preprocess import PrePostProcessor  # noqa: PLC0415
-
-    steps = PrePostProcessor(model)
-    steps.input().tensor().set_element_type(Type.u8).set_layout(Layout("NHWC"))
-    steps.input().model().set_layout(Layout("NCHW" if planar else "NHWC"))
-    work = steps.input().preprocess().convert_element_type(Type.f32)
+    openvino = import_openvino()
+    steps = openvino.preprocess.PrePostProcessor(model)
+    bytes_by_row = openvino.Layout("NHWC")
+    steps.input().tensor().set_element_type(openvino.Type.u8).set_layout(bytes_by_row)
+    steps.input().model().set_layout(openvino.Layout("NCHW" if planar else "NHWC"))
+    work = steps.input().preprocess().convert_element_type(openvino.Type.f32)
     if any(mean):
         work.mean(list(mean))
     work.scale(list(scale))
@@ -123,15 +117,14 @@ def accept_uint8(
 
 
 def class_numbers(model: Any) -> Any:
-    """Let a network of class scores, 1xCxHxW, say what they mean: less leaves it, and sooner.
+    """Add the choice of the best class to a network of class scores, 1xCxHxW: it is faster there.
 
     Returns:
         The network with two outputs: the best class's number, 1x1xHxW int32 (the first of equals),
         and whether all scores are finite numbers, a bool.
     """
-    openvino = _openvino()
-    from openvino import opset13 as ops  # noqa: PLC0415
-
+    openvino = import_openvino()
+    ops = openvino.opset13
     scores = model.output(0).get_node().input_value(0)
     best = ops.topk(
         scores, ops.constant(np.int64(1)), 1, "max", "none", index_element_type="i32"
@@ -145,9 +138,9 @@ def class_numbers(model: Any) -> Any:
 def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8]:
     """Return an image resized (never cropped) to the width and height of a network's input.
 
-    Each pixel is the mean of what it covers, to less than a grey level: a mean over a whole number
-    of pixels, then what lies between two of them. OpenCV's exact one takes three times as long
-    where the sizes do not divide.
+    Each pixel is the mean of the area that it covers, to less than a grey level: first a mean over
+    a whole number of pixels, then linear interpolation. OpenCV's `INTER_AREA` takes three times as
+    long where the sizes do not divide.
     """
     if rgb.shape[1::-1] == size_px:
         return rgb
@@ -161,30 +154,3 @@ def shrunk(rgb: NDArray[np.uint8], size_px: tuple[int, int]) -> NDArray[np.uint8
 def _odd(ratio: float) -> int:
     """Return the odd number of pixels nearest to a ratio; up to two, interpolating is the mean."""
     return 1 if ratio <= 2.0 else 2 * round((ratio - 1.0) / 2.0) + 1
-
-
-@functools.cache
-def _openvino() -> Any:
-    _spare_amx(os.environ, _CPU_INFO)
-    # Imported here: a mission that flies on something else need not wait for it.
-    import openvino  # noqa: PLC0415
-
-    return openvino
-
-
-def _spare_amx(environment: MutableMapping[str, str], cpu_info: Path) -> None:
-    """Keep OpenVINO away from a processor's tile instructions.
-
-    Some virtual machines announce them and then refuse to run them, which ends the process
-    (uxlfoundation/oneDNN issue 5689), and no setting of OpenVINO's own leaves them out. Our
-    networks are too small to miss them. Elsewhere nothing is limited: under any cap with AVX-512,
-    oneDNN also leaves out VNNI on processors that have it without AVX-512.
-
-    Args:
-        environment: of this process; what a person has set there stays.
-        cpu_info: what Linux says about the processor; other systems have no such file.
-    """
-    if any(name in environment for name in _CAPS) or not cpu_info.is_file():
-        return
-    if "amx_tile" in cpu_info.read_text(encoding="utf-8").split():
-        environment[_CAPS[0]] = "AVX512_CORE_FP16"

@@ -15,7 +15,14 @@ from perception.camera.frame_watch import FrameWatch, FrameWatchConfig
 from uav_bt import plugins
 from uav_bt.app.calibrated_drone import CalibratedDrone
 from uav_bt.app.loading import Mission, check_ceiling, load_mission
-from uav_bt.app.options import FlightOptions, given_options, is_drone_config, limits_of, site_of
+from uav_bt.app.options import (
+    FlightOptions,
+    given_options,
+    is_drone_config,
+    limits_of,
+    refuse_unusable,
+    site_of,
+)
 from uav_bt.app.rehearsed_drone import RehearsedDrone
 from uav_bt.app.site import Site
 from uav_bt.board import MISSION_KEYS
@@ -216,12 +223,12 @@ def make_drone(options: FlightOptions) -> Drone:
 def _named_drone(options: FlightOptions) -> Drone:
     name, colon, address = str(options.drone).partition(":")
     config: type[DroneConfig] = plugins.load(plugins.DRONES, name)
+    known = _field_names(config)
+    if colon and "address" not in known:
+        raise InputError(f"drone '{name}' takes no address, got '{address}'")
+    refuse_unusable(options, f"drone '{name}'", known)
     settings = {**drone_settings(options), "address": address if colon else None}
     given = {key: value for key, value in settings.items() if value is not None}
-    known = _field_names(config)
-    for key in ("address", "scene", "movers"):
-        if key in given and key not in known:
-            raise InputError(f"drone '{name}' takes no {key}, got '{given[key]}'")
     return config(**{key: value for key, value in given.items() if key in known}).create()
 
 

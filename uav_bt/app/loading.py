@@ -1,15 +1,16 @@
-"""From what a mission is given as to the tree that flies."""
+"""Loads a mission, with the values that options and site replace in it."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Final, TypeGuard
+from typing import Any, Final, TypeGuard
 
 from uav_bt.app.options import FlightOptions, site_of
 from uav_bt.app.site import Site
-from uav_bt.board import FLIGHT_HEIGHT
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
 from uav_bt.errors import InputError
 from uav_bt.mission.safety import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
@@ -18,12 +19,15 @@ from uav_bt.tree.loading.lookup import Lookup
 from uav_bt.tree.shipped import resolve_tree
 
 Mission = str | Path | MissionTree
-"""A mission as it is given: a shipped one's name, a tree file, a tree, or a tree file's text.
+"""A mission: a shipped one's name, a tree file, a tree, or a tree file's text.
 
 A text is a `str` whose first character, blanks aside, is `<`.
 """
 
 _HEIGHT_PORT: Final = "height_m"  # of a leaf that sets the flight height
+_ByKey = Mapping[Key[Any], Mapping[str, str]]
+
+_log = logging.getLogger(__name__)
 
 
 def is_text(tree: Mission) -> TypeGuard[str]:
@@ -39,7 +43,7 @@ def load_mission(
     replaced: Mapping[str, Mapping[str, str]] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
-    """Load a tree with what options and site replace in it.
+    """Load a tree with the values that options and site replace in it.
 
     Args:
         tree: the mission.
@@ -50,13 +54,14 @@ def load_mission(
 
     Raises:
         TreeError: the file was refused, or a policy is unknown.
-        FileError: there is no such file or folder.
-        InputError: it is no mission, or a tree that was set up before.
+        FileError: the file or folder does not exist.
+        InputError: `tree` is not a mission or was set up before, or its leaves cannot take a
+            setting of the site.
     """
     overrides = {node: dict(given) for node, given in (replaced or {}).items()}
     for node, policy in options.policy_names.items():
         overrides.setdefault(node, {})["policy"] = policy
-    by_id = _site_values(site_of(options))
+    by_key = _site_values(site_of(options))
     if isinstance(tree, MissionTree):
         if tree.is_set_up:
             raise InputError(
@@ -71,7 +76,8 @@ def load_mission(
             raise InputError(
                 f"tree_folders are for tree files; this is '{tree.name}', which is loaded already"
             )
-        tree.replace(overrides, by_id=by_id)
+        tree.replace(overrides, by_key=by_key)
+        _check_site_reaches(tree, by_key)
         return tree
     if registry is not None and not isinstance(registry, NodeRegistry):
         raise InputError(
@@ -83,13 +89,15 @@ def load_mission(
         load = (
             partial(parse_tree, tree) if is_text(tree) else partial(load_tree, resolve_tree(tree))
         )
-        return load(
+        loaded = load(
             registry,
             tree_id=options.tree_id,
             overrides=overrides,
-            by_id=by_id,
+            by_key=by_key,
             lookup=lookup or options.tree_folders.lookup(),
         )
+        _check_site_reaches(loaded, by_key)
+        return loaded
     remedy = ": make a tree of it with MissionTree(...)" if isinstance(tree, Node) else ""
     raise InputError(
         "expected a mission: a shipped one's name, a tree file, a MissionTree or a tree file's "
@@ -97,20 +105,43 @@ def load_mission(
     )
 
 
-def _site_values(site: Site | None) -> dict[str, dict[str, str]]:
-    """Return what a site replaces in a tree: attributes by node id."""
+def _site_values(site: Site | None) -> _ByKey:
+    """Return the attributes that a site replaces, by the board key that their leaves write."""
     if site is None:
         return {}
     height_m = None if site.flight_height_m is None else f"{site.flight_height_m:g}"
     classes = None if site.classes is None else str(site.classes)
-    wanted = {
-        "Segment": {"model": site.model, "classes": classes},
-        "TakeOff": {"height_m": height_m},
+    wanted: dict[Key[Any], dict[str, str | None]] = {
+        CLASS_MAP: {"model": site.model, "classes": classes},
+        FLIGHT_HEIGHT: {_HEIGHT_PORT: height_m},
     }
-    return {
-        node_id: {name: value for name, value in attributes.items() if value is not None}
-        for node_id, attributes in wanted.items()
+    given = {
+        key: {name: value for name, value in attributes.items() if value is not None}
+        for key, attributes in wanted.items()
     }
+    return {key: attributes for key, attributes in given.items() if attributes}
+
+
+def _check_site_reaches(mission: MissionTree, by_key: _ByKey) -> None:
+    """Refuse a tree whose leaves cannot take a site's setting; log one that no leaf asks for.
+
+    Raises:
+        InputError: leaves write the board key of the setting, and none of them has its port.
+    """
+    for key, attributes in by_key.items():
+        writers = [leaf for leaf in mission.leaves() if key in leaf.writes]
+        for name, value in attributes.items():
+            if not writers:
+                _log.warning(
+                    "Warning: the site's %s='%s' has no effect: no leaf of tree '%s' writes '%s'",
+                    *(name, value, mission.name, key.name),
+                )
+            elif not any(name in leaf.values_taken({key: attributes}) for leaf in writers):
+                raise InputError(
+                    f"the site's {name}='{value}' reaches no leaf of tree '{mission.name}': "
+                    f"'{writers[0].path}' writes '{key.name}' but has no port '{name}'; give it "
+                    "that port, or fly without this setting"
+                )
 
 
 def check_ceiling(mission: MissionTree, limits: Limits) -> None:

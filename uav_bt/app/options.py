@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import operator
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -30,7 +30,8 @@ class FlightOptions:
 
     Attributes:
         scene: name or file of the scene that a simulated drone flies in; None: its default.
-        seed: of everything random, 0 or more. A drone given as an object has a seed of its own.
+        seed: of everything random, 0 or more. It does not reach a drone given as an object. A
+            named drone without a seed, such as anafi, refuses any but 0.
         drone: what flies: NAME or NAME:ADDRESS of an installed drone, a configuration such as
             `TwinConfig(scene="val-a")`, or a `Drone`. An object is flown as it is; of a
             configuration, the site's values replace those of the same name.
@@ -107,19 +108,11 @@ class FlightOptions:
         check_policies(self.policies)
         _check_drone(self.drone)
         if not isinstance(self.drone, str):
-            self._refuse_settings_of_named_drones()
+            who = f"{type(self.drone).__name__} is flown as it is and"
+            refuse_unusable(self, who, {"seed"}, remedy=": set it there")
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)  # as the class is frozen for all others
-
-    def _refuse_settings_of_named_drones(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name in _OF_NAMED_DRONES and value != each.default:
-                raise InputError(
-                    f"{each.name}={value!r} is for a drone that is given by its name: "
-                    f"{type(self.drone).__name__} is flown as it is, set it there"
-                )
 
     @property
     def drone_name(self) -> str:
@@ -150,7 +143,10 @@ class FlightOptions:
         }
 
 
-_OF_NAMED_DRONES: Final = frozenset({"scene", "profile", "image_size_px", "realtime", "movers"})
+# These options set up the drone.
+_OF_THE_DRONE: Final = frozenset(
+    {"scene", "seed", "profile", "image_size_px", "realtime", "movers"}
+)
 _ABSENT: Final = object()
 
 
@@ -164,6 +160,26 @@ def given_options(options: FlightOptions | None) -> FlightOptions:
         return FlightOptions()
     _expect("options", options, FlightOptions, "FlightOptions(...)")
     return options
+
+
+def refuse_unusable(
+    options: FlightOptions, drone: str, usable: Collection[str], *, remedy: str = ""
+) -> None:
+    """Refuse options that set up the drone in a way that this drone has not.
+
+    Args:
+        options: of a flight; one at its default is not asked for.
+        drone: the drone, as the message's subject.
+        usable: names of the options that the drone can use.
+        remedy: the end of the message: what to do instead.
+
+    Raises:
+        InputError: an option cannot be used.
+    """
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if each.name in _OF_THE_DRONE.difference(usable) and value != each.default:
+            raise InputError(f"{drone} takes no {each.name}, got {value!r}{remedy}")
 
 
 def class_name(value: object) -> str:

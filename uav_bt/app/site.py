@@ -1,10 +1,10 @@
-"""Site files: what a place and its drone need, as YAML.
+"""Site files: the settings of a place and of the drone there, as YAML.
 
     # All of it may be left out.
-    flight_height_m: 1.2           # above the ground; replaces the height in the tree's TakeOff
-    take_off_surface_m: 0.4        # what it takes off from is so high above the ground
+    flight_height_m: 1.2           # above the ground; replaces `height_m` of the tree's take-off
+    take_off_surface_m: 0.4        # height of the take-off surface above the ground
     camera: anafi-720p.yaml        # of `uav-bt lab calibrate`
-    network: {model: hall.onnx, classes: hall-classes.yaml}   # segments the images
+    network: {model: hall.onnx, classes: hall-classes.yaml}   # for all that segment
     ground: [carpet, background]   # which of the classes it may fly over and scale depth by
     limits: {speed_mps: 0.6, climb_mps: 0.5, yaw_rate_radps: 1.2, ceiling_m: 2.0}
     battery: {take_off: 0.4, critical: 0.15}
@@ -38,13 +38,13 @@ class Site:
 
     Attributes:
         flight_height_m: above the ground; None: as the tree says.
-        take_off_surface_m: height of what the drone takes off from, above the ground.
+        take_off_surface_m: height of the surface that the drone takes off from, above the ground.
         camera: a camera file; None: the drone's own intrinsics.
         model: the segmentation network's name or file; None: as the tree says.
         classes: file that says what that network's classes mean.
         ground: names of the classes that the drone may fly over and scale depth by.
         limits: what no command may exceed.
-        preflight: what a real drone must have before it takes off.
+        preflight: least battery and link of a real drone before it takes off.
         video_latency_s: least time from exposure to arrival of a frame, seconds.
         http_port: of the drone's web interface; None: the drone's usual one.
         rtsp_port: of the drone's video; None: the drone's usual one.

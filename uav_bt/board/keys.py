@@ -25,8 +25,9 @@ from uav_bt.types.site_map import SiteMap
 _FRAME_MAX_AGE_S = 0.7
 # Telemetry comes many times a second; without it for half a second nothing is known.
 _STATE_MAX_AGE_S = 0.5
-# The tracker carries the pad through missed frames; afterwards the search begins again.
-_HELIPAD_MAX_AGE_S = 22.0
+# The tracker carries the pad without a detection for as long as a detour round a box takes. Then an
+# approach ends and the search begins again. Chosen.
+_HELIPAD_MAX_AGE_S = 20.0
 
 FRAME: Final = Key(
     "frame", Frame, "newest camera frame", writer="runner", max_age_s=_FRAME_MAX_AGE_S

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import click
 
@@ -22,8 +21,6 @@ from uav_bt.cli.ranges import WholeNumber
 from uav_bt.errors import MissionError
 from uav_bt.learning import collecting
 from uav_bt.plugins import need
-
-_FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a policy
 
 
 @click.command(cls=Command)
@@ -59,7 +56,7 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
     "--student",
     metavar="FILE",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Let this control student (ONNX) fly in place of the tree's policies.",
+    help="Let this control student (ONNX) fly in place of every policy of the tree.",
 )
 @seed_option()
 @image_size_option
@@ -97,7 +94,8 @@ def collect(
     need("record", "mcap", "foxglove")
     if student is not None:
         # Absolute: workers have another working directory.
-        policies = {**dict.fromkeys(_FLYING, f"student:{student.resolve()}"), **policies}
+        flying = collecting.nodes_under_policy(tree)
+        policies = {**dict.fromkeys(flying, f"student:{student.resolve()}"), **policies}
     default = collecting.CollectionPlan(tree=tree)
     plan = collecting.CollectionPlan(
         tree=tree,

@@ -10,7 +10,6 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -18,12 +17,12 @@ from sim_bridge.twin.scene_file import load_scene, scene_text
 from sim_bridge.twin.variation import varied_scene
 from uav_bt import app
 from uav_bt import campaign as campaigns
+from uav_bt.board import ADVICE
 from uav_bt.campaign.fly import Progress, silent_progress
 from uav_bt.campaign.runner import Backend
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.learning.views import TRAINING_SCENES
-
-_ADVISER: Final = "Advise"  # the leaf that writes the rule's advice
+from uav_bt.tree.loading.builder import POLICY_PORT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,12 +106,27 @@ def collect(
 
 def _check_adviser(tree: str | Path) -> None:
     mission = app.check(tree)
-    if not any(leaf.node_id == _ADVISER for leaf in mission.leaves()):
+    if not any(ADVICE in leaf.writes for leaf in mission.leaves()):
         raise InputError(
-            f"no leaf of '{tree}' records what the rule would do, so it teaches nothing: put "
-            f'<RememberViews/> and <{_ADVISER} policy="corridor"/> behind <BuildCorridor/>, as '
+            f"no leaf of '{tree}' writes '{ADVICE.name}', so its records teach nothing: put "
+            '<RememberViews/> and <Advise policy="corridor"/> behind <BuildCorridor/>, as '
             "explore_and_land_advised has it"
         )
+
+
+def nodes_under_policy(tree: str | Path) -> list[str]:
+    """Return the names of a tree's leaves that fly by a leaf policy.
+
+    A leaf that only writes a policy's advice is left out.
+
+    Raises:
+        TreeError: the tree was refused.
+    """
+    return [
+        leaf.name
+        for leaf in app.check(tree).leaves()
+        if ADVICE not in leaf.writes and any(port.name == POLICY_PORT for port in leaf.ports)
+    ]
 
 
 def _scenes(plan: CollectionPlan, folder: Path) -> dict[str, list[str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 from uav_bt.board.blackboard import BoardView, Key, Reading
@@ -44,6 +45,17 @@ class Leaf(Node):
     def __init__(self, name: str | None = None, /, **given: object) -> None:
         super().__init__(name, **given)
         self._view: BoardView | None = None
+
+    @classmethod
+    def values_taken(cls, by_key: Mapping[Key[Any], Mapping[str, str]]) -> dict[str, str]:
+        """Return the attributes that this leaf takes, of those given for writers of board keys.
+
+        Args:
+            by_key: values by attribute, by the board key that a leaf writes.
+        """
+        ports = {port.name for port in cls.ports}
+        given = (by_key.get(key, {}) for key in cls.writes)
+        return {name: text for each in given for name, text in each.items() if name in ports}
 
     # --- for authors to override ------------------------------------------------------------------
 

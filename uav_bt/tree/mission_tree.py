@@ -7,8 +7,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
+from uav_bt.board import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.errors import InputError, MissionError, NodeFailedError, did_you_mean
 from uav_bt.tree.leaf import Leaf
@@ -175,23 +176,22 @@ class MissionTree:
         self,
         attributes: Mapping[str, Mapping[str, str]],
         *,
-        by_id: Mapping[str, Mapping[str, str]] | None = None,
+        by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
     ) -> None:
         """Replace attributes of nodes, as `load_tree` does with its overrides; before the setup.
 
         Args:
             attributes: values by attribute, by a node's name or path.
-            by_id: values by attribute, by a node's id; those that a node does not have, or an id
-                that does not occur, are no error.
+            by_key: values by attribute, for all leaves that write a board key. A leaf without the
+                port is left as it is.
 
         Raises:
             InputError: there is no such node, it has no such port, or a value does not fit.
         """
         nodes = list(self.nodes())
-        wanted: list[tuple[Node, Mapping[str, str]]] = []
-        for node in nodes:
-            given, known = (by_id or {}).get(node.node_id, {}), {port.name for port in node.ports}
-            wanted.append((node, {name: text for name, text in given.items() if name in known}))
+        wanted: list[tuple[Node, Mapping[str, str]]] = [
+            (leaf, leaf.values_taken(by_key or {})) for leaf in self.leaves()
+        ]
         for target, given in attributes.items():
             hits = [node for node in nodes if target in (node.name, node.path)]
             if not hits:

@@ -25,6 +25,7 @@ from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wra
 from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 from uav_bt.types.surroundings import (
     BODY_SIZE_M,
+    MIN_VIEW_HEIGHT_M,
     PAD_HEIGHT_M,
     PAD_SIZE_M,
     HeldTurn,
@@ -44,6 +45,7 @@ from uav_bt.types.telemetry import (
 __all__ = [
     "BODY_SIZE_M",
     "HOVER",
+    "MIN_VIEW_HEIGHT_M",
     "PAD_HEIGHT_M",
     "PAD_SIZE_M",
     "Attitude",

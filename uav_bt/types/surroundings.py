@@ -144,3 +144,10 @@ PAD_SIZE_M: Final = (0.5, 0.5, 0.4)
 """The landing box, whose top carries the H: along its own x and y, and upwards."""
 
 PAD_HEIGHT_M: Final = PAD_SIZE_M[2]
+
+MIN_VIEW_HEIGHT_M: Final = 0.05
+"""Least height of a camera above a surface, metres; projections raise lower ones to it.
+
+Noise gives a drone that stands a height of zero or less, at which no ground is in view. Chosen:
+half of the body's height, lower than any camera that flies.
+"""

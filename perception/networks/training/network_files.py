@@ -10,7 +10,6 @@ import hashlib
 import io
 import logging
 import math
-import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import redirect_stdout
@@ -24,6 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from perception.networks.inference_packages import import_nncf
 from perception.networks.onnx_runtime import shrunk
 from perception.networks.weights_file import read_weights, write_weights
 from uav_bt.errors import ShapeError, WeightsError
@@ -175,19 +175,10 @@ def _in_integers(
     products of eight bits in 16, which would overflow.
     """
     samples = list(_samples(ports, images))
-    # NNCF would report its use over the network otherwise.
-    os.environ["NNCF_CI"] = "1"
-    import nncf  # noqa: PLC0415  (takes seconds, and the line above must come first)
-    from nncf.quantization.advanced_parameters import (  # noqa: PLC0415  (as above)
-        AdvancedQuantizationParameters,
-        OverflowFix,
-    )
-    from nncf.quantization.range_estimator import (  # noqa: PLC0415  (as above)
-        RangeEstimatorParametersSet,
-    )
-
+    nncf = import_nncf()
     logging.getLogger("nncf").setLevel(logging.ERROR)  # of the logger, not of others' handlers
-    extremes = RangeEstimatorParametersSet.MINMAX
+    extremes = nncf.quantization.range_estimator.RangeEstimatorParametersSet.MINMAX
+    advanced = nncf.quantization.advanced_parameters
     with redirect_stdout(io.StringIO()):  # its progress bars
         quantized: onnx.ModelProto = nncf.quantize(
             model,
@@ -195,8 +186,8 @@ def _in_integers(
             preset=nncf.QuantizationPreset.MIXED,
             subset_size=len(samples),
             ignored_scope=nncf.IgnoredScope(types=list(_FLOAT_OPS), validate=False),
-            advanced_parameters=AdvancedQuantizationParameters(
-                overflow_fix=OverflowFix.ENABLE,
+            advanced_parameters=advanced.AdvancedQuantizationParameters(
+                overflow_fix=advanced.OverflowFix.ENABLE,
                 disable_bias_correction=True,  # nearly doubles the depth network's error
                 activations_range_estimator_params=extremes,
                 weights_range_estimator_params=extremes,

@@ -7,19 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from behaviours.fly.land import EmergencyLand, Land, nearest_landing_spot
+from behaviours.fly.land import EmergencyLand, Land
 from tests.behaviours.leaf_world import carpet, halted_proposals, live, show
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
-from uav_bt.classes import BACKGROUND, BOXES, HELIPAD_H
-from uav_bt.testing import LeafBench, pinhole
+from uav_bt.classes import BACKGROUND, BOXES, CARPET
+from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
     BodyVelocity,
-    ClassMap,
     FlyingState,
-    Frame,
     GimbalTo,
     MoveBy,
     MovementState,
@@ -139,7 +136,7 @@ def test_without_telemetry_nothing_is_proposed(leaf: type[Land | EmergencyLand])
 def test_halted_it_commands_nothing(leaf: type[Land | EmergencyLand]) -> None:
     """Halted in mid-step it lets go, and begins with the step again."""
     ids = carpet()
-    ids[:, :24] = BACKGROUND
+    ids[:, :20] = BACKGROUND
     bench = LeafBench(leaf)
     live(bench, gimbal_deg=-90.0, ids=ids)
     first = bench.proposed
@@ -149,69 +146,6 @@ def test_halted_it_commands_nothing(leaf: type[Land | EmergencyLand]) -> None:
     live(bench, gimbal_deg=-90.0, ids=ids)
     assert isinstance(bench.proposed, MoveBy)
     assert bench.proposed.id != first.id
-
-
-# --- where to land in an emergency ----------------------------------------------------------------
-
-HEIGHT_M = 1.5
-CAMERA_DOWN = pinhole(161, 91)
-PX_PER_M = CAMERA_DOWN.fx_px / HEIGHT_M
-
-
-def from_above() -> Frame:
-    return Frame(
-        image=np.zeros((91, 161, 3), dtype=np.uint8),
-        index=0,
-        captured_s=0.0,
-        gimbal_pitch_rad=-math.pi / 2,
-        height_above_carpet_m=HEIGHT_M,
-    )
-
-
-def spot(ids: NDArray[np.uint8], radius_m: float = 0.25) -> tuple[float, float] | None:
-    found = nearest_landing_spot(
-        ClassMap(ids=ids, captured_s=0.0), CAMERA_DOWN, from_above(), radius_m=radius_m
-    )
-    return (found.forward_m, found.right_m) if found else None
-
-
-def all_carpet() -> NDArray[np.uint8]:
-    return np.full((91, 161), 1, dtype=np.uint8)
-
-
-def test_on_open_carpet_the_spot_is_right_below() -> None:
-    """As near to the body's centre, behind the camera, as the view allows to know."""
-    found = spot(all_carpet(), radius_m=0.1)
-
-    assert found == pytest.approx((0.0, 0.0), abs=1.5 / PX_PER_M)
-
-
-def test_the_spot_keeps_clear_of_a_box() -> None:
-    """Half of the view is a roof: the spot is on the other side, a radius away from it."""
-    ids = all_carpet()
-    ids[:, :95] = BOXES[0]
-
-    found = spot(ids)
-
-    edge_m = (95 - 0.5 - CAMERA_DOWN.cx_px) / PX_PER_M
-    assert found is not None
-    assert found[1] == pytest.approx(edge_m + 0.25, abs=1.5 / PX_PER_M)
-
-
-def test_the_pad_is_as_good_as_the_carpet() -> None:
-    """An emergency landing may end on the helipad."""
-    assert spot(np.full((91, 161), HELIPAD_H, dtype=np.uint8)) is not None
-
-
-def test_unknown_ground_beyond_the_view_does_not_count() -> None:
-    """A disc that does not fit into the view is no spot."""
-    assert spot(all_carpet(), radius_m=0.45 * 91 / PX_PER_M) is not None
-    assert spot(all_carpet(), radius_m=0.55 * 91 / PX_PER_M) is None
-
-
-def test_no_carpet_no_spot() -> None:
-    """Nothing but background below."""
-    assert spot(np.zeros((91, 161), dtype=np.uint8)) is None
 
 
 # --- EmergencyLand --------------------------------------------------------------------------------
@@ -292,3 +226,29 @@ def test_flown_elsewhere_by_a_person_it_looks_for_a_new_spot() -> None:
     done = MovementStatus(id=bench.proposed.id, state=MovementState.DONE)
     live(bench, gimbal_deg=-90.0, movement=done)
     assert bench.proposed == LandCommand()
+
+
+def test_a_disc_smaller_than_the_hull_is_not_enough() -> None:
+    """Boxes begin 10 cm right of the body: it moves away from them, whatever the port says."""
+    ids = carpet()
+    ids[:, 18:] = BOXES[0]
+    bench = LeafBench(EmergencyLand, radius_m=0.05)
+    live(bench, gimbal_deg=-90.0, ids=ids)
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.right_m < -0.05
+
+
+def test_where_no_place_has_a_margin_it_takes_one_that_holds_the_hull() -> None:
+    """A strip of ground 0.45 m wide between boxes: 0.40 m is the hull, 0.50 m with its margin."""
+    ids = np.full((18, 32), BOXES[0], dtype=np.uint8)
+    ids[:, 20:27] = CARPET  # a pixel shows 6.4 cm at 1.5 m
+    bench = LeafBench(EmergencyLand, look_s=1.0)
+    for _ in range(10):
+        assert live(bench, gimbal_deg=-90.0, ids=ids) is Status.RUNNING
+        assert bench.proposed is None
+    live(bench, gimbal_deg=-90.0, ids=ids)
+    live(bench, gimbal_deg=-90.0, ids=ids)
+
+    assert isinstance(bench.proposed, MoveBy)
+    assert bench.proposed.right_m > 0.3

@@ -368,10 +368,19 @@ def test_a_pad_missed_for_a_moment_is_still_approached() -> None:
     assert velocity(bench).forward_mps > 0.0
 
 
+def test_a_pad_is_approached_for_as_long_as_the_board_carries_it() -> None:
+    """One number says how old a track may be: the board's."""
+    assert HELIPAD.max_age_s == 20.0
+    bench = approaching()
+    fly(bench, (2.4, 0.0), unseen_s=19.8)
+    assert velocity(bench).forward_mps > 0.0
+
+
 @pytest.mark.parametrize("pad", [(2.4, 0.0), None])
 def test_a_pad_lost_for_long_is_searched_again(pad: tuple[float, float] | None) -> None:
     """Too old a track, or none: stop, and search."""
     bench = approaching()
+    bench.allow_stale()
     fly(bench, pad, unseen_s=21.0)
     assert bench.proposed is None
     assert bench.board[PHASE] == "search"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import json
+import re
 import shutil
 import signal
 import threading
@@ -188,7 +189,7 @@ def test_a_drone_gets_its_address_and_what_it_may_need(hangar: Hangar) -> None:
 
 
 def test_movers_are_for_the_twin() -> None:
-    with pytest.raises(InputError, match="drone 'anafi' takes no movers, got '2'"):
+    with pytest.raises(InputError, match="drone 'anafi' takes no movers, got 2"):
         app.make_drone(app.FlightOptions(drone="anafi", movers=2))
     with pytest.raises(InputError, match="movers: expected a whole number from 0, got -1"):
         app.FlightOptions(movers=-1)
@@ -202,9 +203,29 @@ def test_movers_are_for_the_twin() -> None:
     assert one.scene.name == "val-a"
 
 
-def test_a_scene_for_a_drone_that_knows_none_is_refused() -> None:
-    with pytest.raises(InputError, match="drone 'anafi' takes no scene, got 'val-a'"):
-        app.make_drone(app.FlightOptions(drone="anafi", scene="val-a"))
+@pytest.mark.parametrize(
+    ("drone", "option", "value"),
+    [
+        ("anafi", "scene", "val-a"),
+        ("anafi:127.0.0.1:1", "profile", "harsh"),
+        ("anafi", "seed", 9),
+        ("sphinx", "realtime", True),
+        ("scripted", "image_size_px", (320, 180)),
+        ("scripted", "profile", "ideal"),
+    ],
+)
+def test_an_option_that_a_drone_cannot_use_is_refused(
+    hangar: Hangar, drone: str, option: str, value: Any
+) -> None:
+    words = f"drone '{drone.partition(':')[0]}' takes no {option}, got {re.escape(repr(value))}"
+    with pytest.raises(InputError, match=words):
+        app.make_drone(app.FlightOptions(drone=drone, **{option: value}))
+    assert hangar.asked == []
+
+
+def test_an_address_for_a_drone_that_has_none_is_refused() -> None:
+    with pytest.raises(InputError, match="drone 'twin' takes no address, got 'here'"):
+        app.make_drone(app.FlightOptions(drone="twin:here"))
 
 
 def test_exact_masks_come_from_the_referee_at_the_networks_size() -> None:

@@ -71,10 +71,16 @@ class NotADrone:
         ({"drone": NotADrone()}, r"NotADrone lacks clock, referee, scene, .*disconnect"),
         (
             {"drone": TwinConfig(), "scene": "val-a"},
-            r"scene='val-a' is for a drone that is given by its name: TwinConfig is flown as it is",
+            r"TwinConfig is flown as it is and takes no scene, got 'val-a': set it there",
         ),
-        ({"drone": TwinConfig(), "image_size_px": (320, 180)}, r"image_size_px=\(320, 180\) is"),
-        ({"drone": ScriptedDrone(), "profile": "harsh"}, r"profile='harsh' is for"),
+        (
+            {"drone": TwinConfig(), "image_size_px": (320, 180)},
+            r"takes no image_size_px, got \(320, 180\)",
+        ),
+        (
+            {"drone": ScriptedDrone(), "profile": "harsh"},
+            r"ScriptedDrone .* takes no profile, got 'harsh'",
+        ),
     ],
 )
 def test_a_value_that_cannot_be_used_is_refused_when_it_is_given(

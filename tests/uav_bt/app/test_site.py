@@ -6,13 +6,17 @@ from pathlib import Path
 
 import pytest
 
+from behaviours.fly.take_off import TakeOff
 from tests.uav_bt.record.record_world import tree_file
 from uav_bt import app
+from uav_bt.app.loading import load_mission
 from uav_bt.app.site import Site, load_site
-from uav_bt.errors import FileError
+from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT
+from uav_bt.errors import FileError, InputError
 from uav_bt.mission.preflight import PreflightConfig
 from uav_bt.mission.safety import Limits
 from uav_bt.mission.tick import TickRecord
+from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
 from uav_bt.types import MissionPhase
 
 FULL = """
@@ -138,3 +142,95 @@ def test_the_flight_height_of_a_site_holds_after_the_take_off(tmp_path: Path) ->
     assert len(heights) > 50
     assert min(heights) > 1.1
     assert max(heights) < 1.3
+
+
+# --- values of a site in a tree -------------------------------------------------------------------
+
+
+class SlowTakeOff(TakeOff):
+    """Climb as the shipped one does, under a name that only its author knows."""
+
+
+class Climb(Leaf):
+    """Take off, written from scratch by a third party."""
+
+    ports = (Port("height_m", float, default=2.0, doc="flight height, m"),)
+    writes = (FLIGHT_HEIGHT,)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class FixedClimb(Leaf):
+    """Take off to a height that nobody can set."""
+
+    writes = (FLIGHT_HEIGHT,)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+class OwnEyes(Leaf):
+    """Segment with another network."""
+
+    ports = (Port("model", str, default="unet", doc="the network"),)
+    writes = (CLASS_MAP,)
+
+    def update(self) -> Status:
+        return Status.SUCCESS
+
+
+OWN = NodeRegistry.installed().with_nodes(SlowTakeOff, Climb, FixedClimb, OwnEyes)
+
+
+def loaded(tmp_path: Path, body: str, site: Site) -> dict[str, object]:
+    mission = load_mission(tree_file(tmp_path, body), app.FlightOptions(site=site), OWN)
+    return port_values(mission)
+
+
+def port_values(mission: MissionTree) -> dict[str, object]:
+    """Return the values of all ports of a tree's leaves, by node and port."""
+    return {
+        f"{leaf.name}.{port.name}": leaf.port(port)
+        for leaf in mission.leaves()
+        for port in leaf.ports
+    }
+
+
+@pytest.mark.parametrize("leaf", ["TakeOff", "SlowTakeOff", "Climb"])
+def test_every_leaf_that_sets_the_flight_height_gets_the_sites(tmp_path: Path, leaf: str) -> None:
+    values = loaded(tmp_path, f'<{leaf} name="up" height_m="1.5"/>', Site(flight_height_m=0.9))
+    assert values["up.height_m"] == 0.9
+
+
+def test_every_leaf_that_segments_gets_the_sites_network(tmp_path: Path) -> None:
+    body = '<Sequence><Segment/><OwnEyes model="teacher"/></Sequence>'
+    values = loaded(tmp_path, body, Site(model="unet-fp32"))
+    assert (values["Segment.model"], values["OwnEyes.model"]) == ("unet-fp32", "unet-fp32")
+
+
+def test_a_composed_tree_gets_the_sites_height_as_well() -> None:
+    tree = MissionTree(SlowTakeOff("up", height_m=1.5), name="composed")
+    mission = load_mission(tree, app.FlightOptions(site=Site(flight_height_m=0.9)))
+    assert port_values(mission)["up.height_m"] == 0.9
+
+
+def test_a_take_off_that_cannot_take_the_sites_height_is_refused(tmp_path: Path) -> None:
+    words = "FixedClimb' writes 'flight_height_m' but has no port 'height_m'"
+    with pytest.raises(InputError, match=words):
+        loaded(tmp_path, "<FixedClimb/>", Site(flight_height_m=0.9))
+
+
+def test_class_names_for_a_leaf_that_maps_none_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "hall.yaml").touch()
+    site = Site(model="unet", classes=tmp_path / "hall.yaml")
+    with pytest.raises(InputError, match="has no port 'classes'"):
+        loaded(tmp_path, "<OwnEyes/>", site)
+
+
+def test_a_setting_that_no_leaf_asks_for_is_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    loaded(tmp_path, "<Land/>", Site(flight_height_m=0.9))
+    assert len(caplog.messages) == 1
+    assert "the site's height_m='0.9' has no effect: no leaf of tree" in caplog.text

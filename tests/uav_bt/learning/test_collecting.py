@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 
 from sim_bridge.twin.scene_file import load_scene
+from tests.uav_bt.record.record_world import tree_file
 from uav_bt.campaign import planning
 from uav_bt.campaign.plan import FlightTask
 from uav_bt.campaign.runner import Answers
 from uav_bt.campaign.worker_process import FAILED, FLOWN
 from uav_bt.errors import InputError, ValueRangeError
-from uav_bt.learning.collecting import CollectionPlan, collect
+from uav_bt.learning.collecting import CollectionPlan, collect, nodes_under_policy
 from uav_bt.mission.judge import Outcome
 
 ADVISED = "explore_and_land_advised"
@@ -107,6 +108,16 @@ def test_a_tree_in_which_nobody_advises_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no leaf of 'explore_and_land_depth'"):
         collected(tmp_path, tree="explore_and_land_depth")
     assert not list(tmp_path.iterdir())
+
+
+def test_all_leaves_that_fly_by_a_policy_are_found_whatever_they_are_called(tmp_path: Path) -> None:
+    """The one that advises keeps its rule."""
+    tree = tree_file(
+        tmp_path,
+        """<ReactiveSequence><Segment/><Advise policy="corridor"/>
+        <Fallback><Explore name="wander"/><ReturnToBase/></Fallback></ReactiveSequence>""",
+    )
+    assert nodes_under_policy(tree) == ["wander", "ReturnToBase"]
 
 
 def test_no_flights_are_refused() -> None:

@@ -123,6 +123,7 @@ class Viewer:
                 stdin=subprocess.PIPE if web else subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
+                env={**os.environ, "CI": "true"},  # where Rerun's viewer does not report its use
                 start_new_session=True,  # Ctrl-C lands the drone; it must not close the window
             )
         except OSError as error:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
+from uav_bt.board import Key
 from uav_bt.errors import TreeError, UnknownNameError, ValueRangeError, did_you_mean
 from uav_bt.tree.conditions import CONDITION_ATTRIBUTES
 from uav_bt.tree.leaf import Leaf
@@ -70,14 +71,14 @@ class Builder:
         self,
         overrides: Mapping[str, Mapping[str, str]],
         *,
-        by_id: Mapping[str, Mapping[str, str]],
+        by_key: Mapping[Key[Any], Mapping[str, str]],
         mocks: Mapping[str, str],
     ) -> Node:
         """Return the root node.
 
         Args:
             overrides: attribute values by node, which is named by its name or its path.
-            by_id: attribute values by node id, for those of its nodes that have such a port.
+            by_key: attribute values by board key, for the leaves that write it and have the port.
             mocks: scripts by leaf, which is named by its path, its name or its node's id.
 
         Raises:
@@ -93,7 +94,7 @@ class Builder:
             finding = Finding(str(main.path), main.position, str(error), main.label)
             raise TreeError(self._document.path, [finding]) from error
         plans = list(plan.walk())
-        self._apply_by_id(by_id, plans)
+        self._apply_by_key(by_key, plans)
         self._apply(overrides, plans)
         self._mock(mocks, plans)
         self._check_policies(plans)
@@ -118,14 +119,15 @@ class Builder:
         ]
         return _Plan(element, name, path, self._document.entries(element), children)
 
-    def _apply_by_id(self, by_id: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
-        for plan in plans if by_id else ():
-            leaf, attributes = self._leaf_class(plan), by_id.get(_id_of(plan), {})
-            if leaf is not None and attributes:
-                ports = {port.name for port in leaf.ports}
-                known = {name: text for name, text in attributes.items() if name in ports}
-                self._replace(plan, known)
-                self._check_override(_id_of(plan), known, plan)
+    def _apply_by_key(
+        self, by_key: Mapping[Key[Any], Mapping[str, str]], plans: list[_Plan]
+    ) -> None:
+        for plan in plans if by_key else ():
+            leaf = self._leaf_class(plan)
+            taken = leaf.values_taken(by_key) if leaf is not None else {}
+            if taken:
+                self._replace(plan, taken)
+                self._check_override(_id_of(plan), taken, plan)
 
     def _apply(self, overrides: Mapping[str, Mapping[str, str]], plans: list[_Plan]) -> None:
         for target, attributes in overrides.items():

@@ -6,8 +6,10 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from uav_bt import plugins
+from uav_bt.board import Key
 from uav_bt.errors import FileError, InputError, TreeError
 from uav_bt.tree.loading.builder import POLICY_PORT, Builder
 from uav_bt.tree.loading.checker import Checker
@@ -38,7 +40,7 @@ def load_tree(
     *,
     tree_id: str | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
-    by_id: Mapping[str, Mapping[str, str]] | None = None,
+    by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
     mocks: Mapping[str, str] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
@@ -50,8 +52,8 @@ def load_tree(
         tree_id: which of the file's trees; default: the one that it names, or the only one that no
             other uses.
         overrides: attribute values that replace the file's, by a node's name or path.
-        by_id: attribute values that replace the file's in all nodes of an id, beneath the
-            overrides. An id that does not occur, or a port that a node does not have, is no error.
+        by_key: attribute values that replace the file's in all leaves that write a board key,
+            beneath the overrides. A leaf without the port is left as it is.
         mocks: scripts of leaves that are replaced by scripted ones (`uav_bt.tree.scripted`), by
             path, name or node id; of several that fit a leaf, in this order the first counts. Name,
             path, kind, ports and conditions stay as the file has them.
@@ -67,7 +69,7 @@ def load_tree(
         path=path,
         tree_id=tree_id,
         overrides=overrides,
-        by_id=by_id,
+        by_key=by_key,
         mocks=mocks,
         lookup=lookup,
     )
@@ -80,7 +82,7 @@ def parse_tree(
     path: Path | str = "<text>",
     tree_id: str | None = None,
     overrides: Mapping[str, Mapping[str, str]] | None = None,
-    by_id: Mapping[str, Mapping[str, str]] | None = None,
+    by_key: Mapping[Key[Any], Mapping[str, str]] | None = None,
     mocks: Mapping[str, str] | None = None,
     lookup: Lookup | None = None,
 ) -> MissionTree:
@@ -92,7 +94,7 @@ def parse_tree(
         path: what messages call the file.
         tree_id: which of the file's trees; see `load_tree`.
         overrides: attribute values that replace the file's, by a node's name or path.
-        by_id: attribute values for all nodes of an id; see `load_tree`.
+        by_key: attribute values for all leaves that write a board key; see `load_tree`.
         mocks: scripts of leaves; see `load_tree`.
         lookup: where to look for trees and included files; see `load_tree`.
 
@@ -108,7 +110,7 @@ def parse_tree(
     findings.raise_any(path)
     for finding in findings:
         _log.warning("Warning: %s", str(finding).replace(": warning:", ":", 1))
-    return read.build(overrides or {}, by_id=by_id or {}, mocks=mocks or {})
+    return read.build(overrides or {}, by_key=by_key or {}, mocks=mocks or {})
 
 
 class _Read:
@@ -137,7 +139,7 @@ class _Read:
         self,
         overrides: Mapping[str, Mapping[str, str]],
         *,
-        by_id: Mapping[str, Mapping[str, str]],
+        by_key: Mapping[Key[Any], Mapping[str, str]],
         mocks: Mapping[str, str],
     ) -> MissionTree:
         """Return the main tree.
@@ -147,7 +149,7 @@ class _Read:
         """
         document = self.document
         builder = Builder(document, self._registry, self._findings)
-        root = builder.build(overrides, by_id=by_id, mocks=mocks)
+        root = builder.build(overrides, by_key=by_key, mocks=mocks)
         return MissionTree(
             root,
             name=document.main,
@@ -215,7 +217,7 @@ def check_text(
         Checker(read.document, registry, findings).check(roots)
         if not errors_of(findings):
             for read.document.main in roots:
-                remarks += _remarks(read.build({}, by_id={}, mocks={}))
+                remarks += _remarks(read.build({}, by_key={}, mocks={}))
         check_releases(read.document, registry, findings, engines, roots)
     except InputError as error:
         return findings_of(error, path)

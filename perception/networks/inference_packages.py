@@ -1,0 +1,61 @@
+"""Imports the packages that run and quantise networks; none of them reports its use.
+
+OpenVINO and NNCF report through the package `openvino_telemetry`, which also writes an identifier
+into the home folder. Both work without it where it is not installed. ONNX Runtime, which NNCF runs
+for calibration, reads the variable `ORT_DISABLE_TELEMETRY` (`Privacy.md` in its wheel).
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from collections.abc import MutableMapping
+from pathlib import Path
+from typing import Any, Final
+
+_CPU_INFO: Final = Path("/proc/cpuinfo")
+_CAPS: Final = ("ONEDNN_MAX_CPU_ISA", "DNNL_MAX_CPU_ISA")  # oneDNN's, today's and the older name
+
+
+@functools.cache
+def import_openvino() -> Any:
+    """Return OpenVINO, imported at the first call: it takes a third of a second."""
+    _switch_reports_off()
+    _spare_amx(os.environ, _CPU_INFO)
+    import openvino  # noqa: PLC0415
+
+    return openvino
+
+
+@functools.cache
+def import_nncf() -> Any:
+    """Return NNCF, imported at the first call: it takes seconds."""
+    _switch_reports_off()
+    import nncf  # noqa: PLC0415
+
+    return nncf
+
+
+def _switch_reports_off() -> None:
+    # With this entry an import fails as if the package were not installed.
+    sys.modules["openvino_telemetry"] = None  # type: ignore[assignment]
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+
+
+def _spare_amx(environment: MutableMapping[str, str], cpu_info: Path) -> None:
+    """Keep OpenVINO away from a processor's tile instructions.
+
+    Some virtual machines announce them and then refuse to run them, which ends the process
+    (uxlfoundation/oneDNN issue 5689), and OpenVINO has no setting that leaves them out. Networks
+    of a few million weights do not gain from them. Other processors are not limited: under any cap
+    with AVX-512, oneDNN also leaves out VNNI on processors that have it without AVX-512.
+
+    Args:
+        environment: of this process; a cap that is set already stays.
+        cpu_info: what Linux says about the processor; other systems have no such file.
+    """
+    if any(name in environment for name in _CAPS) or not cpu_info.is_file():
+        return
+    if "amx_tile" in cpu_info.read_text(encoding="utf-8").split():
+        environment[_CAPS[0]] = "AVX512_CORE_FP16"

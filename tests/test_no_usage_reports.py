@@ -1,0 +1,105 @@
+"""Nothing leaves the machine: no library reports its use or writes into the home folder.
+
+Each program runs in a new process: a report is sent when a library is imported.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+# Libraries take them for a test machine's, on which they do not report anyway.
+TEST_MACHINES = ("CI", "TF_BUILD", "JENKINS_URL", "PYTEST_CURRENT_TEST", "ORT_DISABLE_TELEMETRY")
+
+PERCEIVE = """
+from uav_bt.cli.root import uav_bt
+uav_bt(["net", "perceive", "views", "--model", "contact"])
+"""
+FLY = """
+from uav_bt.app import FlightOptions, fly
+fly(
+    '<root BTCPP_format="4"><BehaviorTree ID="Look">'
+    '<ReactiveSequence><Segment/><Sleep msec="300"/></ReactiveSequence>'
+    '</BehaviorTree></root>',
+    FlightOptions(image_size_px=(320, 180)),
+)
+"""
+EXPORT = """
+from pathlib import Path
+import numpy as np
+from perception.segmentation.training.unet import UNET_FILES, UNet, UNetConfig
+net = UNet(UNetConfig(width_px=64, height_px=32, channels=(8, 16)))
+UNET_FILES.save(Path("w.safetensors"), net, notes={})
+UNET_FILES.export(Path("w.safetensors"), Path("net.onnx"),
+                  calibration=[np.zeros((32, 64, 3), np.uint8)])
+"""
+VIEW = """
+import time
+from uav_bt.display.rerun import sinks
+viewer = sinks.Viewer(web=True)
+time.sleep(2.0)
+viewer.close(end=True)
+"""
+
+
+@contextmanager
+def proxy() -> Iterator[tuple[str, list[str]]]:
+    """Take the requests of a process that asks a proxy: its address, and their first lines."""
+    asked: list[str] = []
+
+    def listen() -> None:
+        with suppress(OSError):  # the listener is closed at the end
+            while True:
+                client, _ = listener.accept()
+                with client:
+                    client.settimeout(2.0)
+                    asked.append(client.recv(200).decode("latin-1").partition("\r\n")[0])
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=listen, daemon=True).start()
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}", asked
+        listener.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.mark.parametrize(
+    "program", [PERCEIVE, FLY, EXPORT, VIEW], ids=["perceive", "fly", "export", "view"]
+)
+def test_nobody_is_called_and_the_home_folder_stays_empty(program: str, tmp_path: Path) -> None:
+    home, work = tmp_path / "home", tmp_path / "work"
+    for folder in (home, work / "views"):
+        folder.mkdir(parents=True)
+    cv2.imwrite(str(work / "views" / "1.png"), np.full((90, 160, 3), 120, np.uint8))
+    kept = {name: value for name, value in os.environ.items() if name not in TEST_MACHINES}
+    with proxy() as (address, asked):
+        done = subprocess.run(  # noqa: S603 - our own interpreter
+            [sys.executable, "-c", program],
+            cwd=work,
+            env={
+                **kept,
+                "HOME": str(home),
+                "XDG_CACHE_HOME": str(home / ".cache"),
+                "XDG_CONFIG_HOME": str(home / ".config"),
+                "XDG_DATA_HOME": str(home / ".local/share"),
+                "MESA_SHADER_CACHE_DISABLE": "true",  # the driver's cache is not a report
+                "https_proxy": address,
+                "HTTPS_PROXY": address,
+                "PYTHONPATH": str(Path(__file__).parents[1]),
+            },
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+    assert asked == []
+    assert [path for path in home.rglob("*") if path.is_file()] == []
