@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import (
+    Airframe,
     CameraModel,
     ClassMap,
     Command,
@@ -62,6 +63,11 @@ class Drone(Protocol):
     @property
     def camera(self) -> CameraModel:
         """The camera's intrinsics at the size of the frames it sends."""
+        ...
+
+    @property
+    def airframe(self) -> Airframe:
+        """Size and reaction of the body; `Airframe()` where nothing better is known."""
         ...
 
     @property

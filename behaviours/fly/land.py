@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from uav_bt.types import CameraModel, ClassMap, DroneState, FlyingState, Frame, 
 from uav_bt.types import Land as LandCommand
 from uav_bt.types.projection import ground_points
 
+# Without telemetry for this time a landing begins where the drone is, seconds. Chosen: ten periods
+# of telemetry at 5 Hz; a shorter pause does not give up the step to the spot.
+_UNHEARD_S: Final = 2.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class EmergencyLandConfig:
@@ -26,7 +30,29 @@ class EmergencyLandConfig:
     tolerance_m: float = 0.05  # to the spot; a shorter step is not worth its time
 
 
-class Land(MovingLeaf):
+class LandingLeaf(MovingLeaf):
+    """Base of the leaves that land: a landing that has begun needs no telemetry."""
+
+    def initialise(self) -> None:
+        """Note that the descent has not begun."""
+        self._descends = False
+
+    def descend(self) -> Status:
+        """Propose the landing."""
+        self._descends = True
+        self.propose(LandCommand())
+        return Status.RUNNING
+
+    def wait(self, state_age_s: float) -> Status:
+        """Go on landing; land here where telemetry has been missing for long.
+
+        Args:
+            state_age_s: age of the newest telemetry, seconds.
+        """
+        return self.descend() if self._descends or state_age_s > _UNHEARD_S else Status.RUNNING
+
+
+class Land(LandingLeaf):
     """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground."""
 
     reads = (STATE, CAMERA)
@@ -34,6 +60,7 @@ class Land(MovingLeaf):
 
     def initialise(self) -> None:
         """Begin with the forward step."""
+        super().initialise()
         self.write(PHASE, MissionPhase.LAND)
         self._moved = False
 
@@ -42,14 +69,14 @@ class Land(MovingLeaf):
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
         camera = self.read(CAMERA).value
+        self._moved |= state.flying is FlyingState.LANDING  # too late for a step
         if not self._moved and camera is not None and camera.forward_offset_m != 0.0:
             self._moved = True
             self.start_move(forward_m=camera.forward_offset_m)
             return Status.RUNNING
         if self.moving(state):
             return Status.RUNNING
-        self.propose(LandCommand())
-        return Status.RUNNING
+        return self.descend()
 
 
 @dataclass(frozen=True)
@@ -90,7 +117,7 @@ def nearest_landing_spot(
     return LandingSpot(float(forward_m), float(right_m))
 
 
-class EmergencyLand(MovingLeaf):
+class EmergencyLand(LandingLeaf):
     """Land on the nearest free carpet below; where none is in view, land at once.
 
     FAILURE on the ground: a mission that had to come down like this was not fulfilled.
@@ -120,6 +147,7 @@ class EmergencyLand(MovingLeaf):
 
     def initialise(self) -> None:
         """Note the time; no spot has been found."""
+        super().initialise()
         self.write(PHASE, MissionPhase.EMERGENCY_LANDING)
         self._started_s = self.leaf_clock.now()
         self._above_spot = False
@@ -138,8 +166,7 @@ class EmergencyLand(MovingLeaf):
             self._above_spot = False  # a person flew it elsewhere: look again
         waited_s = self.leaf_clock.now() - self._started_s
         if self._above_spot or waited_s > self.port_value("look_s"):
-            self.propose(LandCommand())
-            return Status.RUNNING
+            return self.descend()
         spot = self._spot()
         if spot is not None:
             self._above_spot = True

@@ -54,7 +54,7 @@ class MovingLeaf(Leaf):
         A leaf that has ended points nothing: the next one may do so within the same tick.
         """
         state = self.state()
-        status = Status.RUNNING if state is None else self._work(state)
+        status = self.wait(self.read(STATE).age_s) if state is None else self._work(state)
         if status is Status.RUNNING:
             pitch_rad = self.gimbal_pitch_rad()
             if pitch_rad is not None:
@@ -71,6 +71,15 @@ class MovingLeaf(Leaf):
     @abstractmethod
     def work(self, state: DroneState) -> Status:
         """Propose what the leaf wants in this tick, or end."""
+
+    def wait(self, state_age_s: float) -> Status:
+        """Tick without fresh telemetry; a leaf that proposes nothing hovers.
+
+        Args:
+            state_age_s: age of the newest telemetry, seconds.
+        """
+        del state_age_s
+        return Status.RUNNING
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the gimbal's pitch while the leaf is RUNNING, None to leave it as it is."""

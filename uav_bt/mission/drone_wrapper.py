@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uav_bt.protocols import Clock, Drone, Referee, Scene
-from uav_bt.types import CameraModel, Command, Observation
+from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
 class DroneWrapper:
@@ -25,6 +25,11 @@ class DroneWrapper:
     def camera(self) -> CameraModel:
         """The inner drone's camera."""
         return self._drone.camera
+
+    @property
+    def airframe(self) -> Airframe:
+        """The inner drone's airframe."""
+        return self._drone.airframe
 
     @property
     def referee(self) -> Referee | None:

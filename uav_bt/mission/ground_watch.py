@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from uav_bt.mission.safety import Lasting
+from uav_bt.mission.lasting import Lasting
 from uav_bt.types.dead_reckoning import MotionEstimate
 
 _LOG: Final = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from sim_bridge.olympe.config import AnafiConfig, OlympeConfig, SphinxConfig
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.errors import FileError, InputError
-from uav_bt.mission.safety import Limits
+from uav_bt.mission.limits import Limits
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.testing import ScriptedDrone
 

@@ -10,8 +10,8 @@ from tests.uav_bt.record.record_world import tree_file
 from uav_bt import app
 from uav_bt.app.site import Site, load_site
 from uav_bt.errors import FileError
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.mission.safety import Limits
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import MissionPhase
 
