@@ -44,12 +44,13 @@ class LandingLeaf(MovingLeaf):
         return Status.RUNNING
 
     def wait(self, state_age_s: float) -> Status:
-        """Go on landing; land here where telemetry has been missing for long.
+        """Go on landing; land here where telemetry has stopped for long.
 
         Args:
-            state_age_s: age of the newest telemetry, seconds.
+            state_age_s: age of the newest telemetry, seconds; inf before the first.
         """
-        return self.descend() if self._descends or state_age_s > _UNHEARD_S else Status.RUNNING
+        stopped = _UNHEARD_S < state_age_s < math.inf
+        return self.descend() if self._descends or stopped else Status.RUNNING
 
 
 class Land(LandingLeaf):

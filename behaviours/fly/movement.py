@@ -76,7 +76,7 @@ class MovingLeaf(Leaf):
         """Tick without fresh telemetry; a leaf that proposes nothing hovers.
 
         Args:
-            state_age_s: age of the newest telemetry, seconds.
+            state_age_s: age of the newest telemetry, seconds; inf before the first.
         """
         del state_age_s
         return Status.RUNNING

@@ -173,7 +173,7 @@ class MissionRunner:
         usable = self._screening.usable(self._drone.observe(), start_s)
         observation = self._height.corrected(usable)
         self._write_board(observation, start_s)
-        status, compute_s = self._tick_tree(observation.state)
+        status, compute_s = self._run_tree(observation.state)
         decided = self._arbitrate(observation, start_s)
         sent = self._drone.send(decided)
         if isinstance(sent.movement, TakeOff):
@@ -189,24 +189,23 @@ class MissionRunner:
             clock.sleep_until(start_s + self._config.tick_s)
         return verdict
 
-    def _tick_tree(self, state: DroneState) -> tuple[Status, float]:
-        """Tick the tree, unless a person flies or the mission is aborted.
+    def _run_tree(self, state: DroneState) -> tuple[Status, float]:
+        """Tick the tree; it rests while a person flies, and is halted by an abort.
 
         Returns:
             The tree's status, and the wall time of its tick in seconds.
         """
         self._context.proposals.clear()
         began_s = self._timer()
-        if self._abort:
-            status = Status.IDLE
-        elif self._manual or state.pilot_has_control:
-            status = Status.RUNNING
-        else:
-            status = self._flown.tree.tick()
+        rests = not self._abort and (self._manual or state.pilot_has_control)
+        status = Status.RUNNING if rests else self._tick_tree()
         compute_s = self._timer() - began_s
-        if self._abort:  # a signal may have asked for it meanwhile
+        if self._abort:
             self._flown.tree.halt()
         return status, compute_s
+
+    def _tick_tree(self) -> Status:
+        return Status.IDLE if self._abort else self._flown.tree.tick()
 
     def _arbitrate(self, observation: Observation, now_s: float) -> Command:
         frame, state = observation.frame, observation.state

@@ -11,7 +11,6 @@ import pytest
 from uav_bt.board import FRAME
 from uav_bt.board.context import Proposals
 from uav_bt.errors import ProposalConflictError, ValueRangeError
-from uav_bt.mission.lasting import Lasting
 from uav_bt.mission.limits import Limits
 from uav_bt.mission.safety import SAFETY, Arbiter, Circumstances, Override, rule_in_force
 from uav_bt.types import (
@@ -387,20 +386,3 @@ def test_nobody_climbs_through_the_ceiling() -> None:
 def test_limits_must_be_positive(name: str) -> None:
     with pytest.raises(ValueRangeError, match="must be positive"):
         dataclasses.replace(LIMITS, **{name: 0.0})
-
-
-# --- for how long ---------------------------------------------------------------------------------
-
-
-def test_what_lasts_is_counted_from_its_first_tick() -> None:
-    lasting = Lasting()
-    assert [lasting.update(now_s, holds=True) for now_s in (5.0, 5.5, 6.5)] == [0.0, 0.5, 1.5]
-
-
-def test_a_short_gap_does_not_end_it_and_a_long_one_does() -> None:
-    """Frames that are late by just as much as they may be are fresh and stale in turn."""
-    lasting = Lasting()
-    lasting.update(1.0, holds=True)
-    assert lasting.update(1.4, holds=False) == 0.0
-    assert lasting.update(1.8, holds=True) == pytest.approx(0.8)
-    assert lasting.update(3.0, holds=True) == 0.0
