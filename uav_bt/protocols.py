@@ -66,11 +66,6 @@ class Drone(Protocol):
         ...
 
     @property
-    def airframe(self) -> Airframe:
-        """Size and reaction of the body; `Airframe()` where nothing better is known."""
-        ...
-
-    @property
     def referee(self) -> Referee | None:
         """The truth, where there is one; None on a real drone."""
         ...
@@ -88,6 +83,11 @@ class Drone(Protocol):
     @property
     def tick_s(self) -> float | None:
         """The length of a tick, seconds, where the drone's own pace counts; else None."""
+        ...
+
+    @property
+    def airframe(self) -> Airframe:
+        """Size and reaction of the body; `Airframe()` where nothing better is known."""
         ...
 
     def connect(self) -> None:

@@ -96,11 +96,11 @@ class ObedienceWatch:
         passed_s = 0.0 if self._last_s is None else now_s - self._last_s
         turned_rad = math.remainder(state.attitude.yaw_rad - self._yaw_rad, math.tau)
         self._last_s, self._yaw_rad = now_s, state.attitude.yaw_rad
-        landing = self._landing(command, state, now_s)
-        if landing is not None or now_s - state.captured_s > STATE.max_age_s:
-            return landing  # old measurements say nothing about the present
+        if now_s - state.captured_s > STATE.max_age_s:
+            return None  # old telemetry says nothing about the present
         self._move_turned_rad += turned_rad
         found = (
+            self._landing(command, state, now_s),
             self._movement(command, state, now_s),
             self._not_turning(command, passed_s, turned_rad, now_s),
             self._camera(command, state, now_s),

@@ -191,3 +191,9 @@ def test_old_telemetry_is_held_against_nobody() -> None:
     blown = replace(HOVERS, velocity=BodyVelocity(right_mps=2.0))
     for tick in range(200):
         assert watch.complaint(Command(movement=Hover()), blown, 5.0 + tick * TICK_S) is None
+
+
+def test_old_telemetry_does_not_say_that_a_landing_has_not_begun() -> None:
+    watch = ObedienceWatch()
+    for tick in range(200):
+        assert watch.complaint(Command(movement=Land()), HOVERS, 1.0 + tick * TICK_S) is None
