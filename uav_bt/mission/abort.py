@@ -13,7 +13,7 @@ class Abort:
     method but `follow` may be called from a signal handler or another thread.
 
     Args:
-        grace_s: longest time of the landing, seconds; then it is no longer waited for.
+        grace_s: longest wait for the landing, seconds.
     """
 
     def __init__(self, grace_s: float) -> None:

@@ -1,4 +1,4 @@
-"""A drone around another one; what a wrapper does not change is the inner drone's."""
+"""A drone around another one; a wrapper overrides some members and inherits the others."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
 class DroneWrapper:
-    """Passes everything on; derive from it and override what is to be different.
+    """Passes everything on; derive from it and override members.
 
     Args:
         drone: the inner drone, not connected.
@@ -48,7 +48,7 @@ class DroneWrapper:
 
     @property
     def tick_s(self) -> float | None:
-        """The inner drone's tick, where its own pace counts."""
+        """The inner drone's tick, seconds; None where the mission sets it."""
         return self._drone.tick_s
 
     def connect(self) -> None:
@@ -60,7 +60,7 @@ class DroneWrapper:
         self._drone.connect()
 
     def observe(self) -> Observation:
-        """Return what the inner drone observes."""
+        """Return the inner drone's observation."""
         return self._drone.observe()
 
     def send(self, command: Command) -> Command:

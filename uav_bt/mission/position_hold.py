@@ -1,9 +1,9 @@
 """Holds position by feedback from the ground in view, for every leaf.
 
-A drone holds the place that its own velocity estimate believes in, and drifts with the error of
-that estimate. The board's `odometry` shows the motion over the ground. The part of it that no order
-explains (the disturbance) is estimated and ordered back, and a proportional controller holds the
-place. The hold stands between the leaves' proposals and the arbiter's limits:
+A drone holds position by its velocity estimate, and drifts with the error of that estimate. The
+board's `odometry` shows the motion over the ground. The part of it that no order explains (the
+disturbance) is estimated and ordered back, and a proportional controller holds the place. The hold
+stands between the leaves' proposals and the arbiter's limits:
 
 hover, turn on the spot   flown as a velocity that keeps the place;
 velocity flight           flown less the disturbance;
@@ -41,7 +41,7 @@ from uav_bt.types.dead_reckoning import MotionEstimate
 
 
 class HoldMode(enum.Enum):
-    """What the hold does."""
+    """The modes of the hold."""
 
     RESTING = "resting"  # no place is kept: the motion is unknown, or another flies
     HOVER = "hover"  # hover, turn or velocity flight are flown as velocities
@@ -86,7 +86,7 @@ class PositionHold:
 
     @property
     def mode(self) -> HoldMode:
-        """What the hold does since the last tick."""
+        """The mode since the last tick."""
         return self._mode
 
     def correct(
@@ -181,7 +181,7 @@ class PositionHold:
         return math.hypot(*self._learned)
 
     def _order(self, movement: Movement, state: DroneState, passed_s: float) -> Velocity | None:
-        """Return the velocity that a movement is flown by, None to leave it to the drone."""
+        """Return the velocity to fly a movement by, None to leave it to the drone."""
         if isinstance(movement, Land):
             if self._mode is not HoldMode.LANDING:
                 self._landing = HeldLanding(self._config.landing, state.height_m)

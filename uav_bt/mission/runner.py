@@ -139,7 +139,7 @@ class MissionRunner:
         return self._manual
 
     def cut_motors(self, reason: str) -> None:
-        """Stop the motors with the next tick, wherever the drone is; there is no way back."""
+        """Stop the motors with the next tick, wherever the drone is; it cannot be undone."""
         self._abort.cut_motors(reason)
 
     def run(self) -> Verdict:

@@ -1,4 +1,4 @@
-"""The arbiter: one command per tick, by the safety rules first, then by what the leaves propose.
+"""The arbiter: one command per tick, by the safety rules first, then by the leaves' proposals.
 
 The strongest rule that holds decides the tick; without one the leaves decide. A condition that
 lasts too long becomes an abort, which is a landing (`contingencies.py`). A test walks the table,
@@ -174,7 +174,7 @@ class Arbiter:
 
         Args:
             proposals: of the leaves in this tick.
-            now: what the safety rules depend on.
+            now: the input of the safety rules.
             correct: returns a proposed movement as it should be flown, before it is limited.
         """
         rule = rule_in_force(now, self._limits)

@@ -97,7 +97,7 @@ REGISTRY = NodeRegistry([Up, Down, Climb, Track])
 LANDS = "<ReactiveSequence><Track/><Sequence><Up/><Down/></Sequence></ReactiveSequence>"
 
 Fault = Callable[[Observation, Observation], Observation]
-"""From what is observed, and what was observed when the fault began, what is reported."""
+"""Returns the report, from the observation of now and that of the fault's first tick."""
 
 
 def frozen_video(now: Observation, then: Observation) -> Observation:
