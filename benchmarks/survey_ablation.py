@@ -32,7 +32,7 @@ from perception.mapping.site_mapper import SiteMapperConfig
 from uav_bt import app
 from uav_bt.answers import Advance, Answer, Blocked
 from uav_bt.errors import UavBtError
-from uav_bt.mission.ordered_motion import HoldConfig
+from uav_bt.mission.hold_model import HoldConfig
 from uav_bt.protocols import LeafPolicy, PolicyView
 from uav_bt.tree import NodeRegistry
 

@@ -3,7 +3,7 @@
 from uav_bt import app
 from uav_bt.protocols import Clock, Drone, Referee, Scene
 from uav_bt.testing import ScriptedDrone
-from uav_bt.types import CameraModel, Command, MoveBy, Observation
+from uav_bt.types import Airframe, CameraModel, Command, MoveBy, Observation
 
 MISSION = """
 <root BTCPP_format="4">
@@ -36,6 +36,10 @@ class Logbook:
     @property
     def camera(self) -> CameraModel:
         return self._drone.camera
+
+    @property
+    def airframe(self) -> Airframe:
+        return self._drone.airframe
 
     @property
     def referee(self) -> Referee | None:

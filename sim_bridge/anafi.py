@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from uav_bt.errors import ValueRangeError
-from uav_bt.types import CameraModel
+from typing import Final
 
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Airframe, CameraModel
+
+ANAFI_AIRFRAME: Final = Airframe()  # its defaults describe the ANAFI
 CAMERA_FORWARD_M = CameraModel.forward_offset_m  # the lens ahead of the body's centre
 FOCAL_SHARE = 0.7275  # focal length over image width: 69 degrees wide, the video's field of view
 

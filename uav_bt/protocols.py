@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uav_bt.answers import Answer
 from uav_bt.types import (
+    Airframe,
     CameraModel,
     ClassMap,
     Command,
@@ -80,6 +81,11 @@ class Drone(Protocol):
     @property
     def tick_s(self) -> float | None:
         """The length of a tick, seconds, where the drone's own pace counts; else None."""
+        ...
+
+    @property
+    def airframe(self) -> Airframe:
+        """Size and reaction of the body; `Airframe()` where nothing better is known."""
         ...
 
     def connect(self) -> None:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from behaviours.fly.landing_spot import LandingSpot, nearest_landing_spot
 from behaviours.fly.moving_leaf import STRAIGHT_DOWN_RAD, MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
 from uav_bt.board import CAMERA, CLASS_MAP, FRAME, PHASE, STATE
+from uav_bt.board.context import MissionContext
 from uav_bt.tree import Port, Status
-from uav_bt.types import BODY_SIZE_M, DroneState, FlyingState, MissionPhase
+from uav_bt.types import DroneState, FlyingState, MissionPhase
 from uav_bt.types import Land as LandCommand
+
+# Without telemetry for this time a landing begins where the drone is, seconds. Chosen: ten periods
+# of telemetry at 5 Hz; a shorter pause does not give up the step to the spot.
+_UNHEARD_S: Final = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +38,30 @@ class EmergencyLandConfig:
     margin_m: float = 0.05
 
 
-class Land(MovingLeaf):
+class LandingLeaf(MovingLeaf):
+    """Base of the leaves that land: a landing that has begun needs no telemetry."""
+
+    def initialise(self) -> None:
+        """Note that the descent has not begun."""
+        self._descends = False
+
+    def descend(self) -> Status:
+        """Propose the landing."""
+        self._descends = True
+        self.propose(LandCommand())
+        return Status.RUNNING
+
+    def wait(self, state_age_s: float) -> Status:
+        """Go on landing; land here where telemetry has stopped for long.
+
+        Args:
+            state_age_s: age of the newest telemetry, seconds; inf before the first.
+        """
+        stopped = _UNHEARD_S < state_age_s < math.inf
+        return self.descend() if self._descends or stopped else Status.RUNNING
+
+
+class Land(LandingLeaf):
     """Move the camera's offset forward, descend, stop the motors; SUCCESS on the ground.
 
     The leaf expects the landing mark below the camera, as `HelipadCenter` leaves it, and does not
@@ -46,6 +74,7 @@ class Land(MovingLeaf):
 
     def initialise(self) -> None:
         """Begin with the forward step."""
+        super().initialise()
         self.write(PHASE, MissionPhase.LAND)
         self._moved = False
 
@@ -54,17 +83,17 @@ class Land(MovingLeaf):
         if state.flying is FlyingState.LANDED:
             return Status.SUCCESS
         camera = self.read(CAMERA).value
+        self._moved |= state.flying is FlyingState.LANDING  # too late for a step
         if not self._moved and camera is not None and camera.forward_offset_m != 0.0:
             self._moved = True
             self.start_move(forward_m=camera.forward_offset_m)
             return Status.RUNNING
         if self.moving(state):
             return Status.RUNNING
-        self.propose(LandCommand())
-        return Status.RUNNING
+        return self.descend()
 
 
-class EmergencyLand(MovingLeaf):
+class EmergencyLand(LandingLeaf):
     """Land on the nearest surface in view that holds the hull; FAILURE on the ground.
 
     The surface is the ground or the top of the landing box, under the whole hull and a margin. For
@@ -96,8 +125,14 @@ class EmergencyLand(MovingLeaf):
     reads = (STATE, FRAME, CLASS_MAP, CAMERA)
     writes = (PHASE,)
 
+    def on_setup(self, mission: MissionContext) -> None:
+        """Note how much room the drone's hull takes."""
+        super().on_setup(mission)
+        self._hull_m = mission.airframe.radius_m
+
     def initialise(self) -> None:
         """Note the time; no spot has been found."""
+        super().initialise()
         self.write(PHASE, MissionPhase.EMERGENCY_LANDING)
         self._started_s = self.leaf_clock.now()
         self._above_spot = False
@@ -115,13 +150,11 @@ class EmergencyLand(MovingLeaf):
         if self.progress is Progress.INTERRUPTED:
             self._above_spot = False  # a person flew it elsewhere: look again
         if self._above_spot:
-            self.propose(LandCommand())
-            return Status.RUNNING
+            return self.descend()
         late = self.leaf_clock.now() - self._started_s > self.port_value("look_s")
-        hull_m = math.hypot(BODY_SIZE_M[0], BODY_SIZE_M[1]) / 2
-        spot = self._spot(max(self.port_value("radius_m"), hull_m + self.config.margin_m))
+        spot = self._spot(max(self.port_value("radius_m"), self._hull_m + self.config.margin_m))
         if spot is None and late:
-            spot = self._spot(hull_m)
+            spot = self._spot(self._hull_m)
         self._above_spot = spot is not None or late
         if spot is not None and spot.range_m > self.config.tolerance_m:
             self.start_move(forward_m=spot.forward_m, right_m=spot.right_m)

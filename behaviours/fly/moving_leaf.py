@@ -25,13 +25,13 @@ def camera_points_at(
     Args:
         frame: the newest.
         pitch_rad: 0 level, negative down.
-        slack_rad: difference that is none.
+        slack_rad: greatest difference, radians.
     """
     return frame is not None and abs(frame.gimbal_pitch_rad - pitch_rad) < slack_rad
 
 
 class MovingLeaf(Leaf):
-    """Base of the leaves that make relative movements; what they do in a tick is `work`.
+    """Base of the leaves that make relative movements; `work` is the work of a tick.
 
     A movement that ends early, because an override let the drone hover or a person flew, goes on by
     itself: the heading by the attitude, the height by the altimeter, a step by dead reckoning. Only
@@ -54,7 +54,7 @@ class MovingLeaf(Leaf):
         A leaf that has ended points nothing: the next one may do so within the same tick.
         """
         state = self.state()
-        status = Status.RUNNING if state is None else self._work(state)
+        status = self.wait(self.read(STATE).age_s) if state is None else self._work(state)
         if status is Status.RUNNING:
             pitch_rad = self.gimbal_pitch_rad()
             if pitch_rad is not None:
@@ -70,14 +70,23 @@ class MovingLeaf(Leaf):
 
     @abstractmethod
     def work(self, state: DroneState) -> Status:
-        """Propose what the leaf wants in this tick, or end."""
+        """Propose the movement of this tick, or end."""
+
+    def wait(self, state_age_s: float) -> Status:
+        """Tick without fresh telemetry; a leaf that proposes nothing hovers.
+
+        Args:
+            state_age_s: age of the newest telemetry, seconds; inf before the first.
+        """
+        del state_age_s
+        return Status.RUNNING
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the gimbal's pitch while the leaf is RUNNING, None to leave it as it is."""
         return None
 
     def terminate(self, new_status: Status) -> None:
-        """Drop the movement; the arbiter cancels what is no longer proposed."""
+        """Drop the movement; the arbiter cancels a movement that nobody proposes."""
         del new_status
         self._step.drop(self.clock.now())
         self.leaf_clock.stop()

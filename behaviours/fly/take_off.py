@@ -9,7 +9,7 @@ from typing import ClassVar
 from behaviours.fly.moving_leaf import MovingLeaf, camera_points_at
 from behaviours.fly.step import Progress
 from uav_bt.board import FLIGHT_HEIGHT, FLIGHT_PITCH, FRAME, PHASE, STATE
-from uav_bt.mission.safety import Limits
+from uav_bt.mission.limits import Limits
 from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, FlyingState, MissionPhase
 from uav_bt.types import TakeOff as TakeOffCommand

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
@@ -151,7 +152,8 @@ class BuildCorridor(Leaf):
 
     def on_setup(self, mission: MissionContext) -> None:
         """Place the planes; raises ValueRangeError where they cannot stand."""
-        self._builder = CorridorBuilder(self.config())
+        nose_m = mission.airframe.body_size_m[0] / 2
+        self._builder = CorridorBuilder(replace(self.config(), nose_m=nose_m))
         self._timer = StageTimer(mission, "corridor")
         self._last_s = -math.inf
 

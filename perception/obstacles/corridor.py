@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, level_rays
 from uav_bt.errors import ShapeError, ValueRangeError
-from uav_bt.types import BODY_SIZE_M, BodyVelocity, Corridor, DepthMap
+from uav_bt.types import Airframe, BodyVelocity, Corridor, DepthMap
 
 Side = Literal["left", "right", "front", "up", "down"]
 SIDES: Final[tuple[Side, ...]] = ("left", "right", "front", "up", "down")
@@ -52,7 +52,7 @@ class CorridorConfig:
     # it at 1 m, which takes the side planes away from all pixels more than 27 degrees off the axis
     # and so widens the corridor there; the real lens is here.
     image_plane_m: float = 0.02
-    nose_m: float = BODY_SIZE_M[0] / 2  # of the body ahead of its centre; what touches first
+    nose_m: float = Airframe().body_size_m[0] / 2  # the body's front ahead of its centre
     # Depth at the edges of things is a mixture: the nearest pixels, this many, are not believed.
     stray_px: int = 4
     standing_mps: float = 0.05  # slower than this nothing is hit

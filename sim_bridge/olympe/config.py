@@ -7,7 +7,9 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final
 
+from sim_bridge.anafi import ANAFI_AIRFRAME
 from uav_bt.errors import InputError, ValueRangeError
+from uav_bt.types import Airframe
 
 if TYPE_CHECKING:
     from sim_bridge.olympe.drone import OlympeDrone
@@ -33,6 +35,7 @@ class OlympeConfig:
         address: HOST or HOST:DISCOVERY_PORT; None: where Parrot's documentation puts the drone.
         http_port: of the drone's web interface.
         rtsp_port: of the drone's video.
+        airframe: size of the body, command delay and lag; another one for a drone with guards.
         image_size_px: width and height that frames are resized to; the drone sends 720p.
         probe_limit_s: how long the drone is waited for at its discovery port; one in reach answers
             within milliseconds.
@@ -74,6 +77,7 @@ class OlympeConfig:
     address: str | None = None
     http_port: int = 80
     rtsp_port: int = RTSP_PORT
+    airframe: Airframe = ANAFI_AIRFRAME
     image_size_px: tuple[int, int] = (640, 360)
     probe_limit_s: float = 2.0
     behind_limit_s: float = 5.0

@@ -80,6 +80,7 @@ class OlympeDrone:
         self.clock = clock or FrameClock()  # real time; it ticks with the frames
         # The nominal intrinsics of its video; a camera file is more accurate.
         self.camera = anafi_camera(*config.image_size_px)
+        self.airframe = config.airframe
         self.scene: Final = None  # only simulated places are known
         self.referee: Final = None  # there is no truth about a real drone
         self.live = True  # a real drone is checked before it takes off

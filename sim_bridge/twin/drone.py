@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
-from sim_bridge.anafi import anafi_camera
+from sim_bridge.anafi import ANAFI_AIRFRAME, anafi_camera
 from sim_bridge.twin.camera import Optics
 from sim_bridge.twin.gl import load_mujoco
 from sim_bridge.twin.profile import Profile
 from sim_bridge.twin.scene import Scene
 from sim_bridge.twin.variation import start_pose
 from uav_bt.errors import DroneError, ValueRangeError
-from uav_bt.types import Command, Frame, Observation, Velocity
+from uav_bt.types import Command, Frame, Observation, Velocity, clamp, limit_length
 
 load_mujoco()  # before the modules below do: how it draws is settled at its import
 
@@ -62,6 +62,7 @@ class TwinDrone:
         self.scene = scene
         self.profile = profile
         self.camera = anafi_camera(*image_size_px)
+        self.airframe = ANAFI_AIRFRAME
         self.clock = TwinClock(self, realtime=realtime)
         self.live = False  # a simulated drone needs no check before it takes off
         self.tick_s = None  # the mission sets the tick's length
@@ -173,13 +174,14 @@ class TwinDrone:
 
     def _limited(self, order: Velocity) -> Velocity:
         profile = self.profile
-        speed = (order.forward_mps**2 + order.right_mps**2) ** 0.5
-        share = min(1.0, profile.max_speed_mps / speed) if speed else 1.0
+        forward_mps, right_mps = limit_length(
+            order.forward_mps, order.right_mps, profile.max_speed_mps
+        )
         return Velocity(
-            forward_mps=order.forward_mps * share,
-            right_mps=order.right_mps * share,
-            down_mps=_clamp(order.down_mps, profile.max_climb_mps),
-            yaw_rate_radps=_clamp(order.yaw_rate_radps, profile.max_yaw_rate_radps),
+            forward_mps=forward_mps,
+            right_mps=right_mps,
+            down_mps=clamp(order.down_mps, profile.max_climb_mps),
+            yaw_rate_radps=clamp(order.yaw_rate_radps, profile.max_yaw_rate_radps),
         )
 
     def disconnect(self) -> None:
@@ -223,7 +225,3 @@ class TwinClock:
         if self._wall_start_s is not None:
             elapsed = time.monotonic() - self._wall_start_s
             time.sleep(max(0.0, simulation.now_s - elapsed))
-
-
-def _clamp(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin import textures
 from sim_bridge.twin.movers import MoverSpec, mover_names, roof_of
 from sim_bridge.twin.scene import (
@@ -27,9 +28,8 @@ from sim_bridge.twin.scene import (
 )
 from sim_bridge.twin.solids import Solid, stacked, yaw_quaternion
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_BOX, HELIPAD_H, ROOFS
-from uav_bt.types import BODY_SIZE_M
 
-HULL_HALF_M = tuple(side / 2 for side in BODY_SIZE_M)  # forward, sideways, up
+HULL_HALF_M = tuple(side / 2 for side in ANAFI_AIRFRAME.body_size_m)  # forward, sideways, up
 HULL_MASS_KG = 0.32  # the ANAFI's
 PHYSICS_STEP_S = 0.005  # short enough for contacts at 1 m/s
 

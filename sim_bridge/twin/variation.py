@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from sim_bridge.anafi import ANAFI_AIRFRAME
 from sim_bridge.twin.movers import MoverSpec
 from sim_bridge.twin.noise import child_seed
 from sim_bridge.twin.scene import (
@@ -20,7 +21,7 @@ from sim_bridge.twin.scene import (
     traffic_problem,
 )
 from uav_bt.errors import ValueRangeError
-from uav_bt.types import BODY_SIZE_M, Pose
+from uav_bt.types import Pose
 
 _FROM_EDGE_M: Final = 0.4  # of a box's centre: a drone does not fly round it there
 # Between the centres of two boxes, so that most gaps let the drone through, and from box to pad.
@@ -183,7 +184,7 @@ def start_pose(scene: Scene, seed: int) -> Pose:
 
 
 def _standing(scene: Scene, x_m: float, y_m: float, yaw_rad: float) -> Pose:
-    z = scene.surface_m(x_m, y_m) + BODY_SIZE_M[2] / 2
+    z = scene.surface_m(x_m, y_m) + ANAFI_AIRFRAME.body_size_m[2] / 2
     return Pose(x_m=x_m, y_m=y_m, z_m=z, yaw_rad=yaw_rad)
 
 

@@ -14,8 +14,8 @@ from uav_bt.app.loading import Mission
 from uav_bt.app.options import FlightOptions
 from uav_bt.app.site import Site, load_site
 from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
-from uav_bt.mission.safety import Limits
 from uav_bt.plugins import make_policy
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.shipped import resolve_tree

@@ -20,6 +20,7 @@ from uav_bt.app.options import (
     given_options,
     is_drone_config,
     limits_of,
+    refuse_incomplete,
     refuse_unusable,
     site_of,
 )
@@ -32,8 +33,8 @@ from uav_bt.clock import TickClock
 from uav_bt.errors import DroneError, InputError
 from uav_bt.mission.flown_tree import NextTree
 from uav_bt.mission.judge import Judge
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
-from uav_bt.mission.safety import Limits
 from uav_bt.mission.screening import FrameJudge
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy, Referee, Segmenter
@@ -114,6 +115,7 @@ class Flight(Generic[DroneT]):
             inference_threads=self.options.inference_threads,
             segmenter=self._segmenter or self._exact_segmenter(),
             ground=() if site is None else site.ground,
+            airframe=self.drone.airframe,
         )
 
     def _policy(self, name: str) -> LeafPolicy:
@@ -213,6 +215,7 @@ def make_drone(options: FlightOptions) -> Drone:
         InputError: the drone refuses the options.
     """
     drone = _named_drone(options) if isinstance(options.drone, str) else _given_drone(options)
+    refuse_incomplete(drone)
     site = site_of(options) or Site()
     camera = options.camera or site.camera
     if camera is not None:

@@ -27,14 +27,15 @@ from uav_bt.files import writing
 from uav_bt.json_text import parse_json
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
-from uav_bt.mission.safety import Limits
 from uav_bt.plugins import need
 from uav_bt.protocols import Drone
 from uav_bt.record.channels import Quality, RecordConfig
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.recorder import FlightFacts, FlightRecorder
+from uav_bt.types import Airframe
 
 
 def flight_facts(flight: Flight[Drone]) -> FlightFacts:
@@ -57,6 +58,7 @@ def flight_facts(flight: Flight[Drone]) -> FlightFacts:
         "policy_objects": list(options.policy_objects),
         "drone": options.drone_name,
         "drone_config": repr(drone) if is_dataclass(drone) else None,
+        "airframe": flight.drone.airframe,
         "simulated": flight.drone.referee is not None,
         "versions": provenance.package_versions(),
         "platform": f"{platform.platform()}, Python {platform.python_version()}",
@@ -92,6 +94,7 @@ class RecordedOptions:
     limits: Limits = field(default_factory=Limits)
     runner: RunnerConfig = field(default_factory=RunnerConfig)
     judge: JudgeConfig = field(default_factory=JudgeConfig)
+    airframe: Airframe = field(default_factory=Airframe)
     policies: dict[str, str] = field(default_factory=dict)
     policy_objects: tuple[str, ...] = ()  # policies that only the recorded program had
     # Attributes that nodes had instead of those of the tree file, policies among them.

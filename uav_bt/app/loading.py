@@ -12,7 +12,7 @@ from uav_bt.app.options import FlightOptions, site_of
 from uav_bt.app.site import Site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT, Key
 from uav_bt.errors import InputError
-from uav_bt.mission.safety import Limits
+from uav_bt.mission.limits import Limits
 from uav_bt.tree import MissionTree, Node, NodeRegistry, load_tree, parse_tree
 from uav_bt.tree.loading.folders import TreeFolders
 from uav_bt.tree.loading.lookup import Lookup

@@ -15,8 +15,8 @@ from uav_bt.app.site import Site, load_site
 from uav_bt.brief import brief_repr
 from uav_bt.errors import InputError
 from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import RunnerConfig
-from uav_bt.mission.safety import Limits
 from uav_bt.protocols import Drone, DroneConfig, LeafPolicy
 from uav_bt.record.channels import Quality
 from uav_bt.tree.loading.folders import TreeFolders
@@ -242,10 +242,25 @@ def _check_drone(drone: object) -> None:
         return
     if isinstance(drone, str | type):
         _refuse("drone", expected, drone)
+    if not is_drone_config(drone):
+        refuse_incomplete(drone, expected)
+
+
+def refuse_incomplete(drone: object, expected: str = "a Drone") -> None:
+    """Refuse a drone that lacks members of the protocol.
+
+    Args:
+        drone: the object.
+        expected: for the message.
+
+    Raises:
+        InputError: it lacks some; the message lists them.
+    """
     missing = list(_missing(Drone, drone))
-    if missing and not is_drone_config(drone):
+    if missing:
+        remedy = ": add `airframe = uav_bt.types.Airframe()`" if missing == ["airframe"] else ""
         raise InputError(
-            f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}"
+            f"drone: expected {expected}; {class_name(drone)} lacks {', '.join(missing)}{remedy}"
         )
 
 

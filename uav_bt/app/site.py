@@ -27,8 +27,8 @@ from typing_extensions import TypedDict
 
 from uav_bt.brief import brief_repr
 from uav_bt.errors import ValueRangeError
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.mission.safety import Limits
 from uav_bt.yaml_file import read_yaml
 
 

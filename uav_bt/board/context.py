@@ -14,7 +14,7 @@ from uav_bt.clock import WallClock
 from uav_bt.errors import ProposalConflictError
 from uav_bt.plugins import make_policy
 from uav_bt.protocols import Clock, LeafPolicy, Segmenter
-from uav_bt.types import GimbalTo, Movement
+from uav_bt.types import Airframe, GimbalTo, Movement
 
 
 class Proposals:
@@ -100,6 +100,7 @@ class MissionContext:
         segmenter: replaces the network of every Segment leaf; evaluations fly on exact masks with
             it.
         ground: names of the classes that count as ground besides the carpet.
+        airframe: size and reaction of the drone's body.
         stage_times_s: time that each perception stage took, seconds by stage name.
     """
 
@@ -111,6 +112,7 @@ class MissionContext:
     inference_threads: int = 1
     segmenter: Segmenter | None = None
     ground: tuple[str, ...] = ()
+    airframe: Airframe = field(default_factory=Airframe)
     stage_times_s: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

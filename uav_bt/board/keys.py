@@ -21,9 +21,11 @@ from uav_bt.types import (
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import SiteMap
 
-# A frame is old when the drone has flown blind for longer than one 30 cm step takes to start.
+# Greatest age of a frame, seconds, for leaves and for the arbiter's rule "stale frame". Chosen: the
+# time in which a step of 0.3 m starts.
 _FRAME_MAX_AGE_S = 0.7
-# Telemetry comes many times a second; without it for half a second nothing is known.
+# Greatest age of telemetry, seconds, for leaves and for the arbiter's rule "link lost". Chosen: two
+# lost samples of an ANAFI's 5 Hz.
 _STATE_MAX_AGE_S = 0.5
 # The tracker carries the pad without a detection for as long as a detour round a box takes. Then an
 # approach ends and the search begins again. Chosen.

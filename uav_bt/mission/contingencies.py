@@ -1,15 +1,17 @@
-"""What ends a mission early: battery, disobedience, no images, ground or link for long.
+"""The conditions that end a mission early: battery, disobedience, no images, ground or link.
 
-The safety table (`safety.py`) answers within the tick; what lasts is answered here, by a landing,
-or by the end of the mission where nothing is heard any more.
+The safety table (`safety.py`) answers within the tick. A condition that lasts is answered here, by
+an abort, which is a landing, or by an error where the drone is out of reach.
 """
 
 from __future__ import annotations
 
 from uav_bt.errors import DroneError
+from uav_bt.mission.lasting import Lasting
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.map_watch import MapWatch
 from uav_bt.mission.obedience import ObedienceWatch
-from uav_bt.mission.safety import AIRBORNE, Lasting, Limits, Override
+from uav_bt.mission.safety import AIRBORNE, Override
 from uav_bt.mission.screening import Screening
 from uav_bt.types import Command, DroneState
 from uav_bt.types.site_map import SiteMap
@@ -18,10 +20,10 @@ _OUT_OF_REACH = "it hovers, lands or returns by its own rules; take over with it
 
 
 class Contingencies:
-    """Watches one mission for what must end it.
+    """Watches one mission for conditions that must end it.
 
     Args:
-        limits: how long what may last.
+        limits: critical battery, and for how long frames and telemetry may be missing.
     """
 
     def __init__(self, limits: Limits) -> None:
@@ -44,13 +46,13 @@ class Contingencies:
         """Return why the mission must be aborted with a landing; None when it goes on.
 
         Args:
-            now_s: the mission clock's time.
+            now_s: mission clock, seconds.
             state: of the drone.
-            command: what was sent in this tick.
-            override: that came before the mission's own command.
-            screening: of what the drone reports.
-            drift: why the place cannot be held, if so.
-            site_map: of the place, as it is known now; None where the mission keeps none.
+            command: as it was sent in this tick.
+            override: the safety rule that decided this tick; None where the leaves did.
+            screening: of the drone's reports.
+            drift: why the place cannot be held; None while it can.
+            site_map: newest map of the place; None where the mission keeps none.
 
         Raises:
             DroneError: the connection is lost, or no telemetry has come for too long.
@@ -59,7 +61,7 @@ class Contingencies:
         if state.lost:
             raise DroneError(f"the connection to the drone is broken: {_OUT_OF_REACH}")
         fault = self._obedience.complaint(command, state, now_s) or drift
-        # An override holds for one tick; a landing must not be taken back on the way down.
+        # The override holds for one tick; the abort holds until the drone has landed.
         if override is Override.BATTERY:
             return f"critical battery: {100 * (state.battery or 0.0):.0f} %"
         if fault is not None and override is not Override.MANUAL:
@@ -70,7 +72,7 @@ class Contingencies:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is wrong with the map of the place and is borne, or has just happened to it."""
+        """Faults of the map of the place that end no mission, and its newest events."""
         return self._map.warnings
 
     def _out_of_touch(
@@ -85,6 +87,6 @@ class Contingencies:
         if blind_s > limits.blind_s:
             why = f": {screening.frame_fault}" if screening.frame_fault else ""
             return f"no usable frame for {blind_s:.0f} s{why}"
-        if refused_s > limits.link_lost_s:  # it is heard, and what it says cannot be
+        if refused_s > limits.link_lost_s:  # it is heard, and its values are impossible
             return f"no usable telemetry for {refused_s:.0f} s: {screening.state_fault}"
         return None

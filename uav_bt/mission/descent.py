@@ -1,4 +1,4 @@
-"""Bringing the drone down when its mission is over: no fault ends the attempt before its time."""
+"""Brings the drone down after its mission; no fault ends the attempt early."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class DescentEnd:
     """How a descent ended."""
 
     airborne: bool  # as far as is known
-    faults: tuple[str, ...]  # what failed on the way, each once
+    faults: tuple[str, ...]  # errors on the way, each once
 
 
 class Descent:
@@ -67,8 +67,7 @@ class Descent:
 
         Args:
             reason: why, for the listeners.
-            given_up: whether somebody does not want to wait for the landing; it is asked for once
-                even then.
+            given_up: whether the landing is not waited for; it is commanded once even then.
         """
         state: DroneState | None = None
         clock = self._drone.clock

@@ -1,13 +1,13 @@
-"""A drone around another one; what a wrapper does not change is the inner drone's."""
+"""A drone around another one; a wrapper overrides some members and inherits the others."""
 
 from __future__ import annotations
 
 from uav_bt.protocols import Clock, Drone, Referee, Scene
-from uav_bt.types import CameraModel, Command, Observation
+from uav_bt.types import Airframe, CameraModel, Command, Observation
 
 
 class DroneWrapper:
-    """Passes everything on; derive from it and override what is to be different.
+    """Passes everything on; derive from it and override members.
 
     Args:
         drone: the inner drone, not connected.
@@ -27,6 +27,11 @@ class DroneWrapper:
         return self._drone.camera
 
     @property
+    def airframe(self) -> Airframe:
+        """The inner drone's airframe."""
+        return self._drone.airframe
+
+    @property
     def referee(self) -> Referee | None:
         """The inner drone's referee, where it is a simulated one."""
         return self._drone.referee
@@ -43,7 +48,7 @@ class DroneWrapper:
 
     @property
     def tick_s(self) -> float | None:
-        """The inner drone's tick, where its own pace counts."""
+        """The inner drone's tick, seconds; None where the mission sets it."""
         return self._drone.tick_s
 
     def connect(self) -> None:
@@ -55,7 +60,7 @@ class DroneWrapper:
         self._drone.connect()
 
     def observe(self) -> Observation:
-        """Return what the inner drone observes."""
+        """Return the inner drone's observation."""
         return self._drone.observe()
 
     def send(self, command: Command) -> Command:

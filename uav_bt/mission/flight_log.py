@@ -26,7 +26,7 @@ class _Marks:
 
 
 class FlightLog:
-    """Listens to the runner and keeps what the report needs.
+    """Listens to the runner and keeps the facts of the report.
 
     Args:
         coverage: measures how much of the ground is covered; None where the ground is not known.

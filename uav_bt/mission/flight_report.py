@@ -13,7 +13,8 @@ import numpy as np
 
 from uav_bt.files import write_whole
 
-EXPLORE_S = 90.0  # the span of `explore_distance_m`, from the take-off command
+# Span of `explore_distance_m`, seconds from the take-off command; chosen.
+EXPLORE_S = 90.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,7 @@ class Percentiles:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightReport:
-    """One flight. What was not reached is None."""
+    """One flight. A field that does not apply, or was not reached, is None."""
 
     scene: str | None
     seed: int
@@ -55,7 +56,7 @@ class FlightReport:
     time_to_land_s: float | None  # from there until motors off
     landing_error_m: float | None  # horizontal, body centre to pad centre
     min_clearance_m: float | None  # from the hull to the nearest box or mover
-    # Shares of the free ground, 0 to 1, after so many seconds from the take-off command and at the
+    # Shares of the free ground, 0 to 1, 90 s after the take-off command and at the
     # end: within 0.5 m of the flown path, and in view within 3 m.
     coverage_passed_90s: float | None = None
     coverage_passed: float | None = None
@@ -78,7 +79,7 @@ class FlightReport:
     perception_ms: dict[str, Percentiles | None] = field(default_factory=dict)
     # Leaves that blocked longer than their budget, by path: the longest time, milliseconds.
     slow_leaves: dict[str, float] = field(default_factory=dict)
-    # What was wrong with the drone's motion or with the map, and was borne.
+    # Faults of the drone's motion or of the map that did not end the mission.
     warnings: list[str] = field(default_factory=list)
     # Whether the drone was still in the air when the program left it, as far as is known.
     airborne_at_end: bool = False

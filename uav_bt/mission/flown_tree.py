@@ -1,4 +1,4 @@
-"""The tree that flies, and how another one takes its place between two ticks."""
+"""The tree that flies, and its replacement by another one between two ticks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class FlownTree:
 
     Args:
         tree: the first one, set up.
-        next_tree: asked for another; None: there is none.
+        next_tree: asked for another; None where the first one flies the whole flight.
         timer: the wall clock that leaves are measured with, seconds.
     """
 

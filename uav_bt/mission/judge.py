@@ -11,7 +11,7 @@ from uav_bt.types import DroneState, FlyingState, Truth
 
 
 class Outcome(enum.Enum):
-    """What a flight ends as."""
+    """The outcome of a flight."""
 
     SUCCESS = "success"
     COLLISION = "collision"
@@ -34,12 +34,14 @@ class JudgeConfig:
     """The rules of a flight: `FlightOptions(judge=JudgeConfig(time_limit_s=600.0))`.
 
     Attributes:
-        time_limit_s: from the take-off command; a longer flight ends as a timeout.
-        patience_s: a mission that gives no take-off command for so long ends as a timeout.
-        landing_surfaces: what the drone may touch while it takes off or lands, by what the names of
-            the simulation's shapes begin with.
-        must_land_on_pad: a simulated flight that ends elsewhere is no success; False for missions
-            that land where they are.
+        time_limit_s: longest duration from the take-off command, seconds; a longer flight ends as a
+            timeout. Chosen: a fifth of an ANAFI's battery.
+        patience_s: longest time without a take-off command, seconds; then the mission ends as a
+            timeout. Chosen: networks load within seconds.
+        landing_surfaces: shapes of the simulation that the drone may touch while it takes off or
+            lands, by the beginning of their names.
+        must_land_on_pad: a simulated flight must end on the pad; False for missions that land where
+            they are.
 
     Raises:
         ValueRangeError: the time limit is not positive.
@@ -55,7 +57,9 @@ class JudgeConfig:
             raise ValueRangeError(f"the time limit must be positive, got {self.time_limit_s}")
 
 
-_UNHEARD_S = 1.0  # telemetry older than this says nothing about the present
+# Age of telemetry above which the drone may be landing by its own rules, seconds. Chosen: twice the
+# age at which leaves no longer see it.
+_UNHEARD_S = 1.0
 _MAY_TOUCH_GROUND = frozenset(
     {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING, FlyingState.EMERGENCY}
 )
@@ -137,7 +141,7 @@ class Judge:
         return None
 
     def _hit(self, now_s: float, state: DroneState, truth: Truth) -> str | None:
-        unheard = now_s - state.captured_s > _UNHEARD_S  # it may be landing by its own rules
+        unheard = now_s - state.captured_s > _UNHEARD_S
         for geom in truth.contacts:
             landing_surface = geom.startswith(self._config.landing_surfaces)
             if not (landing_surface and (unheard or self._lands)):

@@ -1,10 +1,12 @@
-"""A body that does not obey: what was commanded, held against what the drone reports it does."""
+"""Notices a drone that does not obey, by comparing commands with telemetry."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
+from uav_bt.board.keys import STATE
+from uav_bt.mission.lasting import Lasting
 from uav_bt.types import (
     Command,
     DroneState,
@@ -23,21 +25,27 @@ class ObedienceConfig:
     """How long a drone may take before it counts as disobedient.
 
     Attributes:
-        unheard_s: telemetry older than this is not held against it.
-        start_s: until a gimbal points or a landing begins.
-        movement_s: until a movement that goes on counts as one that does not end ...
-        undone: ... so many of them in a row ...
-        longest_s: ... or one that goes on for so long.
-        gimbal_rad: how far the camera may point elsewhere.
-        turned_share: of the turns that were commanded, at least so much must be seen ...
-        turn_rad: ... counted over so much of turning.
-        interruptions: movements in a row that end interrupted or rejected by the drone itself ...
-        interrupted_s: ... from the first to the last over at least so long: a gust passes.
-        drift_mps: mean speed of a drone that should hover ...
-        drift_s: ... over so long.
+        start_s: longest time until a gimbal points or a landing begins, seconds; a take-off may
+            take twice as long. Chosen: a take-off order is repeated every second.
+        movement_s: a movement that is superseded after this time, seconds, counts as undone.
+            Chosen: a step of 0.3 m takes 2 s.
+        undone: number of undone movements in a row. Chosen: one or two are lost messages.
+        longest_s: longest duration of one movement, seconds. Chosen: 10 m with 0.25 m/s.
+        gimbal_rad: greatest error of the camera's pitch, radians. Chosen: three times the slack
+            with which leaves accept a pitch (2 degrees).
+        turned_share: least share of the ordered turns that telemetry must show. Chosen: a drone
+            that turns with half the ordered rate obeys.
+        turn_rad: ordered turn over which the share is taken, radians. Chosen: 4.4 s at 0.6 rad/s.
+        turn_answer_s: a turn by velocity counts after it was ordered in one direction for this
+            time, seconds. Chosen: command delay, lag and one period of telemetry.
+        interruptions: number of movements in a row that the drone interrupts or rejects. Chosen: a
+            leaf makes five attempts at one movement.
+        interrupted_s: least time from the first to the last of them, seconds. Chosen: a gust is
+            shorter.
+        drift_mps: greatest mean speed of a hovering drone, m/s. Chosen: 1 m within `drift_s`.
+        drift_s: time over which the mean is taken, seconds. Chosen: gusts are shorter.
     """
 
-    unheard_s: float = 0.5
     start_s: float = 6.0
     movement_s: float = 4.0
     undone: int = 3
@@ -45,6 +53,7 @@ class ObedienceConfig:
     gimbal_rad: float = math.radians(6)
     turned_share: float = 0.3
     turn_rad: float = math.radians(150)
+    turn_answer_s: float = 0.6
     interruptions: int = 6
     interrupted_s: float = 5.0
     drift_mps: float = 0.25
@@ -63,8 +72,13 @@ class ObedienceWatch:
         self._last_s: float | None = None
         self._yaw_rad = 0.0
         self._move: MoveBy | None = None
-        self._since_s: dict[str, float] = {}  # since when something has not been as commanded
-        self._asked_rad = self._turned_rad = 0.0
+        self._not_landing, self._not_rising, self._away, self._unended, self._broken_off = (
+            Lasting(gap_s=0.0) for _ in range(5)
+        )
+        self._asked_rad = self._turned_rad = 0.0  # ordered turns, and telemetry's share in them
+        self._turning = Lasting(gap_s=0.0)  # ordered by velocity in one direction
+        self._direction = 0.0  # of that turn: 1 clockwise, -1 counter-clockwise
+        self._move_turned_rad = 0.0  # by telemetry, during the movement in hand
         self._ended = False  # whether the end of that movement was heard
         self._interrupted = self._undone = 0  # movements in a row
         self._gimbal_rad: float | None = None
@@ -72,57 +86,52 @@ class ObedienceWatch:
         self._hover_s = 0.0
 
     def complaint(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        """Return in what the drone does not obey, None while it does.
+        """Return how the drone disobeys, None while it obeys.
 
         Args:
-            command: what was sent in this tick.
+            command: as it was sent in this tick.
             state: telemetry of this tick.
-            now_s: mission clock.
+            now_s: mission clock, seconds.
         """
         passed_s = 0.0 if self._last_s is None else now_s - self._last_s
         turned_rad = math.remainder(state.attitude.yaw_rad - self._yaw_rad, math.tau)
         self._last_s, self._yaw_rad = now_s, state.attitude.yaw_rad
-        landing = self._landing(command, state, now_s)
-        if landing is not None or now_s - state.captured_s > self._config.unheard_s:
-            return landing  # old measurements say nothing about what it does now
+        if now_s - state.captured_s > STATE.max_age_s:
+            return None  # old telemetry says nothing about the present
+        self._move_turned_rad += turned_rad
         found = (
+            self._landing(command, state, now_s),
             self._movement(command, state, now_s),
-            self._turning(command, passed_s, turned_rad),
+            self._not_turning(command, passed_s, turned_rad, now_s),
             self._camera(command, state, now_s),
             self._drifting(command, state, passed_s),
         )
         return next((each for each in found if each is not None), None)
 
-    def _lasts(self, what: str, now_s: float, *, holds: bool) -> float:
-        """Return for how long something has held."""
-        if not holds:
-            self._since_s.pop(what, None)
-            return 0.0
-        return now_s - self._since_s.setdefault(what, now_s)
-
     def _landing(self, command: Command, state: DroneState, now_s: float) -> str | None:
         flies = state.flying in {FlyingState.HOVERING, FlyingState.FLYING}
         refused = isinstance(command.movement, Land) and flies
-        if self._lasts("landing", now_s, holds=refused) > self._config.start_s:
+        if self._not_landing.update(now_s, holds=refused) > self._config.start_s:
             return "it does not land"
         grounded = isinstance(command.movement, TakeOff) and state.flying is FlyingState.LANDED
-        if self._lasts("take-off", now_s, holds=grounded) > 2 * self._config.start_s:
+        if self._not_rising.update(now_s, holds=grounded) > 2 * self._config.start_s:
             return "it does not take off"
         return None
 
     def _movement(self, command: Command, state: DroneState, now_s: float) -> str | None:
-        """Complain of movements that the drone breaks off or never ends, several in a row."""
+        """Complain of movements in a row that the drone breaks off or does not end."""
         move = command.movement if isinstance(command.movement, MoveBy) else None
         self._hear_of(self._move, state)
-        interrupted_s = self._lasts("interrupted", now_s, holds=self._interrupted > 0)
-        lasted_s = self._lasts("movement", now_s, holds=self._move is not None)
+        interrupted_s = self._broken_off.update(now_s, holds=self._interrupted > 0)
+        lasted_s = self._unended.update(now_s, holds=self._move is not None)
         if move is None or self._move is None or move.id != self._move.id:
-            # A step that flows into the next is soon superseded; one that was waited for is not.
+            # A step that flows into the next is superseded early.
             unended = self._move is not None and not self._ended
             if unended and lasted_s > self._config.movement_s:
                 self._undone += 1
-            self._since_s.pop("movement", None)
+            self._unended.reset()
             self._ended = False
+            self._move_turned_rad = 0.0
         self._move = move
         config = self._config
         if self._interrupted >= config.interruptions and interrupted_s > config.interrupted_s:
@@ -138,16 +147,29 @@ class ObedienceWatch:
             return
         if status.state is MovementState.DONE:
             self._asked_rad += abs(move.yaw_rad)
+            self._turned_rad += _sign(move.yaw_rad) * self._move_turned_rad
             self._interrupted = self._undone = 0
         elif status.state is not MovementState.RUNNING:
             self._interrupted += 1
         self._ended = status.state is not MovementState.RUNNING
 
-    def _turning(self, command: Command, passed_s: float, turned_rad: float) -> str | None:
-        """Complain of a drone that does not turn; turns by `MoveBy` count when they are done."""
-        if isinstance(command.movement, Velocity):
-            self._asked_rad += abs(command.movement.yaw_rate_radps) * passed_s
-        self._turned_rad += abs(turned_rad)
+    def _not_turning(
+        self, command: Command, passed_s: float, turned_rad: float, now_s: float
+    ) -> str | None:
+        """Complain of a drone that does not turn in the ordered direction.
+
+        A turn by velocity counts while it lasts, one by `MoveBy` when it is done. Heading noise
+        adds up to nothing: turns the other way count as negative.
+        """
+        movement = command.movement
+        rate_radps = movement.yaw_rate_radps if isinstance(movement, Velocity) else 0.0
+        if rate_radps * self._direction <= 0.0:
+            self._turning.reset()
+            self._direction = _sign(rate_radps)
+        ordered_s = self._turning.update(now_s, holds=rate_radps != 0.0)
+        if ordered_s > self._config.turn_answer_s:
+            self._asked_rad += abs(rate_radps) * passed_s
+            self._turned_rad += self._direction * turned_rad
         if self._asked_rad < self._config.turn_rad:
             return None
         share = self._turned_rad / self._asked_rad
@@ -160,7 +182,7 @@ class ObedienceWatch:
         if self._gimbal_rad is None:
             return None
         away = abs(state.gimbal_pitch_rad - self._gimbal_rad) > self._config.gimbal_rad
-        if self._lasts("gimbal", now_s, holds=away) > self._config.start_s:
+        if self._away.update(now_s, holds=away) > self._config.start_s:
             return "its camera does not point where it should: is the gimbal stuck?"
         return None
 
@@ -180,3 +202,7 @@ class ObedienceWatch:
         if speed_mps <= self._config.drift_mps:
             return None
         return f"it drifts at {speed_mps:.2f} m/s while it should hover: is there wind?"
+
+
+def _sign(value: float) -> float:
+    return math.copysign(1.0, value) if value else 0.0

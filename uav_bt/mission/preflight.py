@@ -1,4 +1,4 @@
-"""The check before a propeller turns: everything that is wrong, with what to do, in one list."""
+"""The check before take-off: one list of faults and remedies."""
 
 from __future__ import annotations
 
@@ -11,19 +11,32 @@ from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.protocols import Drone
 from uav_bt.types import DroneState, FlyingState, Observation
 
-_STEP_S: Final = 0.1
-_FRAMES: Final = 3  # of a video that moves on
-_OLD_S: Final = 1.0  # for telemetry and frames alike
+_STEP_S: Final = 0.1  # time between two observations, seconds; chosen, as a tick of a mission
+_FRAMES: Final = 3  # number of different frames that show a running video; chosen
+_OLD_S: Final = 1.0  # greatest age of telemetry and frames on the ground, seconds; chosen
 
 
 @dataclass(frozen=True, kw_only=True)
 class PreflightConfig:
-    """What a drone must show before it takes off."""
+    """Conditions for a take-off.
 
-    battery: float = 0.3  # of its charge; a mission takes five minutes of twenty-five
-    link: float = 0.4  # of the best link there is
-    wait_s: float = 5.0  # for the first telemetry and the first frames
-    look_s: float = 2.5  # at the images, within the wait: a frozen video shows by then
+    Attributes:
+        battery: least charge, 0 to 1. Chosen: five of an ANAFI's 25 minutes, and the critical
+            charge.
+        link: least quality of the radio link, 0 to 1. Chosen: two bars of five.
+        wait_s: longest wait for the first telemetry and frames, seconds. Chosen: as
+            long as the video may take to be granted (`OlympeConfig.video_limit_s`).
+        look_s: time for which the images are watched, seconds, within the wait. Chosen: longer than
+            the 2 s after which a still video counts as frozen (`uav_bt.app.assembly`).
+
+    Raises:
+        ValueRangeError: a share lies outside 0 to 1, or a time is negative.
+    """
+
+    battery: float = 0.3
+    link: float = 0.4
+    wait_s: float = 5.0
+    look_s: float = 2.5
 
     def __post_init__(self) -> None:
         shares = 0.0 <= self.battery <= 1.0 and 0.0 <= self.link <= 1.0
@@ -56,13 +69,13 @@ def check_drone(
     *,
     judge_frame: FrameJudge | None = None,
 ) -> tuple[Check, ...]:
-    """Observe a connected drone for a while and return what is good and what is not.
+    """Observe a connected drone for a while and return the list of checks.
 
     Args:
         drone: connected, on the ground.
-        config: what is good enough.
-        judge_frame: says why a frame's image cannot be flown by, as in the flight; None trusts all
-            images.
+        config: conditions for a take-off.
+        judge_frame: returns why a frame's image cannot be flown by, as in the flight; None trusts
+            all images.
 
     Raises:
         DroneError: the drone was lost during the check.
@@ -81,10 +94,10 @@ def check_drone(
 
 
 def refuse_faults(checks: Sequence[Check]) -> None:
-    """Go on only when all is well.
+    """Refuse a drone that fails a check.
 
     Raises:
-        DroneError: something is not; the message lists all of it.
+        DroneError: a check failed; the message lists all that did.
     """
     faults = [str(check) for check in checks if not check.good]
     if faults:
@@ -93,16 +106,16 @@ def refuse_faults(checks: Sequence[Check]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Seen:
-    """What a drone showed."""
+    """The observations of a check."""
 
     newest: Observation
-    frames: int  # different ones, up to what is enough
+    frames: int  # number of different ones
     frame_fault: str | None  # of the newest frame
     state_fault: str | None  # of the newest telemetry
 
 
 def _watch(drone: Drone, config: PreflightConfig, judge_frame: FrameJudge | None) -> _Seen:
-    """Observe until all is well, or the time is over: a first bad frame is no bad video."""
+    """Observe until every check passes or the time is over: a bad frame may be the first only."""
     clock, screening = drone.clock, Screening(drone.camera, judge_frame)
     start_s = clock.now()
     look_s = 0.0 if judge_frame is None else config.look_s
@@ -208,7 +221,7 @@ def _video(seen: _Seen, now_s: float, config: PreflightConfig) -> Check:
 
 
 def _reported(state: DroneState) -> Iterator[Check]:
-    """Check what the drone says about itself."""
+    """Check the faults that the drone reports about itself."""
     for fault in state.faults:
         yield Check(what=fault.what, good=False, found=fault.found, remedy=fault.remedy)
     if not state.faults:

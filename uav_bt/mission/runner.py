@@ -5,26 +5,28 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 from uav_bt.board import CAMERA, ELAPSED, FRAME, HEIGHT, ODOMETRY, PHASE, SITE_MAP, STATE
 from uav_bt.board.context import MissionContext
 from uav_bt.clock import TickClock
 from uav_bt.errors import ValueRangeError
+from uav_bt.mission.abort import Abort
 from uav_bt.mission.carpet_height import CarpetHeight
 from uav_bt.mission.contingencies import Contingencies
 from uav_bt.mission.descent import Descent, DescentEnd
 from uav_bt.mission.flown_tree import FlownTree, NextTree
-from uav_bt.mission.judge import Judge, Outcome, Verdict
-from uav_bt.mission.ordered_motion import HoldConfig
+from uav_bt.mission.hold_model import HoldConfig
+from uav_bt.mission.judge import Judge, Verdict
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.position_hold import PositionHold
-from uav_bt.mission.safety import Arbiter, Circumstances, Lasting, Limits, Override
+from uav_bt.mission.safety import Arbiter, Circumstances, Override
 from uav_bt.mission.screening import FrameJudge, Screening
 from uav_bt.mission.tick import TickListener, TickListeners, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
-from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff, Truth
+from uav_bt.types import Command, DroneState, FlyingState, Land, Observation, TakeOff
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +34,12 @@ class RunnerConfig:
     """How a mission is run.
 
     Attributes:
-        tick_s: length of a tick; a drone with a pace of its own has another.
-        landing_grace_s: how long a landing after a fault or an abort may take; then the drone is
-            left to its own rules.
-        hold: how the place is held.
+        tick_s: length of a tick, seconds; the drone's own `tick_s` replaces it. Chosen: three
+            frames of a video of 30 Hz, and time for the networks of `python -m benchmarks.ticks`.
+        landing_grace_s: longest duration of a landing after a fault or an abort, seconds; then the
+            drone is left to its own rules. Chosen: 8 m of descent with the twin's 0.5 m/s, and a
+            margin.
+        hold: gains and thresholds of the position hold.
 
     Raises:
         ValueRangeError: the tick is not positive, or longer than a second.
@@ -59,15 +63,15 @@ class MissionRunner:
     Args:
         drone: the connected drone.
         tree: the tree, set up for the context.
-        context: the mission's surroundings.
+        context: the board, proposals and settings that the leaves were set up with.
         judge: decides when the flight has ended, and how.
-        limits: what no command may exceed.
+        limits: of every command.
         config: how the mission is run.
-        listeners: what follows the flight tick by tick.
-        judge_frame: says why a frame's image cannot be flown by; None trusts all images.
-        clock: the context's, where it stands still from tick to tick; None where the drone's own
-            time does so, as simulated time does.
-        timer: the wall clock that computing is measured with, seconds.
+        listeners: called after every tick.
+        judge_frame: returns why a frame's image cannot be flown by; None trusts all images.
+        clock: the context's clock, which stands still within a tick; None where the drone's own
+            clock does, as simulated time does.
+        timer: wall clock for the computing times, seconds.
         next_tree: asked between two ticks for a tree that flies from then on.
     """
 
@@ -89,24 +93,21 @@ class MissionRunner:
         self._drone = drone
         self._context = context
         self._judge = judge
-        self._limits = limits or Limits()
-        self._arbiter = Arbiter(self._limits)
         self._config = config or RunnerConfig()
+        limits = limits or Limits()
+        self._arbiter = Arbiter(limits, drone.airframe)
         self.listeners = TickListeners(listeners)
         self._clock = clock
         self._timer = timer
         self._screening = Screening(drone.camera, judge_frame)
         self._height = CarpetHeight()
-        self._contingencies = Contingencies(self._limits)
-        self._hold = PositionHold(self._config.hold)
+        self._contingencies = Contingencies(limits)
+        self._hold = PositionHold(self._config.hold, drone.airframe)
         self._flown = FlownTree(tree, next_tree, timer=timer)
         self._index = 0
-        self._abort_reason: str | None = None
+        self._abort = Abort(self._config.landing_grace_s)
         self._manual = False
-        self._cut = False
-        self._given_up = False
         self.descent = DescentEnd(airborne=False, faults=())  # known when the run is over
-        self._landing = Lasting()
 
     @property
     def slow_leaves_s(self) -> dict[str, float]:
@@ -118,12 +119,11 @@ class MissionRunner:
 
         The first reason counts.
         """
-        if self._abort_reason is None:
-            self._abort_reason = reason
+        self._abort.request(reason)
 
     def give_up(self) -> None:
-        """Do not wait for the landing, which is asked for once more; safe in a signal handler."""
-        self._given_up = True
+        """Command one last landing and return; safe to call from a signal handler."""
+        self._abort.give_up()
 
     def set_manual(self, *, manual: bool) -> None:
         """Let a person take over, or hand back; safe to call from another thread.
@@ -139,16 +139,15 @@ class MissionRunner:
         return self._manual
 
     def cut_motors(self, reason: str) -> None:
-        """Stop the motors with the next tick, wherever the drone is; there is no way back."""
-        self._cut = True
-        self.request_abort(reason)
+        """Stop the motors with the next tick, wherever the drone is; it cannot be undone."""
+        self._abort.cut_motors(reason)
 
     def run(self) -> Verdict:
         """Fly until the mission has ended and return how.
 
         Raises:
             NodeFailedError: a leaf raised; the tree was stopped and the drone landed first.
-            DroneError: the drone was lost; what could be done to land it was done first.
+            DroneError: the drone was lost; a landing was asked for first.
         """
         verdict: Verdict | None = None
         try:
@@ -166,61 +165,70 @@ class MissionRunner:
         return verdict
 
     def _tick(self) -> Verdict | None:
-        if self._abort_reason is None:
+        """Observe, check, write the board, tick, arbitrate, send, record, judge."""
+        if not (self._abort or self._arbiter.landing):  # another tree would take a landing back
             self._flown.renew()
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
         usable = self._screening.usable(self._drone.observe(), start_s)
         observation = self._height.corrected(usable)
         self._write_board(observation, start_s)
-        self._context.proposals.clear()
-
-        began_s = self._timer()
-        status = Status.RUNNING if self._rests(observation.state) else self._tick_tree()
-        compute_s = self._timer() - began_s
-        if self._abort_reason is not None:
-            self._flown.tree.halt()
-
-        decided = self._decide(observation, start_s)
-        command = self._drone.send(decided)
-        if isinstance(command.movement, TakeOff):
+        status, compute_s = self._run_tree(observation.state)
+        decided = self._arbitrate(observation, start_s)
+        sent = self._drone.send(decided)
+        if isinstance(sent.movement, TakeOff):
             self._judge.took_off(start_s)
-        truth = self._drone.referee.truth() if self._drone.referee else None
         record = self._record(
-            observation, status, command, truth, start_s=start_s, compute_s=compute_s
+            observation, status, decided, sent, start_s=start_s, compute_s=compute_s
         )
-        self.listeners.on_tick(replace(record, decided=decided))
+        self.listeners.on_tick(record)
         self._index += 1
-        landing = isinstance(self._context.proposals.movement, Land)
-        why, state = self._abort_reason, observation.state
-        verdict = self._judge.verdict(
-            start_s, state, truth, status, abort_reason=why, landing=landing
-        )
-        landing_s = self._landing.update(start_s, holds=self._arbiter.override is Override.ABORT)
-        if landing_s > self._config.landing_grace_s:
-            self.give_up()
-        if verdict is None and self._given_up and self._abort_reason is not None:
-            verdict = Verdict(outcome=Outcome.ABORTED, reason=self._abort_reason)
-        if status in _OVER and observation.state.flying is not FlyingState.LANDED:
-            self.request_abort(f"the tree ended with {status.name} in the air")
+        verdict = self._verdict(record)
         if verdict is None:
-            trouble = self._contingencies.abort_reason(
-                *(start_s, state, command, self._arbiter.override),
-                screening=self._screening,
-                drift=self._hold.trouble,
-                site_map=self._context.board.read(SITE_MAP).value,
-            )
-            if trouble is not None:
-                self.request_abort(trouble)
+            self._look_for_trouble(record)
             clock.sleep_until(start_s + self._config.tick_s)
         return verdict
+
+    def _run_tree(self, state: DroneState) -> tuple[Status, float]:
+        """Tick the tree; it rests while a person flies, and is halted by an abort.
+
+        Returns:
+            The tree's status, and the wall time of its tick in seconds.
+        """
+        self._context.proposals.clear()
+        began_s = self._timer()
+        rests = not self._abort and (self._manual or state.pilot_has_control)
+        status = Status.RUNNING if rests else self._tick_tree()
+        compute_s = self._timer() - began_s
+        if self._abort:
+            self._flown.tree.halt()
+        return status, compute_s
+
+    def _tick_tree(self) -> Status:
+        return Status.IDLE if self._abort else self._flown.tree.tick()
+
+    def _arbitrate(self, observation: Observation, now_s: float) -> Command:
+        frame, state = observation.frame, observation.state
+        now = Circumstances(
+            state=state,
+            frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
+            state_age_s=now_s - state.captured_s,
+            abort=bool(self._abort),
+            manual=self._manual,
+            cut=self._abort.cut,
+        )
+        motion = self._context.board.read(ODOMETRY).value
+        correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
+        command = self._arbiter.decide(self._context.proposals, now, correct)
+        self._hold.sent(command.movement, motion, now_s, rests=self._arbiter.override is not None)
+        return command
 
     def _record(
         self,
         observation: Observation,
         status: Status,
-        command: Command,
-        truth: Truth | None,
+        decided: Command,
+        sent: Command,
         *,
         start_s: float,
         compute_s: float,
@@ -233,39 +241,45 @@ class MissionRunner:
             tree_status=status,
             phase=self._context.board.read(PHASE).value or "",
             active=tuple(node.name for node in active),
-            command=command,
+            command=sent,
             proposed_by=self._context.proposals.movement_owner,
             override=self._arbiter.override,
             compute_s=compute_s,
-            truth=truth,
+            truth=self._drone.referee.truth() if self._drone.referee else None,
             feedback=active[-1].feedback_message if active else "",
             slow=self._flown.budgets.take(),
             refused=self._screening.refused,
+            decided=decided,
             warnings=(*self._hold.warnings, *self._contingencies.warnings),
         )
 
-    def _rests(self, state: DroneState) -> bool:
-        """Return whether the mission waits because a person flies."""
-        return self._abort_reason is None and (self._manual or state.pilot_has_control)
-
-    def _tick_tree(self) -> Status:
-        return self._flown.tree.tick() if self._abort_reason is None else Status.IDLE
-
-    def _decide(self, observation: Observation, now_s: float) -> Command:
-        frame, state = observation.frame, observation.state
-        now = Circumstances(
-            state=state,
-            frame_age_s=math.inf if frame is None else now_s - frame.captured_s,
-            state_age_s=now_s - state.captured_s,
-            abort=self._abort_reason is not None,
-            manual=self._manual,
-            cut=self._cut,
+    def _verdict(self, record: TickRecord) -> Verdict | None:
+        state, status = record.observation.state, record.tree_status
+        verdict = self._judge.verdict(
+            record.time_s,
+            state,
+            record.truth,
+            status,
+            abort_reason=self._abort.reason,
+            landing=self._arbiter.landing,
         )
-        motion = self._context.board.read(ODOMETRY).value
-        correct = partial(self._hold.correct, state=state, motion=motion, now_s=now_s)
-        command = self._arbiter.decide(self._context.proposals, now, correct)
-        self._hold.sent(command.movement, motion, now_s, rests=self._arbiter.override is not None)
-        return command
+        given_up = self._abort.follow(record.time_s, lands=record.override is Override.ABORT)
+        if status in _OVER and state.flying is not FlyingState.LANDED:
+            self._abort.request(f"the tree ended with {status.name} in the air")
+        return verdict or given_up
+
+    def _look_for_trouble(self, record: TickRecord) -> None:
+        trouble = self._contingencies.abort_reason(
+            record.time_s,
+            record.observation.state,
+            record.command,
+            record.override,
+            screening=self._screening,
+            drift=self._hold.trouble,
+            site_map=self._context.board.read(SITE_MAP).value,
+        )
+        if trouble is not None:
+            self._abort.request(trouble)
 
     def _write_board(self, observation: Observation, now_s: float) -> None:
         board, state = self._context.board, observation.state
@@ -277,7 +291,7 @@ class MissionRunner:
             board.write(FRAME, observation.frame, captured_s=observation.frame.captured_s)
 
     def _stop_and_land(self, reason: str) -> None:
-        """Leave nothing running, and bring the drone down if it is still up.
+        """Halt the tree, and bring the drone down if it is still up.
 
         Raises:
             NodeFailedError: a leaf raised when it was halted; the drone was landed.
@@ -293,10 +307,10 @@ class MissionRunner:
                 grace_s=self._config.landing_grace_s,
                 tick_s=self._config.tick_s,
             )
-            self.descent = descent.run(reason, given_up=lambda: self._given_up)
+            self.descent = descent.run(reason, given_up=lambda: self._abort.given_up)
 
     def _landing_command(self, state: DroneState | None) -> Command:
         if state is None:
             return Command(movement=Land())
-        now = Circumstances(state=state, abort=True, manual=self._manual, cut=self._cut)
+        now = Circumstances(state=state, abort=True, manual=self._manual, cut=self._abort.cut)
         return self._arbiter.decide(self._context.proposals, now)

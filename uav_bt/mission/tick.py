@@ -1,4 +1,4 @@
-"""What happened in one tick, and who follows a flight tick by tick."""
+"""The record of one tick, and the listeners of a flight."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ class TickRecord:
 
     index: int
     time_s: float
-    observation: Observation  # what the mission was flown by, screened
+    observation: Observation  # screened
     tree_status: Status
     phase: str  # set by the mission leaves; empty before they set one
     active: tuple[str, ...]  # names from the root to the deepest running node
-    command: Command  # what was really sent
+    command: Command  # as the drone sent it
     proposed_by: str | None
     override: Override | None
     compute_s: float  # wall time of tree, networks included
     truth: Truth | None
     feedback: str = ""  # of the deepest running node, a policy's reason for instance
     slow: tuple[SlowLeaf, ...] = ()  # leaves that blocked, a halt since the last tick included
-    refused: tuple[str, ...] = ()  # of what the drone reported: frame or telemetry, and why
+    refused: tuple[str, ...] = ()  # frame or telemetry, and why it was refused
     decided: Command | None = None  # by the arbiter, before the drone's own limits
-    # What is wrong with the drone's motion or with the map, while the mission bears it.
+    # Faults of the drone's motion or of the map that do not end the mission.
     warnings: tuple[str, ...] = ()
 
 
@@ -54,7 +54,7 @@ class TickListeners:
 
     def __init__(self, listeners: Sequence[TickListener]) -> None:
         self.following = list(listeners)
-        self.lost: dict[str, str] = {}  # by kind of listener: what it raised
+        self.lost: dict[str, str] = {}  # by kind of listener: the error that it raised
 
     def on_tick(self, record: TickRecord) -> None:
         """Show a tick to all that still follow."""

@@ -11,6 +11,7 @@ import numpy as np
 from uav_bt.clock import ManualClock
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import (
+    Airframe,
     Attitude,
     CameraModel,
     Command,
@@ -116,6 +117,7 @@ class ScriptedDrone:
         self.config = config or ScriptedDroneConfig()
         self.clock = clock or ManualClock()
         self.camera = pinhole()
+        self.airframe = Airframe()
         self.referee = None
         self.scene = None
         self.live = False

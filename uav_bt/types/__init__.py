@@ -4,6 +4,8 @@ Conventions (see ``ARCHITECTURE.md``): metres, radians, seconds of the mission c
 is Parrot's: x forward, y right, z down, yaw clockwise positive seen from above. Images are RGB.
 """
 
+from uav_bt.types.airframe import Airframe
+from uav_bt.types.bounds import clamp, limit_length
 from uav_bt.types.camera import CameraModel, ClassMap, Corridor, DepthMap, Frame
 from uav_bt.types.commands import (
     HOVER,
@@ -24,7 +26,6 @@ from uav_bt.types.observation import MoverState, Observation, PastView, RecentVi
 from uav_bt.types.pose import Pose, Pose2D, rotate, rotate_points, rotation, wrap_angle
 from uav_bt.types.site_map import MapMark, MapMover, MapObject, SiteMap
 from uav_bt.types.surroundings import (
-    BODY_SIZE_M,
     MIN_VIEW_HEIGHT_M,
     PAD_HEIGHT_M,
     PAD_SIZE_M,
@@ -43,11 +44,11 @@ from uav_bt.types.telemetry import (
 )
 
 __all__ = [
-    "BODY_SIZE_M",
     "HOVER",
     "MIN_VIEW_HEIGHT_M",
     "PAD_HEIGHT_M",
     "PAD_SIZE_M",
+    "Airframe",
     "Attitude",
     "BodyVelocity",
     "CameraModel",
@@ -86,6 +87,8 @@ __all__ = [
     "TakeOff",
     "Truth",
     "Velocity",
+    "clamp",
+    "limit_length",
     "rotate",
     "rotate_points",
     "rotation",

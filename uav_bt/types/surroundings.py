@@ -137,9 +137,6 @@ class HeldTurn:
         return self.relief_turns + int(self.turned_rad / (2.0 * math.pi))
 
 
-BODY_SIZE_M: Final = (0.24, 0.32, 0.10)
-"""The ANAFI's body: forward, sideways, up."""
-
 PAD_SIZE_M: Final = (0.5, 0.5, 0.4)
 """The landing box, whose top carries the H: along its own x and y, and upwards."""
 

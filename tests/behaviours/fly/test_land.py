@@ -56,6 +56,38 @@ def test_steps_forward_then_lands() -> None:
     assert bench.proposed is None
 
 
+def test_a_landing_that_has_begun_goes_on_without_telemetry() -> None:
+    bench = bench_with_lens(0.0)
+    bench.allow_stale()
+    live(bench)
+    assert bench.tick(advance_s=0.6) is Status.RUNNING
+    assert bench.proposed == LandCommand()
+
+
+def test_before_the_step_is_done_it_waits_for_telemetry_and_then_lands_where_it_is() -> None:
+    bench = bench_with_lens(0.15)
+    bench.allow_stale()
+    live(bench)
+    bench.tick(advance_s=0.6)
+    assert bench.proposed is None
+    bench.tick(advance_s=1.5)
+    assert bench.proposed == LandCommand()
+
+
+def test_a_drone_that_is_landing_already_makes_no_step() -> None:
+    bench = bench_with_lens(0.15)
+    live(bench, flying=FlyingState.LANDING, height_m=0.3)
+    assert bench.proposed == LandCommand()
+
+
+def test_an_emergency_landing_does_not_wait_for_telemetry() -> None:
+    bench = LeafBench(EmergencyLand)
+    bench.allow_stale()
+    live(bench)
+    bench.tick(advance_s=2.1)
+    assert bench.proposed == LandCommand()
+
+
 def test_without_an_offset_it_lands_at_once() -> None:
     """A camera under the centre needs no step."""
     bench = bench_with_lens(0.0)

@@ -33,7 +33,7 @@ from uav_bt.errors import (
 from uav_bt.mission.drone_wrapper import DroneWrapper
 from uav_bt.mission.flight_report import FlightReport
 from uav_bt.mission.judge import JudgeConfig
-from uav_bt.mission.safety import Limits
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
 from uav_bt.testing import ScriptedDrone, blank_frame

@@ -15,9 +15,10 @@ from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
 from uav_bt.errors import FileError, InputError
-from uav_bt.mission.safety import Limits
+from uav_bt.mission.limits import Limits
 from uav_bt.protocols import PolicyView
 from uav_bt.testing import ScriptedDrone
+from uav_bt.types import Airframe
 
 
 class Ahead:
@@ -139,6 +140,45 @@ def test_options_and_sites_print_what_was_chosen() -> None:
 
 
 # --- drones ---------------------------------------------------------------------------------------
+
+
+class Bodiless:
+    """A drone that says nothing of its airframe."""
+
+    clock = camera = referee = scene = tick_s = None
+    live = False
+
+    def connect(self) -> None: ...
+
+    def observe(self) -> None: ...
+
+    def send(self) -> None: ...
+
+    def disconnect(self) -> None: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodilessConfig:
+    def create(self) -> Any:
+        return Bodiless()
+
+
+@pytest.mark.parametrize("drone", [Bodiless(), BodilessConfig()], ids=["object", "configuration"])
+def test_a_drone_without_an_airframe_is_refused_with_what_to_add(drone: Any) -> None:
+    with pytest.raises(InputError, match=r"Bodiless lacks airframe: add `airframe = .*Airframe"):
+        app.make_drone(app.FlightOptions(drone=drone))
+
+
+def test_the_airframe_of_a_drone_reaches_the_leaves() -> None:
+    """A drone with propeller guards."""
+    wide = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.2)
+    drone = ScriptedDrone()
+    drone.airframe = wide
+    flight = app.assemble("land_only", app.FlightOptions(drone=drone))
+    assert flight.context.airframe is wide
+    guarded = app.make_drone(app.FlightOptions(drone=AnafiConfig(airframe=wide)))
+    assert guarded.airframe is wide
+    assert app.make_drone(app.FlightOptions()).airframe == AnafiConfig().airframe
 
 
 def test_a_drone_is_flown_as_it_is() -> None:

@@ -13,8 +13,8 @@ from uav_bt.app.loading import load_mission
 from uav_bt.app.site import Site, load_site
 from uav_bt.board import CLASS_MAP, FLIGHT_HEIGHT
 from uav_bt.errors import FileError, InputError
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.preflight import PreflightConfig
-from uav_bt.mission.safety import Limits
 from uav_bt.mission.tick import TickRecord
 from uav_bt.tree import Leaf, MissionTree, NodeRegistry, Port, Status
 from uav_bt.types import MissionPhase

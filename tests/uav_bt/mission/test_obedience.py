@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from uav_bt.mission.obedience import ObedienceWatch
@@ -105,6 +106,54 @@ def test_velocity_orders_must_turn_it_too(rate_radps: float, said: str) -> None:
     assert first_complaint(body) == said
 
 
+@pytest.mark.parametrize("noise_rad", [0.0, 0.005, 0.015], ids=["no", "lab", "harsh"])
+@pytest.mark.parametrize("hovers_s", [0.0, 120.0])
+def test_noise_of_the_heading_is_not_taken_for_a_turn(noise_rad: float, hovers_s: float) -> None:
+    """150 degrees at 0.6 rad/s take 4.4 s, after 0.6 s in which the turn may begin."""
+    random = np.random.default_rng(3)
+    watch, found_s = ObedienceWatch(), math.inf
+    for tick in range(round((hovers_s + 20.0) / TICK_S)):
+        now_s = tick * TICK_S
+        turns = now_s >= hovers_s
+        heading = Attitude(yaw_rad=float(random.normal(0.0, noise_rad)))
+        state = replace(HOVERS, captured_s=now_s, attitude=heading)
+        command = Command(movement=Velocity(yaw_rate_radps=0.6 if turns else 0.0))
+        if watch.complaint(command, state, now_s) is not None:
+            found_s = now_s
+            break
+    assert found_s - hovers_s == pytest.approx(5.0, abs=0.3)
+
+
+def test_a_drone_that_turns_the_other_way_is_named() -> None:
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        heading = math.remainder(-0.5 * now_s, math.tau)
+        return Velocity(yaw_rate_radps=0.5), replace(HOVERS, attitude=Attitude(yaw_rad=heading))
+
+    assert first_complaint(body) == "it does not turn"
+
+
+def test_corrections_to_and_fro_are_no_ordered_turn() -> None:
+    """A heading controller that swings faster than the drone answers asks for no turn."""
+
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        return Velocity(yaw_rate_radps=0.4 * math.copysign(1.0, math.sin(9.0 * now_s))), HOVERS
+
+    assert first_complaint(body, seconds=120.0) == ""
+
+
+@pytest.mark.parametrize("turns_rad", [0.0, -0.6])
+def test_movements_that_turn_too_little_or_the_wrong_way_are_named(turns_rad: float) -> None:
+    assert first_complaint(steps(2.0, MovementState.DONE, yaw_rad=0.6)) == ""
+    wrong = steps(2.0, MovementState.DONE, yaw_rad=turns_rad)
+
+    def body(now_s: float) -> tuple[Movement, DroneState]:
+        move, state = wrong(now_s)
+        assert isinstance(move, MoveBy)
+        return replace(move, yaw_rad=0.6), state
+
+    assert first_complaint(body) == "it does not turn"
+
+
 def test_a_camera_that_stays_is_named() -> None:
     stuck = first_complaint(lambda _: (Hover(), HOVERS), gimbal_rad=-1.0)
     assert "gimbal stuck" in stuck
@@ -142,3 +191,9 @@ def test_old_telemetry_is_held_against_nobody() -> None:
     blown = replace(HOVERS, velocity=BodyVelocity(right_mps=2.0))
     for tick in range(200):
         assert watch.complaint(Command(movement=Hover()), blown, 5.0 + tick * TICK_S) is None
+
+
+def test_old_telemetry_does_not_say_that_a_landing_has_not_begun() -> None:
+    watch = ObedienceWatch()
+    for tick in range(200):
+        assert watch.complaint(Command(movement=Land()), HOVERS, 1.0 + tick * TICK_S) is None

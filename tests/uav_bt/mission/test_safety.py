@@ -11,15 +11,8 @@ import pytest
 from uav_bt.board import FRAME
 from uav_bt.board.context import Proposals
 from uav_bt.errors import ProposalConflictError, ValueRangeError
-from uav_bt.mission.safety import (
-    SAFETY,
-    Arbiter,
-    Circumstances,
-    Lasting,
-    Limits,
-    Override,
-    rule_in_force,
-)
+from uav_bt.mission.limits import Limits
+from uav_bt.mission.safety import SAFETY, Arbiter, Circumstances, Override, rule_in_force
 from uav_bt.types import (
     Command,
     CutMotors,
@@ -322,9 +315,7 @@ def test_limits_are_reached_only_beyond_them() -> None:
     proposals = proposals_of(CutMotors())
     arbiter.decide(
         proposals,
-        Circumstances(
-            state=state_of(battery=LIMITS.critical_battery), frame_age_s=LIMITS.stale_frame_s
-        ),
+        Circumstances(state=state_of(battery=LIMITS.critical_battery), frame_age_s=FRAME.max_age_s),
     )
     assert arbiter.override is None
 
@@ -395,24 +386,3 @@ def test_nobody_climbs_through_the_ceiling() -> None:
 def test_limits_must_be_positive(name: str) -> None:
     with pytest.raises(ValueRangeError, match="must be positive"):
         dataclasses.replace(LIMITS, **{name: 0.0})
-
-
-# --- for how long ---------------------------------------------------------------------------------
-
-
-def test_what_lasts_is_counted_from_its_first_tick() -> None:
-    lasting = Lasting()
-    assert [lasting.update(now_s, holds=True) for now_s in (5.0, 5.5, 6.5)] == [0.0, 0.5, 1.5]
-
-
-def test_a_short_gap_does_not_end_it_and_a_long_one_does() -> None:
-    """Frames that are late by just as much as they may be are fresh and stale in turn."""
-    lasting = Lasting()
-    lasting.update(1.0, holds=True)
-    assert lasting.update(1.4, holds=False) == 0.0
-    assert lasting.update(1.8, holds=True) == pytest.approx(0.8)
-    assert lasting.update(3.0, holds=True) == 0.0
-
-
-def test_the_drone_hovers_as_soon_as_leaves_no_longer_see_a_frame() -> None:
-    assert Limits().stale_frame_s == FRAME.max_age_s

@@ -9,6 +9,7 @@ from uav_bt.errors import FileError, InputError
 from uav_bt.record.moment import Moment
 from uav_bt.record.reader import RecordReader
 from uav_bt.types import (
+    Airframe,
     CameraModel,
     ClassMap,
     Command,
@@ -79,13 +80,15 @@ class RecordedDrone:
 
     Args:
         reader: of the record.
+        airframe: of the recorded drone.
 
     Raises:
         FileError: the record has no tick.
     """
 
-    def __init__(self, reader: RecordReader) -> None:
+    def __init__(self, reader: RecordReader, airframe: Airframe | None = None) -> None:
         self._reader = reader
+        self.airframe = airframe or Airframe()
         self._moments: Iterator[Moment] = reader.moments()
         self._frame: Frame | None = None
         self._clock = RecordedClock(self)

@@ -138,7 +138,8 @@ def assemble_recorded(
         FileError: the record lacks its tree, or is damaged.
         TreeError: the tree was refused.
     """
-    recorded, drone = recorded_options(reader), RecordedDrone(reader)
+    recorded = recorded_options(reader)
+    drone = RecordedDrone(reader, recorded.airframe)
     masks = changes.masks or ("recorded" if recorded.exact_masks else "network")
     options = FlightOptions(
         seed=recorded.seed,

@@ -29,7 +29,7 @@ from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.mission.tick import TickListener
 from uav_bt.protocols import Drone
 from uav_bt.tree import MissionTree, Status
-from uav_bt.types import CameraModel
+from uav_bt.types import Airframe, CameraModel
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -66,6 +66,7 @@ class ViewListeners:
         setting = setting_of(
             mission,
             flight.drone.camera,
+            airframe=flight.drone.airframe,
             nodes=tree_nodes(mission),
             lab_map=lab_map_of(flight.drone),
             title=self._title or title_of(flight),
@@ -100,6 +101,7 @@ def setting_of(
     tree: MissionTree | None,
     camera: CameraModel,
     *,
+    airframe: Airframe,
     nodes: Sequence[TreeNode],
     lab_map: LabMap | None,
     title: str = "",
@@ -109,6 +111,7 @@ def setting_of(
     Args:
         tree: the mission; None where some of its nodes are not installed.
         camera: intrinsics at the frames' size.
+        airframe: size of the body.
         nodes: of the mission.
         lab_map: what stands in the lab; None where it is not known.
         title: the recording's name.
@@ -116,6 +119,7 @@ def setting_of(
     corridor = None if tree is None else corridor_of(tree)
     return ViewSetting(
         camera=camera,
+        airframe=airframe,
         palette=ClassPalette(names=CLASS_NAMES, colours=CLASS_COLOURS),
         title=title,
         lab_map=lab_map,

@@ -96,6 +96,7 @@ class RecordedFlight:
         return setting_of(
             self.tree,
             self.reader.camera,
+            airframe=recorded_options(self.reader).airframe,
             nodes=[
                 TreeNode(
                     path=node.path,

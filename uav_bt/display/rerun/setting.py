@@ -5,7 +5,7 @@ Nothing here needs Rerun: `fly` and records know settings without that extra.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from uav_bt.display.lab_map import LabMap
@@ -13,7 +13,7 @@ from uav_bt.display.video.class_pane import ClassPalette
 from uav_bt.display.video.depth_panes import Intruding
 from uav_bt.errors import ValueRangeError
 from uav_bt.tree import MissionTree
-from uav_bt.types import CameraModel
+from uav_bt.types import Airframe, CameraModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +53,7 @@ class ViewSetting:
 
     camera: CameraModel  # at the frames' size
     palette: ClassPalette
+    airframe: Airframe = field(default_factory=Airframe)
     title: str = ""  # the mission, the scene, the seed
     lab_map: LabMap | None = None  # None where it is unknown
     tree: tuple[TreeNode, ...] = ()

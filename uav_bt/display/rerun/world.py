@@ -30,7 +30,6 @@ from uav_bt.display.rerun.setting import (
     ViewSetting,
 )
 from uav_bt.types import (
-    BODY_SIZE_M,
     CameraModel,
     Corridor,
     Frame,
@@ -97,7 +96,7 @@ class WorldView:
         self._before: Pose | None = None
         self._entities = Entities(stream)
         stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        half = [size_m / 2.0 for size_m in BODY_SIZE_M]
+        half = [size_m / 2.0 for size_m in setting.airframe.body_size_m]
         body = rr.Boxes3D(half_sizes=[half], colors=[INK], fill_mode="solid")
         stream.log(f"{BODY}/hull", body, static=True)
         nose = rr.Arrows3D(

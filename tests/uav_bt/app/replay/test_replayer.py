@@ -19,8 +19,8 @@ from uav_bt.app.replay.recorded_drone import MovementIds
 from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.app.site import Site
 from uav_bt.errors import FileError, TreeError
+from uav_bt.mission.limits import Limits
 from uav_bt.mission.runner import MissionRunner
-from uav_bt.mission.safety import Limits
 from uav_bt.mission.tick import TickRecord
 from uav_bt.protocols import PolicyView
 from uav_bt.record import encoder

@@ -1,0 +1,55 @@
+"""The early end of a mission: why it is aborted, and whether its landing is waited for."""
+
+from __future__ import annotations
+
+from uav_bt.mission.judge import Outcome, Verdict
+from uav_bt.mission.lasting import Lasting
+
+
+class Abort:
+    """The one place for every reason to end a mission early.
+
+    Operator, contingencies, a tree that ended in the air: all of them request the abort here. Every
+    method but `follow` may be called from a signal handler or another thread.
+
+    Args:
+        grace_s: longest wait for the landing, seconds.
+    """
+
+    def __init__(self, grace_s: float) -> None:
+        self._grace_s = grace_s
+        self._landing = Lasting()
+        self.reason: str | None = None  # None: the mission goes on
+        self.cut = False  # the motors are to be stopped
+        self.given_up = False  # the landing is not waited for
+
+    def __bool__(self) -> bool:
+        """Return whether the mission is being aborted."""
+        return self.reason is not None
+
+    def request(self, reason: str) -> None:
+        """Ask for a landing with the next tick; the first reason counts."""
+        if self.reason is None:
+            self.reason = reason
+
+    def cut_motors(self, reason: str) -> None:
+        """Stop the motors with the next tick."""
+        self.cut = True
+        self.request(reason)
+
+    def give_up(self) -> None:
+        """Command one last landing and return."""
+        self.given_up = True
+
+    def follow(self, now_s: float, *, lands: bool) -> Verdict | None:
+        """Return the verdict of an aborted mission whose landing is not waited for any longer.
+
+        Args:
+            now_s: mission clock, seconds.
+            lands: the abort decided this tick's command.
+        """
+        if self._landing.update(now_s, holds=lands) > self._grace_s:
+            self.given_up = True
+        if self.reason is None or not self.given_up:
+            return None
+        return Verdict(outcome=Outcome.ABORTED, reason=self.reason)

@@ -1,0 +1,43 @@
+"""How long a condition has held."""
+
+from __future__ import annotations
+
+from typing import Final
+
+
+class Lasting:
+    """Measures how long a condition has held without a gap.
+
+    Args:
+        gap_s: a shorter gap does not end it, seconds. Default: chosen, so that a video whose
+            latency lies at its limit (fresh and stale in turn) counts as stale throughout. With 0
+            the first tick in which the condition does not hold ends it.
+    """
+
+    _GAP_S: Final = 1.0
+
+    def __init__(self, *, gap_s: float = _GAP_S) -> None:
+        self._gap_s = gap_s
+        self._since_s: float | None = None  # None: it does not hold
+        self._last_s = 0.0  # when it held last
+
+    def update(self, now_s: float, *, holds: bool) -> float:
+        """Return for how many seconds it has held, 0 in a tick in which it does not.
+
+        Args:
+            now_s: mission clock, seconds.
+            holds: whether it holds in this tick.
+        """
+        ends = self._gap_s > 0.0 or not holds
+        if ends and now_s - self._last_s > self._gap_s:
+            self._since_s = None
+        if not holds:
+            return 0.0
+        if self._since_s is None:
+            self._since_s = now_s
+        self._last_s = now_s
+        return now_s - self._since_s
+
+    def reset(self) -> None:
+        """Begin anew: it has not held."""
+        self._since_s = None

@@ -1,0 +1,119 @@
+"""The limits of every movement, velocities and the distance of a stop included."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from uav_bt.errors import ValueRangeError
+from uav_bt.types import Airframe, DroneState, MoveBy, Movement, Velocity, clamp, limit_length
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What no leaf may exceed, and when the drone is landed whatever the leaves want.
+
+    The greatest ages of frames and telemetry are those of the board keys `frame` and `state`
+    (`uav_bt.board.keys`).
+
+    Attributes:
+        speed_mps: horizontal speed, metres per second. Chosen: it crosses a lab of 5 m in 5 s.
+        climb_mps: vertical speed, metres per second, both ways. Chosen: the indoor setting of an
+            ANAFI.
+        yaw_rate_radps: turning rate, radians per second, both ways. Chosen: a full turn in 4 s.
+        ceiling_m: greatest height above the carpet, metres. Chosen: below the ceiling of a room.
+        floor_m: least height above the carpet, metres; it does not bound a landing. Chosen: about
+            one body width.
+        step_m: greatest horizontal length of a `MoveBy`, metres. Chosen: twice the lab.
+        critical_battery: charge, 0 to 1, below which the drone lands. Chosen: 2.5 of 25 minutes.
+        blind_s: the mission ends with a landing after this time without a fresh frame, seconds.
+            Chosen: a video that pauses for some seconds (`video-lost~3`) ends no mission.
+        link_lost_s: the mission ends after this time without fresh telemetry, seconds. Chosen: as
+            long as a connection may take (`OlympeConfig.connect_limit_s`).
+
+    Raises:
+        ValueRangeError: a limit of a movement is not positive.
+    """
+
+    speed_mps: float = 1.0
+    climb_mps: float = 0.6
+    yaw_rate_radps: float = 1.6
+    ceiling_m: float = 2.4
+    floor_m: float = 0.3
+    step_m: float = 10.0
+    critical_battery: float = 0.1
+    blind_s: float = 15.0
+    link_lost_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        if min(self.speed_mps, self.climb_mps, self.yaw_rate_radps, self.ceiling_m) <= 0:
+            raise ValueRangeError(f"speed, climb, yaw-rate and ceiling must be positive: {self}")
+
+
+def limit_movement(
+    movement: Movement,
+    state: DroneState,
+    limits: Limits,
+    airframe: Airframe,
+    *,
+    state_age_s: float = 0.0,
+    landing: bool = False,
+) -> Movement:
+    """Return a movement within the limits.
+
+    Args:
+        movement: the movement to fly.
+        state: newest telemetry.
+        limits: of every movement.
+        airframe: how late the drone answers, and how hard it brakes.
+        state_age_s: age of the telemetry, seconds.
+        landing: the movement is part of a landing, whose speed alone is bounded.
+    """
+    height_m = state.height_above_carpet_m
+    up_m = max(0.0, limits.ceiling_m - height_m)
+    down_m = max(0.0, height_m - limits.floor_m)
+    if isinstance(movement, MoveBy):
+        forward_m, right_m = limit_length(movement.forward_m, movement.right_m, limits.step_m)
+        return replace(
+            movement,
+            forward_m=forward_m,
+            right_m=right_m,
+            down_m=min(max(movement.down_m, -up_m), down_m),
+            yaw_rad=clamp(movement.yaw_rad, math.tau),
+        )
+    if not isinstance(movement, Velocity):
+        return movement
+    up_mps = down_mps = limits.climb_mps
+    if not landing:
+        up_mps = min(up_mps, approach_speed_mps(up_m, airframe, state_age_s))
+        down_mps = min(down_mps, approach_speed_mps(down_m, airframe, state_age_s))
+    forward_mps, right_mps = limit_length(
+        movement.forward_mps, movement.right_mps, limits.speed_mps
+    )
+    return Velocity(
+        forward_mps=forward_mps,
+        right_mps=right_mps,
+        down_mps=min(max(movement.down_mps, -up_mps), down_mps),
+        yaw_rate_radps=clamp(movement.yaw_rate_radps, limits.yaw_rate_radps),
+    )
+
+
+def approach_speed_mps(room_m: float, airframe: Airframe, state_age_s: float) -> float:
+    """Return the greatest speed towards a bound that a drone stops at without crossing it.
+
+    The drone is given a new velocity in every tick and answers late. A loop x' = -k x with a dead
+    time d and a lag T approaches zero without crossing it for k <= 1 / (e d) where T = 0 and for
+    k <= 1 / (4 T) where d = 0; 1 / (e d + 4 T) lies below the bound of every mixture. The distance
+    of braking, v^2 / (2 a), comes on top:
+
+        room = (e d + 4 T) v + v^2 / (2 a)
+
+    Args:
+        room_m: distance to the bound, metres.
+        airframe: command delay, lag and braking.
+        state_age_s: age of the height that the distance is computed from, seconds.
+    """
+    delay_s = airframe.command_delay_s + state_age_s
+    late_s = math.e * delay_s + 4.0 * airframe.command_lag_s
+    braking = airframe.climb_braking_mps2
+    return braking * (math.sqrt(late_s**2 + 2.0 * room_m / braking) - late_s)

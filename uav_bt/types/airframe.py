@@ -1,0 +1,53 @@
+"""The facts of a drone's body: how large it is, and how late it answers a command."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from uav_bt.errors import ValueRangeError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Airframe:
+    """Size and reaction of a drone.
+
+    The defaults describe a camera drone of 0.3 kg (a Parrot ANAFI). A drone without better numbers
+    uses them: `airframe = Airframe()`.
+
+    Attributes:
+        body_size_m: length, width and height of the body with its propellers, metres. Default: the
+            size of an ANAFI, rounded to a centimetre.
+        command_delay_s: time from sending a command to its first effect, seconds. Default: an
+            estimate, not measured on a drone; the twin's profiles delay by 0.09 s and 0.17 s.
+        command_lag_s: time constant of the velocity behind a command that has arrived, seconds.
+            Default: an estimate, not measured on a drone; the twin's thrust lags by 0.12 s.
+        climb_braking_mps2: vertical deceleration that the drone reaches, metres per second squared.
+            Default: an estimate, the acceleration limit of the twin's profile `lab`.
+
+    Raises:
+        ValueRangeError: a size or the braking is not positive, or a time is negative.
+    """
+
+    body_size_m: tuple[float, float, float] = (0.24, 0.32, 0.10)
+    command_delay_s: float = 0.15
+    command_lag_s: float = 0.25
+    climb_braking_mps2: float = 1.0
+
+    def __post_init__(self) -> None:
+        positive = (*self.body_size_m, self.climb_braking_mps2)
+        times = (self.command_delay_s, self.command_lag_s)
+        if len(self.body_size_m) != 3 or not all(0.0 < value < math.inf for value in positive):
+            raise ValueRangeError(
+                "an airframe needs three positive sizes (length, width, height in m) and a "
+                f"positive climb_braking_mps2, got {self}"
+            )
+        if not all(0.0 <= value < math.inf for value in times):
+            raise ValueRangeError(
+                f"command_delay_s and command_lag_s must be zero or positive seconds, got {self}"
+            )
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the circle around the body's centre that holds the whole body, metres."""
+        return math.hypot(self.body_size_m[0], self.body_size_m[1]) / 2.0
