@@ -110,17 +110,21 @@ class OlympeDrone:
             latency_s=config.video_latency_s,
             arrived=clock.frame_arrived,
         )
-        link = OlympeLink(sdk, config, on_event=telemetry.take, on_frame=frames.take)
-        try:
-            link.open()
-        except BaseException:
-            link.close()
-            raise
+        commands = self._commands()
+        link = OlympeLink(
+            sdk,
+            config,
+            commands,
+            now=clock.now,
+            on_event=telemetry.take,
+            on_frame=frames.take,
+        )
+        link.open()
         self._flight = _Flight(
             link=link,
             telemetry=telemetry,
             frames=frames,
-            commands=self._commands(),
+            commands=commands,
             speed=SpeedHolder(config),
         )
 
@@ -133,6 +137,7 @@ class OlympeDrone:
         flight = self._connected()
         self.clock.frame_seen()
         link = flight.link
+        link.check_settings()
         state = replace(flight.telemetry.state(), connected=link.connected, lost=link.lost)
         above_carpet_m = self._config.take_off_surface_m + STANDING_M
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
@@ -157,31 +162,30 @@ class OlympeDrone:
         """Disconnect; the drone then follows its own rules. Safe to call twice."""
         flight, self._flight = self._flight, None
         if flight is not None:
-            flight.commands.close(self._config.command_limit_s)
             flight.link.close()
 
     def _point(self, flight: _Flight, pitch_rad: float) -> None:
         known = flight.pitch_rad
         if known is None or abs(known - pitch_rad) > _SAME_PITCH_RAD:
             flight.pitch_rad = pitch_rad
-            flight.commands.submit(Kind.GIMBAL, lambda: flight.link.point(pitch_rad))
+            flight.commands.submit(Kind.GIMBAL, lambda: flight.link.orders.point(pitch_rad))
 
     def _move(self, flight: _Flight, movement: Movement) -> None:
-        link, submit = flight.link, flight.commands.submit
+        orders, submit = flight.link.orders, flight.commands.submit
         if isinstance(movement, CutMotors):
-            submit(Kind.END, link.cut_motors)
+            submit(Kind.END, orders.cut_motors)
             return
         if isinstance(movement, Land):
             flight.speed.reset()
             # First of all: what follows may fail.
-            self._repeat(flight, Kind.END, "land", link.land, done=_is_in(flight, _DOWN))
-            submit(Kind.STICKS, link.let_go)
+            self._repeat(flight, Kind.END, "land", orders.land, done=_is_in(flight, _DOWN))
+            submit(Kind.STICKS, orders.let_go)
             self._take_sticks(flight)
             return
         if isinstance(movement, Release):
             flight.speed.reset()
             self._stop_moving(flight)
-            submit(Kind.STICKS, link.let_go)
+            submit(Kind.STICKS, orders.let_go)
             self._lend_sticks(flight)
             return
         self._take_sticks(flight)
@@ -193,10 +197,10 @@ class OlympeDrone:
             self._start(flight, movement)
         elif isinstance(movement, TakeOff):
             self._prepare(flight)
-            self._repeat(flight, Kind.MOVE, "take off", link.take_off, done=_is_in(flight, _UP))
+            self._repeat(flight, Kind.MOVE, "take off", orders.take_off, done=_is_in(flight, _UP))
         else:
             self._stop_moving(flight)
-            submit(Kind.STICKS, link.centre)
+            submit(Kind.STICKS, orders.centre)
 
     def _steer(self, flight: _Flight, order: Velocity) -> None:
         state = flight.telemetry.state()
@@ -205,7 +209,7 @@ class OlympeDrone:
         self._prepare(flight)
         self._stop_moving(flight)
         sticks = flight.speed.sticks(order, state.velocity, self.clock.now())
-        flight.commands.submit(Kind.STICKS, lambda: flight.link.steer(sticks))
+        flight.commands.submit(Kind.STICKS, lambda: flight.link.orders.steer(sticks))
 
     def _start(self, flight: _Flight, move: MoveBy) -> None:
         self._prepare(flight)
@@ -214,14 +218,16 @@ class OlympeDrone:
         def begin(moves: MoveLedger) -> None:
             if not moves.is_latest(move):
                 moves.sent(move)
-                flight.commands.submit(Kind.MOVE, lambda: flight.link.move(move, at_speed=at_speed))
+                flight.commands.submit(
+                    Kind.MOVE, lambda: flight.link.orders.move(move, at_speed=at_speed)
+                )
 
         flight.telemetry.with_moves(begin)
 
     def _stop_moving(self, flight: _Flight) -> None:
         if flight.telemetry.moving:
             flight.telemetry.with_moves(MoveLedger.halted)
-            flight.commands.submit(Kind.MOVE, flight.link.halt)
+            flight.commands.submit(Kind.MOVE, flight.link.orders.halt)
 
     def _prepare(self, flight: _Flight) -> None:
         """Set the drone's limits, before its first movement."""
@@ -240,14 +246,18 @@ class OlympeDrone:
         telemetry = flight.telemetry
         if telemetry.has_sticks and not telemetry.lent:
             telemetry.lend()
-            flight.commands.submit(Kind.CONTROL, flight.link.give_sticks)
+            flight.commands.submit(Kind.CONTROL, flight.link.orders.give_sticks)
 
     def _take_sticks(self, flight: _Flight) -> None:
         """Take back what was lent; what the pilot took is the pilot's."""
         telemetry = flight.telemetry
         if telemetry.shares_sticks:
             self._repeat(
-                flight, Kind.CONTROL, "sticks", flight.link.take_sticks, done=not telemetry.lent
+                flight,
+                Kind.CONTROL,
+                "sticks",
+                flight.link.orders.take_sticks,
+                done=not telemetry.lent,
             )
 
     def _repeat(self, flight: _Flight, kind: Kind, what: str, order: Job, *, done: bool) -> None:
