@@ -4,6 +4,6 @@
 before a drone connects, and only `sdk` imports it.
 """
 
-from sim_bridge.olympe.config import AnafiConfig, SphinxConfig
+from sim_bridge.olympe.kinds import AnafiConfig, SphinxConfig
 
 __all__ = ["AnafiConfig", "SphinxConfig"]

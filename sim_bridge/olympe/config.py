@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import ClassVar, Final
 
 from uav_bt.errors import InputError, ValueRangeError
-
-if TYPE_CHECKING:
-    from sim_bridge.olympe.drone import OlympeDrone
 
 SKYCONTROLLER_HOST: Final = "192.168.53.1"
 
@@ -148,25 +145,3 @@ class OlympeConfig:
     def where(self) -> str:
         """Kind and address, for messages."""
         return f"{self.kind} at {self.host}:{self.discovery_port}"
-
-    def create(self) -> OlympeDrone:
-        """Make a bridge to the drone; nothing is sent before its `connect`."""
-        from sim_bridge.olympe.drone import OlympeDrone  # noqa: PLC0415  (it needs this module)
-
-        return OlympeDrone(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AnafiConfig(OlympeConfig):
-    """A real ANAFI, on its own Wi-Fi or behind its remote control; see `OlympeConfig`."""
-
-    kind: ClassVar[str] = "anafi"
-    default_host: ClassVar[str] = "192.168.42.1"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SphinxConfig(OlympeConfig):
-    """An ANAFI simulated by Sphinx, where it puts its first drone; see `OlympeConfig`."""
-
-    kind: ClassVar[str] = "sphinx"
-    default_host: ClassVar[str] = "10.202.0.1"

@@ -10,7 +10,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from sim_bridge.olympe.config import AnafiConfig, OlympeConfig
+from sim_bridge.olympe import AnafiConfig
+from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.video import FrameClock
