@@ -32,8 +32,9 @@ from uav_bt.types import (
     Velocity,
 )
 
-_SAME_PITCH_RAD: Final = 1e-3  # smaller changes of the gimbal are not sent
-_MIN_PITCH_RAD: Final = -math.pi / 2
+_SAME_PITCH_RAD: Final = 1e-3  # rad; chosen: 1/20 degree. Smaller changes are not sent.
+_MIN_PITCH_RAD: Final = -math.pi / 2  # rad, straight down; the gimbal's own end stop (Parrot)
+_FRAME_RATE_HZ: Final = 30.0  # frames a second of the ANAFI's stream
 # States in which a take-off or a landing need not be ordered (again).
 _UP: Final = frozenset(set(FlyingState) - {FlyingState.LANDED, FlyingState.LANDING})
 _DOWN: Final = frozenset({FlyingState.LANDED, FlyingState.LANDING, FlyingState.EMERGENCY})
@@ -83,7 +84,7 @@ class OlympeDrone:
         self.scene: Final = None  # only simulated places are known
         self.referee: Final = None  # there is no truth about a real drone
         self.live = True  # a real drone is checked before it takes off
-        self.tick_s = 1.0 / 30.0  # frames do not come faster
+        self.tick_s = 1.0 / _FRAME_RATE_HZ
         self._flight: _Flight | None = None
 
     def connect(self) -> None:

@@ -27,7 +27,7 @@ from typing import Any, Final
 from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
-_NEW_API: Final = 8
+_NEW_API: Final = 8  # the major version that brought the differences listed above
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
 _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
 

@@ -13,7 +13,7 @@ _LOG: Final = logging.getLogger(__name__)
 _CALIBRATE: Final = "calibrate it with FreeFlight"
 _RESTART: Final = "restart the drone; if that does not help, it needs repair"
 _OUTDOORS: Final = frozenset({"gps", "GPS"})  # nobody needs it indoors
-_ZOOMED: Final = 1.01  # a level above is no rounding
+_ZOOMED: Final = 1.01  # zoom level; chosen: float32 rounds 1.0 by far less. Above: zoomed in.
 _AUTO_TRIGGER: Final = "rth.auto_trigger_mode"
 
 # An event's arguments to what is wrong, by what it is wrong with; None: that is well.
