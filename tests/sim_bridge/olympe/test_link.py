@@ -185,8 +185,8 @@ def test_no_setting_keeps_back_what_ends_a_flight(movement: Movement, order: str
     drone.connect()
     world.drone.event(FLYING, state="hovering")
     say(drone, Velocity(forward_mps=0.5))
-    if isinstance(movement, Release):
-        assert soon(lambda: "piloting" in world.drone.names())
+    expected = "piloting" if isinstance(movement, Release) else "BankedTurn"  # the last setting
+    assert soon(lambda: expected in world.drone.names())
     say(drone, movement)
     assert soon(lambda: order in world.drone.names())
     world.drone.connected = False  # a drone that is gone is not asked to confirm anything
