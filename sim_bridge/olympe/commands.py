@@ -1,4 +1,4 @@
-"""The thread that alone uses the SDK's object of a drone, and the queue of what it does there."""
+"""The thread that alone uses the SDK's object of a drone, and the queue of its commands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Job = Callable[[], object]
 
 
 class Kind(enum.Enum):
-    """What a command is about; the queue holds one at most of each kind that replaces itself."""
+    """The kind of a command; of a kind that replaces itself the queue holds one at most."""
 
     CONNECTION = "connection"
     STICKS = "sticks"
@@ -40,9 +40,9 @@ class CommandQueue:
     blocks leaves no backlog. A landing (and a cut of the motors) goes to the front, and what waits
     to move the drone is dropped.
 
-    The SDK's object is made, used and destroyed on this thread only. Some of its calls take much
-    longer than anybody wants to wait: the caller gives up, the thread finishes the call, and only
-    then does it do what was queued behind.
+    The SDK's object is made, used and destroyed on this thread only. Some of its calls take longer
+    than their callers wait. The thread finishes such a call all the same, and then goes on with the
+    next command.
     """
 
     def __init__(self) -> None:
@@ -67,17 +67,17 @@ class CommandQueue:
             raise fault
 
     def run(self, job: Job, limit_s: float) -> bool:
-        """Do something about the connection, after the commands that wait.
+        """Run a job after the commands that wait, and wait for its end.
 
         Args:
-            job: what to do.
-            limit_s: how long it is waited for, s; a job that takes longer is finished all the same.
+            job: opens or closes the connection.
+            limit_s: longest wait, s. A job that takes longer is finished all the same.
 
         Returns:
             Whether it was done in time.
 
         Raises:
-            Exception: whatever the job raised in time; what it raises later is logged.
+            Exception: the job raised it in time; a later one is logged.
         """
         future: Future[None] = Future()
 

@@ -53,7 +53,7 @@ class OlympeConfig:
         tilt_limit_rad: tilt at full stick, rad. Chosen: 10 degrees make 4 m/s in the long run.
         return_home: whether the drone returns by itself during a flight. None: as it is set.
         remote_control: whether a remote control answers at the address, as SkyController 3 does.
-        take_off_surface_m: height above the carpet of what it takes off from, m.
+        take_off_surface_m: height of the take-off surface above the carpet, m.
         video_latency_s: least time from exposure to arrival of a frame, seconds. Default: an
             estimate, not measured on a drone; the loopback drone's is 0.16 (`docs/results.md`).
         order_repeat_s: time until a take-off or landing without effect is ordered again, seconds.

@@ -60,7 +60,7 @@ class OlympeDrone:
     Args:
         config: address, limits and time-outs.
         sdk: loads Parrot's SDK; tests give a scripted one.
-        probe_first: raises if there is no drone at the address; whether it is a remote control.
+        probe_first: returns whether a remote control answers; raises where nothing does.
         clock: the live clock.
         commands: makes the queue of the commands.
     """
@@ -82,7 +82,7 @@ class OlympeDrone:
         # The nominal intrinsics of its video; a camera file is more accurate.
         self.camera = anafi_camera(*config.image_size_px)
         self.scene: Final = None  # only simulated places are known
-        self.referee: Final = None  # there is no truth about a real drone
+        self.referee: Final = None  # only a simulation knows the truth
         self.live = True  # a real drone is checked before it takes off
         self.tick_s = 1.0 / _FRAME_RATE_HZ
         self._flight: _Flight | None = None
@@ -144,7 +144,7 @@ class OlympeDrone:
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
 
     def send(self, command: Command) -> Command:
-        """Send the drone what is new in a command; return it as it was sent.
+        """Send the changes that a command makes; return the command as it was sent.
 
         Raises:
             DroneError: not connected, or the SDK refused an earlier command.
@@ -160,7 +160,7 @@ class OlympeDrone:
         return replace(command, movement=movement, gimbal=gimbal)
 
     def disconnect(self) -> None:
-        """Disconnect; the drone then follows its own rules. Safe to call twice."""
+        """Disconnect; the drone then does as its firmware decides. Safe to call twice."""
         flight, self._flight = self._flight, None
         if flight is not None:
             flight.link.close()
@@ -236,7 +236,7 @@ class OlympeDrone:
             return
         flight.prepared = True
         config = self._config
-        # Without speeds of its own a movement takes the greatest tilt.
+        # A movement that carries no speeds takes the greatest tilt.
         extended = flight.telemetry.has_extended_moves
         tilt_rad = config.tilt_limit_rad if extended else config.gentle_tilt_rad
         flight.speed.tilt_limit_rad = tilt_rad
@@ -250,7 +250,7 @@ class OlympeDrone:
             flight.commands.submit(Kind.CONTROL, flight.link.orders.give_sticks)
 
     def _take_sticks(self, flight: _Flight) -> None:
-        """Take back what was lent; what the pilot took is the pilot's."""
+        """Take lent sticks back; sticks that the pilot took stay with the pilot."""
         telemetry = flight.telemetry
         if telemetry.shares_sticks:
             self._repeat(
@@ -262,7 +262,7 @@ class OlympeDrone:
             )
 
     def _repeat(self, flight: _Flight, kind: Kind, what: str, order: Job, *, done: bool) -> None:
-        """Send what is repeated until it has effect."""
+        """Send an order, and again after `order_repeat_s` while it has no effect."""
         now_s = self.clock.now()
         if done:
             flight.ordered_s.pop(what, None)

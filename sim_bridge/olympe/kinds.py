@@ -18,7 +18,7 @@ class _DroneConfig(OlympeConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class AnafiConfig(_DroneConfig):
-    """A real ANAFI, on its own Wi-Fi or behind its remote control; see `OlympeConfig`."""
+    """A real ANAFI, on the drone's Wi-Fi or behind its remote control; see `OlympeConfig`."""
 
     kind: ClassVar[str] = "anafi"
     default_host: ClassVar[str] = "192.168.42.1"

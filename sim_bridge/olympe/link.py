@@ -27,7 +27,7 @@ class OlympeLink:
 
     One thread, that of the commands, makes, uses and destroys the SDK's object. `open` and `close`
     let it work and wait for it, within limits; `orders` and `prepare` must be called on it. Other
-    threads only read whether the SDK is connected, an attribute that its own threads set.
+    threads only read whether the SDK is connected, an attribute that the SDK's threads set.
 
     Args:
         sdk: the SDK.
@@ -58,7 +58,7 @@ class OlympeLink:
         self.orders: Final = Orders(sdk, config, self._present)
         self._settings = BorrowedSettings(self.orders.send, now, config.setting_limit_s)
         self._failed: set[str] = set()  # events and frames that could not be taken
-        self._failing = threading.Lock()  # guards them: frames and events have threads of their own
+        self._failing = threading.Lock()  # guards `_failed`: two threads of the SDK write to it
         # A remote control's connection to its drone; without one there is nothing to wait for.
         self._drone_there = threading.Event()
         if not config.through_skycontroller:
@@ -93,7 +93,7 @@ class OlympeLink:
             raise
 
     def close(self) -> None:
-        """Put the drone's settings back and disconnect, after the commands that wait.
+        """Restore the drone's settings and disconnect, after the commands that wait.
 
         An SDK that takes longer than the limits of the configuration finishes by itself.
         """
@@ -105,8 +105,8 @@ class OlympeLink:
         try:
             if not self._commands.run(self._leave, limit_s):
                 _LOG.warning(
-                    "the SDK has not disconnected from %s within %g s; the drone may not have got "
-                    "the last commands, nor its settings back",
+                    "the SDK has not disconnected from %s within %g s: the last commands may not "
+                    "have reached the drone, and its settings may not be restored",
                     *(config.where, limit_s),
                 )
         finally:
@@ -118,7 +118,7 @@ class OlympeLink:
         self._settings.check()
 
     def prepare(self, *, tilt_rad: float) -> None:
-        """Set the limits of a flight, without waiting; `close` puts back what was set before.
+        """Set the limits of a flight, without waiting; `close` restores the former values.
 
         Args:
             tilt_rad: the greatest tilt.

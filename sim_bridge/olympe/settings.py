@@ -23,7 +23,7 @@ class Setting:
     argument: str  # of the command
     event: str  # that reports it
     reported: str  # the argument of the event
-    optional: bool = False  # some firmware does not have it, which is no reason for a warning
+    optional: bool = False  # some firmware lacks it, and nobody is warned of that
 
 
 def _current(group: str, name: str) -> Setting:
@@ -76,9 +76,9 @@ class BorrowedSettings:
         self._limit_s = limit_s
         self._changed = threading.Condition()  # guards all that follows
         self._reported: dict[Setting, Any] = {}
-        self._before: dict[Setting, Any] = {}  # of those changed; None: it was not reported
-        self._wanted: dict[Setting, Any] = {}  # what they were changed to
-        self._check_s = math.inf  # when the drone should have confirmed that
+        self._before: dict[Setting, Any] = {}  # the former values; None: not reported
+        self._wanted: dict[Setting, Any] = {}  # the values of the flight
+        self._check_s = math.inf  # the time by which the drone should have confirmed them
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
         """Take an event of the drone.
@@ -112,14 +112,14 @@ class BorrowedSettings:
             ]
         if unknown:
             _LOG.warning(
-                "the drone has not reported its own %s, which therefore cannot be restored after "
-                "the flight",
+                "the drone has not reported its present %s, which therefore cannot be restored "
+                "after the flight",
                 _names(unknown),
             )
         self._write(wanted)
 
     def check(self) -> None:
-        """Warn, once, of what the drone has not confirmed within `limit_s` after the change."""
+        """Warn, once, of settings that the drone has not confirmed within `limit_s`."""
         with self._changed:
             if self._now() < self._check_s:
                 return
@@ -138,7 +138,7 @@ class BorrowedSettings:
                 for setting, value in before.items()
                 if setting not in unknown and not _is_same(value, self._wanted[setting])
             }
-            for setting in asked:  # an answer is what is reported from now on
+            for setting in asked:  # only reports from now on are answers
                 self._reported.pop(setting, None)
         self._write(asked)
         with self._changed:

@@ -18,7 +18,7 @@ _STANDING_MPS: Final = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Sticks:
-    """Stick positions as the SDK takes them, percent of what the drone was set up for."""
+    """Stick positions as the SDK takes them, percent of the greatest values set in the drone."""
 
     roll: int = 0  # right positive
     pitch: int = 0  # forward positive

@@ -132,7 +132,7 @@ def decode_frame(frame: Any) -> DecodedFrame | None:
 class CaptureTimes:
     """Capture times of frames, in this machine's clock.
 
-    The drone stamps frames with a clock of its own. The fastest frame so far shows how the two
+    The drone stamps frames by another clock. The fastest frame so far shows how the two
     clocks relate, up to the minimum latency; what arrives later than that was delayed. Without
     stamps every frame is taken for one of minimum latency.
 
@@ -250,7 +250,7 @@ class NewestFrame:
         """Return the newest frame, None before the first.
 
         Args:
-            state: gives what the frame's metadata lack.
+            state: supplies values that the frame's metadata lack.
             above_carpet_m: height of the body's centre above the carpet before take-off, m.
         """
         with self._lock:

@@ -1,4 +1,4 @@
-"""A scripted SDK: what a drone would answer, without a drone and without Olympe."""
+"""A scripted SDK: it answers like a drone, without a drone and without Olympe."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Time:
 
 
 class Answer:
-    """The SDK's expectation of an answer: whoever waits for one that does not come is blocked."""
+    """The SDK's expectation of an answer; waiting for one that does not come blocks."""
 
     def __init__(self, *, good: bool) -> None:
         self._good = good
@@ -158,7 +158,7 @@ class FakeStreaming:
 
 
 class FakeSdkDrone:
-    """An object of the SDK's `Drone`: notes what it is sent."""
+    """An object of the SDK's `Drone` that notes all it is sent."""
 
     def __init__(self, world: FakeWorld, host: str, **given: Any) -> None:
         self.world, self.host, self.given = world, host, given
@@ -216,7 +216,7 @@ class FakeSdkDrone:
 
 
 class FakeWorld:
-    """What the SDK meets: a drone that answers or not, gives video or not."""
+    """The drones that the SDK meets: they answer or not, give video or not."""
 
     def __init__(self, version: tuple[int, ...] = (8, 5, 0)) -> None:
         self.answers = True

@@ -117,7 +117,7 @@ def test_a_setting_that_the_drone_never_reported_is_named_before_and_after(
     assert caplog.text == ""
     drone.send(Command(movement=TakeOff()))
     (before,) = caplog.records
-    assert "has not reported its own MaxTilt, MaxAltitude, which" in before.getMessage()
+    assert "has not reported its present MaxTilt, MaxAltitude, which" in before.getMessage()
     caplog.clear()
     world.drone.sent.clear()
     drone.disconnect()
