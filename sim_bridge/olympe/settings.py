@@ -129,29 +129,36 @@ class BorrowedSettings:
 
     def restore(self) -> None:
         """Send the former values and wait for the answers, for `limit_s` at most."""
+        former, left = self._end()
+        self._write(former)
         with self._changed:
-            before, self._before, self._check_s = self._before, {}, math.inf
-            unknown = [setting for setting, value in before.items() if value is None]
-            left = [each for each in unknown if not each.optional or each in self._reported]
-            asked = {
-                setting: value
-                for setting, value in before.items()
-                if setting not in unknown and not _is_same(value, self._wanted[setting])
-            }
-            for setting in asked:  # only reports from now on are answers
-                self._reported.pop(setting, None)
-        self._write(asked)
-        with self._changed:
-            self._changed.wait_for(lambda: not self._unconfirmed(asked), self._limit_s)
-            missing = self._unconfirmed(asked)
+            self._changed.wait_for(lambda: not self._unconfirmed(former), self._limit_s)
+            missing = self._unconfirmed(former)
         self._warn_of(missing)
         _warn_of_left(left)
 
     def give_up(self) -> None:
         """Warn of the settings that stay as they are, because the drone cannot be reached."""
+        former, left = self._end()
+        _warn_of_left([*former, *left])
+
+    def _end(self) -> tuple[dict[Setting, Any], list[Setting]]:
+        """Return the former values that the flight changed, and the settings without one."""
         with self._changed:
             before, self._before, self._check_s = self._before, {}, math.inf
-        _warn_of_left(before)
+            former = {
+                setting: value
+                for setting, value in before.items()
+                if value is not None and not _is_same(value, self._wanted[setting])
+            }
+            left = [
+                setting
+                for setting, value in before.items()
+                if value is None and (not setting.optional or setting in self._reported)
+            ]
+            for setting in former:  # only reports from now on are answers
+                self._reported.pop(setting, None)
+            return former, left
 
     def _write(self, values: Mapping[Setting, Any]) -> None:
         for setting, value in values.items():
