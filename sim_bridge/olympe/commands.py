@@ -37,8 +37,8 @@ class CommandQueue:
     """Runs commands on one thread, in order with two exceptions.
 
     Stick positions, gimbal targets and the like replace those still waiting, so that a call that
-    blocks leaves no backlog. A landing (and a cut of the motors) goes to the front, and what waits
-    to move the drone is dropped.
+    blocks leaves no backlog. A landing (and a cut of the motors) goes to the front, and the waiting
+    movements are dropped.
 
     The SDK's object is made, used and destroyed on this thread only. Some of its calls take longer
     than their callers wait. The thread finishes such a call all the same, and then goes on with the
@@ -57,8 +57,8 @@ class CommandQueue:
         """Queue a command.
 
         Raises:
-            Exception: whatever an earlier command raised, once; this one is queued all the same,
-                since it may be the landing.
+            Exception: an earlier command raised it; it is raised once. This command is queued all
+                the same, since it may be the landing.
         """
         with self._changed:
             self._put(kind, job)
