@@ -101,7 +101,9 @@ class OlympeLink:
             self._commands.close(self._leave, self._destroy)
             return
         config = self._config
-        limit_s = config.command_limit_s + config.setting_limit_s + config.close_limit_s
+        limit_s = config.close_limit_s
+        if self.connected:  # otherwise no command is answered, and no setting is restored
+            limit_s += config.command_limit_s + config.setting_limit_s
         try:
             if not self._commands.run(self._leave, limit_s):
                 _LOG.warning(
