@@ -23,7 +23,7 @@ from pathlib import Path
 
 from benchmarks.loopback_drone import served
 from benchmarks.olympe_stages import TimedDrone, TimedQueue, table, timed_drone
-from sim_bridge.olympe.config import AnafiConfig
+from sim_bridge.olympe import AnafiConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from uav_bt import app
 from uav_bt.app.site import Site

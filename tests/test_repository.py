@@ -26,12 +26,16 @@ from uav_bt.tree.loading.loader import check_file
 ROOT = Path(__file__).parents[1]
 ROOMS = ("uav_bt", "perception", "sim_bridge", "behaviours", "trees")
 PROJECT: Final[dict[str, Any]] = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-NOT_OURS = {".git", ".venv", "build", "dist", "out", "runs", "shared", "__pycache__"}
+NOT_OURS = {".git", "build", "dist", "out", "runs", "shared", "__pycache__"}
 
 
 def files_below(folder: Path) -> Iterator[Path]:
     for entry in sorted(folder.iterdir()):
-        if entry.name in NOT_OURS or entry.name.endswith((".egg-info", "_cache", ".hypothesis")):
+        if (
+            entry.name in NOT_OURS
+            or entry.name.startswith(".venv")  # as in .gitignore: docs/anafi.md makes a second one
+            or entry.name.endswith((".egg-info", "_cache", ".hypothesis"))
+        ):
             continue
         if entry.is_dir():
             yield from files_below(entry)

@@ -38,7 +38,7 @@ class CorridorRuleConfig:
     shortest_step_m: float = 0.3  # the first level's; less is not worth the stop
     turn_rad: float = math.radians(30)  # one correction; a third of the view
     # Kept free between the step's end and an obstacle ahead, from the body's centre. The body
-    # reaches 0.12 m ahead of its centre and 0.16 m to either side (`Airframe.body_size_m`), so 0.2 m with
+    # reaches 0.12 m ahead of its centre and 0.16 m to either side (`Airframe`), so 0.2 m with
     # any heading; a metre of step strays by 0.1 m, the depth errs by another 0.1 m.
     front_margin_m: float = 0.6
     # Kept between the step's end and the carpet's end, likewise.

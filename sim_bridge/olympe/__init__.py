@@ -1,9 +1,9 @@
 """Parrot's ANAFI, flown through the Olympe SDK: a real one, or a simulated one of Sphinx.
 
-`AnafiConfig` and `SphinxConfig` are what the entry points register. Nothing of the SDK is imported
-before a drone connects, and only `sdk` imports it.
+The entry points register `AnafiConfig` and `SphinxConfig`. Only `sdk` imports Parrot's SDK, when a
+drone connects.
 """
 
-from sim_bridge.olympe.config import AnafiConfig, SphinxConfig
+from sim_bridge.olympe.kinds import AnafiConfig, SphinxConfig
 
 __all__ = ["AnafiConfig", "SphinxConfig"]

@@ -1,19 +1,26 @@
-"""The queue of commands to the SDK, some of whose calls block."""
+"""The thread that alone uses the SDK's object of a drone, and the queue of its commands."""
 
 from __future__ import annotations
 
 import enum
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from typing import Final
+
+from uav_bt.errors import DroneError
+
+_LOG: Final = logging.getLogger(__name__)
 
 Job = Callable[[], object]
 
 
 class Kind(enum.Enum):
-    """What a command is about; the queue holds one at most of each kind that replaces itself."""
+    """The kind of a command; of a kind that replaces itself the queue holds one at most."""
 
+    CONNECTION = "connection"
     STICKS = "sticks"
     GIMBAL = "gimbal"
     CONTROL = "control"  # who has the sticks
@@ -23,15 +30,19 @@ class Kind(enum.Enum):
 
 
 _REPLACES_ITSELF: Final = frozenset({Kind.STICKS, Kind.GIMBAL, Kind.CONTROL, Kind.END})
-_OUTLIVES_END: Final = frozenset({Kind.GIMBAL, Kind.CONTROL, Kind.LIMITS})
+_DROPPED_BY_END: Final = frozenset({Kind.STICKS, Kind.MOVE, Kind.END})
 
 
 class CommandQueue:
-    """Runs commands on a thread of its own, in order but for two things.
+    """Runs commands on one thread, in order with two exceptions.
 
     Stick positions, gimbal targets and the like replace those still waiting, so that a call that
-    blocks leaves no backlog. A landing (and a cut of the motors) goes to the front, and what waits
-    to move the drone is dropped.
+    blocks leaves no backlog. A landing (and a cut of the motors) goes to the front, and the waiting
+    movements are dropped.
+
+    The SDK's object is made, used and destroyed on this thread only. Some of its calls take longer
+    than their callers wait. The thread finishes such a call all the same, and then goes on with the
+    next command.
     """
 
     def __init__(self) -> None:
@@ -46,28 +57,72 @@ class CommandQueue:
         """Queue a command.
 
         Raises:
-            Exception: whatever an earlier command raised, once; this one is queued all the same,
-                since it may be the landing.
+            Exception: an earlier command raised it; it is raised once. This command is queued all
+                the same, since it may be the landing.
         """
         with self._changed:
-            if kind in _REPLACES_ITSELF:
-                self._keep(lambda waiting: waiting is not kind)
-            if kind is Kind.END:
-                self._keep(lambda waiting: waiting in _OUTLIVES_END)
-                self._jobs.appendleft((kind, job))
-            else:
-                self._jobs.append((kind, job))
-            self._changed.notify()
+            self._put(kind, job)
             fault, self._fault = self._fault, None
         if fault is not None:
             raise fault
 
-    def close(self, limit_s: float) -> None:
-        """Take no more commands; return when those queued are done, or after a time, s."""
+    def run(self, job: Job, limit_s: float) -> bool:
+        """Run a job after the commands that wait, and wait for its end.
+
+        Args:
+            job: opens or closes the connection.
+            limit_s: longest wait, s. A job that takes longer is finished all the same.
+
+        Returns:
+            Whether it was done in time.
+
+        Raises:
+            Exception: the job raised it in time; a later one is logged.
+        """
+        future: Future[None] = Future()
+
+        def work() -> None:
+            try:
+                job()
+            except BaseException as error:  # noqa: BLE001  # raised or logged below
+                future.set_exception(_fault(error))
+            else:
+                future.set_result(None)
+
         with self._changed:
+            self._put(Kind.CONNECTION, work)
+        if not wait([future], limit_s).done:
+            future.add_done_callback(_report_late)
+            return False
+        future.result()
+        return True
+
+    def close(self, *last: Job) -> None:
+        """Take no more commands; those queued are done, then the last ones.
+
+        Returns at once. Failures that no later `submit` can raise are logged: one that was not yet
+        raised, and those of the commands still to come.
+        """
+        with self._changed:
+            for job in last:
+                self._put(Kind.CONNECTION, job)
             self._closed = True
             self._changed.notify()
-        self._thread.join(limit_s)
+            fault, self._fault = self._fault, None
+        if fault is not None:
+            _report(fault)
+
+    def _put(self, kind: Kind, job: Job) -> None:
+        if self._closed:
+            raise DroneError("the connection to the drone is closed: call connect() first")
+        if kind is Kind.END:
+            self._keep(lambda waiting: waiting not in _DROPPED_BY_END)
+            self._jobs.appendleft((kind, job))
+        else:
+            if kind in _REPLACES_ITSELF:
+                self._keep(lambda waiting: waiting is not kind)
+            self._jobs.append((kind, job))
+        self._changed.notify()
 
     def _keep(self, wanted: Callable[[Kind], bool]) -> None:
         self._jobs = deque(entry for entry in self._jobs if wanted(entry[0]))
@@ -82,5 +137,28 @@ class CommandQueue:
         while (job := self._next()) is not None:
             try:
                 job()
-            except Exception as error:  # noqa: BLE001  # raised by the next `submit`
-                self._fault = error
+            except BaseException as error:  # noqa: BLE001  # the SDK's cancellations are no Exception
+                self._failed(error)
+
+    def _failed(self, error: BaseException) -> None:
+        fault = _fault(error)
+        with self._changed:
+            kept = self._fault is None and not self._closed
+            if kept:
+                self._fault = fault  # the next `submit` raises it
+        if not kept:
+            _report(fault)
+
+
+def _fault(error: BaseException) -> Exception:
+    """Return an error that may be raised on another thread: a cancellation would end that one."""
+    return error if isinstance(error, Exception) else DroneError(f"the SDK gave up: {error!r}")
+
+
+def _report(fault: BaseException) -> None:
+    _LOG.error("a command to the drone failed: %s: %s", type(fault).__name__, fault)
+
+
+def _report_late(future: Future[None]) -> None:
+    if (fault := future.exception()) is not None:
+        _report(fault)

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import ClassVar, Final
 
 from sim_bridge.anafi import ANAFI_AIRFRAME
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.types import Airframe
 
-if TYPE_CHECKING:
-    from sim_bridge.olympe.drone import OlympeDrone
-
-SKYCONTROLLER_HOST: Final = "192.168.53.1"
-
-DISCOVERY_PORT: Final = 44445
-RTSP_PORT: Final = 554
-GRAVITY_MPS2: Final = 9.81
+SKYCONTROLLER_HOST: Final = "192.168.53.1"  # over USB; from Parrot's documentation
+DISCOVERY_PORT: Final = 44445  # TCP; ARSDK's, as the SDK uses it
+RTSP_PORT: Final = 554  # TCP; the port registered for RTSP, and the ANAFI's
+GRAVITY_MPS2: Final = 9.81  # m/s2; standard gravity, rounded
+MIN_TILT_RAD: Final = math.radians(1.0)  # rad; the lowest MaxTilt that an ANAFI takes
 _POSITIVE: Final = (
     *("speed_limit_mps", "climb_limit_mps", "yaw_rate_limit_radps"),
     *("altitude_limit_m", "tilt_limit_rad"),
@@ -32,39 +29,47 @@ class OlympeConfig:
     """How an ANAFI is reached and flown.
 
     Attributes:
-        address: HOST or HOST:DISCOVERY_PORT; None: where Parrot's documentation puts the drone.
-        http_port: of the drone's web interface.
-        rtsp_port: of the drone's video.
-        airframe: size of the body, command delay and lag; another one for a drone with guards.
-        image_size_px: width and height that frames are resized to; the drone sends 720p.
-        probe_limit_s: how long the drone is waited for at its discovery port; one in reach answers
-            within milliseconds.
-        behind_limit_s: how long a remote control may take to say that it has its drone.
-        connect_limit_s: how long a connection may take; two or three seconds are usual, and the
-            SDK alone would wait for 45.
-        close_limit_s: how long the SDK may take to disconnect.
-        command_limit_s: how long commands that are queued at the end are waited for.
-        setting_limit_s: how long the drone may take to confirm a setting, usually milliseconds.
-        video_limit_s: how long the video may take to be granted.
-        speed_limit_mps: horizontal speed limit; a lab is 5 m long.
-        climb_limit_mps: vertical speed limit.
-        yaw_rate_limit_radps: limit of the turning rate.
-        altitude_limit_m: the drone's own ceiling, above the take-off point.
-        tilt_limit_rad: tilt at full stick; 10 degrees are plenty for 1 m/s.
-        return_home: whether the drone returns by itself during a flight; None: as it is set.
+        address: HOST or HOST:DISCOVERY_PORT. None: the address that Parrot's documentation gives.
+        http_port: TCP port of the drone's web interface. Default: the ANAFI's.
+        rtsp_port: TCP port of the drone's video. Default: the ANAFI's.
+        airframe: size of the body, command delay and lag. A drone with guards needs another one.
+        image_size_px: width and height that frames are resized to. Default: half of the 1280x720
+            that the ANAFI streams.
+        probe_limit_s: longest wait for an answer at the discovery port, seconds. Chosen: a drone in
+            reach answers within milliseconds.
+        behind_limit_s: longest wait for a remote control to report its drone, seconds. Chosen.
+        connect_limit_s: longest wait for a connection, seconds. Chosen: two or three are usual, and
+            the SDK alone waits for 45.
+        close_limit_s: longest wait for the SDK to disconnect, seconds. Chosen: it needs one at most
+            from a drone that answers (`benchmarks/loopback_faults.py`), and half a minute from
+            others.
+        command_limit_s: longest wait at the end for the commands still queued, seconds. Chosen: one
+            call of the SDK may block for 2 s.
+        setting_limit_s: longest wait for the drone to report settings, before the first flight and
+            after the last one, seconds. In between nothing waits, and a warning follows. Chosen:
+            usually it takes milliseconds.
+        video_limit_s: longest wait for the video to be granted, seconds. Default: the SDK's.
+        speed_limit_mps: horizontal speed limit, m/s. Chosen: a lab of 5 m is crossed in 5 s.
+        climb_limit_mps: vertical speed limit, m/s. Chosen: a room of 3 m is climbed in 5 s.
+        yaw_rate_limit_radps: limit of the turning rate, rad/s. Chosen: a full turn in 4 s.
+        altitude_limit_m: the drone's own ceiling above the take-off point, m. Chosen: a room.
+        tilt_limit_rad: tilt at full stick, rad. Chosen: 10 degrees make 4 m/s in the long run.
+        return_home: whether the drone returns by itself during a flight. None: as it is set.
         remote_control: whether a remote control answers at the address, as SkyController 3 does.
-        take_off_surface_m: height above the carpet of what it takes off from.
-        video_latency_s: least time from exposure to arrival of a frame.
-        order_repeat_s: time until a take-off or landing without effect is ordered again.
-        sticks_hold_s: how long the SDK repeats stick positions, every 25 ms, before it centres
-            them: a drone whose mission hangs hovers.
+        take_off_surface_m: height of the take-off surface above the carpet, m.
+        video_latency_s: least time from exposure to arrival of a frame, seconds. Default: an
+            estimate, not measured on a drone; the loopback drone's is 0.16 (`docs/results.md`).
+        order_repeat_s: time until a take-off or landing without effect is ordered again, seconds.
+            Chosen: the SDK gives up a packet without an acknowledgement after 0.9.
+        sticks_hold_s: time for which the SDK repeats stick positions, every 25 ms, before it
+            centres them, seconds. Chosen: a drone whose mission hangs flies half a metre on.
         drag_per_s: of the speed control: share of the speed that the air takes away each second.
-            At 40 degrees of tilt an ANAFI reaches 15 m/s, which makes g tan(40) / 15 m/s; at
-            walking pace the air resists less.
-        proportional_per_s: of the speed control: its proportional gain, slow beside the 0.3 s that
-            telemetry and tilt take.
-        integral_per_s2: of the speed control: its integral gain, which removes the rest of the
-            error within some seconds.
+            Default: an estimate below the 0.55 of full speed (15 m/s at 40 degrees of tilt, from
+            Parrot's data sheet: g tan(40) / 15), because the air resists less at walking pace.
+        proportional_per_s: of the speed control: its proportional gain, 1/s. Chosen: slow beside
+            the 0.3 s that telemetry and tilt take.
+        integral_per_s2: of the speed control: its integral gain, 1/s2. Chosen: it removes the rest
+            of the error within some seconds.
 
     Raises:
         InputError: the address is malformed.
@@ -141,36 +146,14 @@ class OlympeConfig:
 
     @property
     def gentle_tilt_rad(self) -> float:
-        """The tilt that flies no faster than the speed limit, 1 degree at least.
+        """The tilt that flies no faster than the speed limit, `MIN_TILT_RAD` at least.
 
         Firmware that takes no speed with a movement flies it with the greatest tilt that is set.
         """
         steady_rad = math.atan(self.drag_per_s * self.speed_limit_mps / GRAVITY_MPS2)
-        return min(self.tilt_limit_rad, max(math.radians(1.0), steady_rad))
+        return min(self.tilt_limit_rad, max(MIN_TILT_RAD, steady_rad))
 
     @property
     def where(self) -> str:
         """Kind and address, for messages."""
         return f"{self.kind} at {self.host}:{self.discovery_port}"
-
-    def create(self) -> OlympeDrone:
-        """Make a bridge to the drone; nothing is sent before its `connect`."""
-        from sim_bridge.olympe.drone import OlympeDrone  # noqa: PLC0415  (it needs this module)
-
-        return OlympeDrone(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class AnafiConfig(OlympeConfig):
-    """A real ANAFI, on its own Wi-Fi or behind its remote control; see `OlympeConfig`."""
-
-    kind: ClassVar[str] = "anafi"
-    default_host: ClassVar[str] = "192.168.42.1"
-
-
-@dataclass(frozen=True, kw_only=True)
-class SphinxConfig(OlympeConfig):
-    """An ANAFI simulated by Sphinx, where it puts its first drone; see `OlympeConfig`."""
-
-    kind: ClassVar[str] = "sphinx"
-    default_host: ClassVar[str] = "10.202.0.1"

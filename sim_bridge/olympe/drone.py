@@ -32,8 +32,9 @@ from uav_bt.types import (
     Velocity,
 )
 
-_SAME_PITCH_RAD: Final = 1e-3  # smaller changes of the gimbal are not sent
-_MIN_PITCH_RAD: Final = -math.pi / 2
+_SAME_PITCH_RAD: Final = 1e-3  # rad; chosen: 1/20 degree. Smaller changes are not sent.
+_MIN_PITCH_RAD: Final = -math.pi / 2  # rad, straight down; the gimbal's own end stop (Parrot)
+_FRAME_RATE_HZ: Final = 30.0  # frames a second of the ANAFI's stream
 # States in which a take-off or a landing need not be ordered (again).
 _UP: Final = frozenset(set(FlyingState) - {FlyingState.LANDED, FlyingState.LANDING})
 _DOWN: Final = frozenset({FlyingState.LANDED, FlyingState.LANDING, FlyingState.EMERGENCY})
@@ -59,7 +60,7 @@ class OlympeDrone:
     Args:
         config: address, limits and time-outs.
         sdk: loads Parrot's SDK; tests give a scripted one.
-        probe_first: raises if there is no drone at the address; whether it is a remote control.
+        probe_first: returns whether a remote control answers; raises where nothing does.
         clock: the live clock.
         commands: makes the queue of the commands.
     """
@@ -82,9 +83,9 @@ class OlympeDrone:
         self.camera = anafi_camera(*config.image_size_px)
         self.airframe = config.airframe
         self.scene: Final = None  # only simulated places are known
-        self.referee: Final = None  # there is no truth about a real drone
+        self.referee: Final = None  # only a simulation knows the truth
         self.live = True  # a real drone is checked before it takes off
-        self.tick_s = 1.0 / 30.0  # frames do not come faster
+        self.tick_s = 1.0 / _FRAME_RATE_HZ
         self._flight: _Flight | None = None
 
     def connect(self) -> None:
@@ -111,17 +112,21 @@ class OlympeDrone:
             latency_s=config.video_latency_s,
             arrived=clock.frame_arrived,
         )
-        link = OlympeLink(sdk, config, on_event=telemetry.take, on_frame=frames.take)
-        try:
-            link.open()
-        except BaseException:
-            link.close()
-            raise
+        commands = self._commands()
+        link = OlympeLink(
+            sdk,
+            config,
+            commands,
+            now=clock.now,
+            on_event=telemetry.take,
+            on_frame=frames.take,
+        )
+        link.open()
         self._flight = _Flight(
             link=link,
             telemetry=telemetry,
             frames=frames,
-            commands=self._commands(),
+            commands=commands,
             speed=SpeedHolder(config),
         )
 
@@ -134,12 +139,13 @@ class OlympeDrone:
         flight = self._connected()
         self.clock.frame_seen()
         link = flight.link
+        link.check_settings()
         state = replace(flight.telemetry.state(), connected=link.connected, lost=link.lost)
         above_carpet_m = self._config.take_off_surface_m + STANDING_M
         return Observation(frame=flight.frames.newest(state, above_carpet_m), state=state)
 
     def send(self, command: Command) -> Command:
-        """Send the drone what is new in a command; return it as it was sent.
+        """Send the changes that a command makes; return the command as it was sent.
 
         Raises:
             DroneError: not connected, or the SDK refused an earlier command.
@@ -155,34 +161,33 @@ class OlympeDrone:
         return replace(command, movement=movement, gimbal=gimbal)
 
     def disconnect(self) -> None:
-        """Disconnect; the drone then follows its own rules. Safe to call twice."""
+        """Disconnect; the drone then does as its firmware decides. Safe to call twice."""
         flight, self._flight = self._flight, None
         if flight is not None:
-            flight.commands.close(self._config.command_limit_s)
             flight.link.close()
 
     def _point(self, flight: _Flight, pitch_rad: float) -> None:
         known = flight.pitch_rad
         if known is None or abs(known - pitch_rad) > _SAME_PITCH_RAD:
             flight.pitch_rad = pitch_rad
-            flight.commands.submit(Kind.GIMBAL, lambda: flight.link.point(pitch_rad))
+            flight.commands.submit(Kind.GIMBAL, lambda: flight.link.orders.point(pitch_rad))
 
     def _move(self, flight: _Flight, movement: Movement) -> None:
-        link, submit = flight.link, flight.commands.submit
+        orders, submit = flight.link.orders, flight.commands.submit
         if isinstance(movement, CutMotors):
-            submit(Kind.END, link.cut_motors)
+            submit(Kind.END, orders.cut_motors)
             return
         if isinstance(movement, Land):
             flight.speed.reset()
             # First of all: what follows may fail.
-            self._repeat(flight, Kind.END, "land", link.land, done=_is_in(flight, _DOWN))
-            submit(Kind.STICKS, link.let_go)
+            self._repeat(flight, Kind.END, "land", orders.land, done=_is_in(flight, _DOWN))
+            submit(Kind.STICKS, orders.let_go)
             self._take_sticks(flight)
             return
         if isinstance(movement, Release):
             flight.speed.reset()
             self._stop_moving(flight)
-            submit(Kind.STICKS, link.let_go)
+            submit(Kind.STICKS, orders.let_go)
             self._lend_sticks(flight)
             return
         self._take_sticks(flight)
@@ -194,10 +199,10 @@ class OlympeDrone:
             self._start(flight, movement)
         elif isinstance(movement, TakeOff):
             self._prepare(flight)
-            self._repeat(flight, Kind.MOVE, "take off", link.take_off, done=_is_in(flight, _UP))
+            self._repeat(flight, Kind.MOVE, "take off", orders.take_off, done=_is_in(flight, _UP))
         else:
             self._stop_moving(flight)
-            submit(Kind.STICKS, link.centre)
+            submit(Kind.STICKS, orders.centre)
 
     def _steer(self, flight: _Flight, order: Velocity) -> None:
         state = flight.telemetry.state()
@@ -206,7 +211,7 @@ class OlympeDrone:
         self._prepare(flight)
         self._stop_moving(flight)
         sticks = flight.speed.sticks(order, state.velocity, self.clock.now())
-        flight.commands.submit(Kind.STICKS, lambda: flight.link.steer(sticks))
+        flight.commands.submit(Kind.STICKS, lambda: flight.link.orders.steer(sticks))
 
     def _start(self, flight: _Flight, move: MoveBy) -> None:
         self._prepare(flight)
@@ -215,14 +220,16 @@ class OlympeDrone:
         def begin(moves: MoveLedger) -> None:
             if not moves.is_latest(move):
                 moves.sent(move)
-                flight.commands.submit(Kind.MOVE, lambda: flight.link.move(move, at_speed=at_speed))
+                flight.commands.submit(
+                    Kind.MOVE, lambda: flight.link.orders.move(move, at_speed=at_speed)
+                )
 
         flight.telemetry.with_moves(begin)
 
     def _stop_moving(self, flight: _Flight) -> None:
         if flight.telemetry.moving:
             flight.telemetry.with_moves(MoveLedger.halted)
-            flight.commands.submit(Kind.MOVE, flight.link.halt)
+            flight.commands.submit(Kind.MOVE, flight.link.orders.halt)
 
     def _prepare(self, flight: _Flight) -> None:
         """Set the drone's limits, before its first movement."""
@@ -230,7 +237,7 @@ class OlympeDrone:
             return
         flight.prepared = True
         config = self._config
-        # Without speeds of its own a movement takes the greatest tilt.
+        # A movement that carries no speeds takes the greatest tilt.
         extended = flight.telemetry.has_extended_moves
         tilt_rad = config.tilt_limit_rad if extended else config.gentle_tilt_rad
         flight.speed.tilt_limit_rad = tilt_rad
@@ -241,18 +248,22 @@ class OlympeDrone:
         telemetry = flight.telemetry
         if telemetry.has_sticks and not telemetry.lent:
             telemetry.lend()
-            flight.commands.submit(Kind.CONTROL, flight.link.give_sticks)
+            flight.commands.submit(Kind.CONTROL, flight.link.orders.give_sticks)
 
     def _take_sticks(self, flight: _Flight) -> None:
-        """Take back what was lent; what the pilot took is the pilot's."""
+        """Take lent sticks back; sticks that the pilot took stay with the pilot."""
         telemetry = flight.telemetry
         if telemetry.shares_sticks:
             self._repeat(
-                flight, Kind.CONTROL, "sticks", flight.link.take_sticks, done=not telemetry.lent
+                flight,
+                Kind.CONTROL,
+                "sticks",
+                flight.link.orders.take_sticks,
+                done=not telemetry.lent,
             )
 
     def _repeat(self, flight: _Flight, kind: Kind, what: str, order: Job, *, done: bool) -> None:
-        """Send what is repeated until it has effect."""
+        """Send an order, and again after `order_repeat_s` while it has no effect."""
         now_s = self.clock.now()
         if done:
             flight.ordered_s.pop(what, None)

@@ -6,17 +6,18 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final
 
 from sim_bridge.olympe import settings
+from sim_bridge.olympe.commands import CommandQueue, Job
 from sim_bridge.olympe.config import OlympeConfig
+from sim_bridge.olympe.orders import Orders
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.settings import BorrowedSettings
-from sim_bridge.olympe.speed import Sticks
 from sim_bridge.olympe.video import DecodedFrame, decode_frame
 from uav_bt.errors import DroneError
-from uav_bt.types import MoveBy
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -24,9 +25,15 @@ _LOG: Final = logging.getLogger(__name__)
 class OlympeLink:
     """Talks to one drone, from `open` to `close`; a new connection needs a new link.
 
+    One thread, that of the commands, makes, uses and destroys the SDK's object. `open` and `close`
+    let it work and wait for it, within limits; `orders` and `prepare` must be called on it. Other
+    threads only read whether the SDK is connected, an attribute that the SDK's threads set.
+
     Args:
         sdk: the SDK.
         config: where the drone is.
+        commands: the thread.
+        now: the clock, s.
         on_event: called with each event's full name and arguments, on a thread of the SDK.
         on_frame: called with each frame, on a thread of the SDK.
     """
@@ -35,17 +42,23 @@ class OlympeLink:
         self,
         sdk: Sdk,
         config: OlympeConfig,
+        commands: CommandQueue,
         *,
+        now: Callable[[], float],
         on_event: Callable[[str, Mapping[str, Any]], None],
         on_frame: Callable[[DecodedFrame], None],
     ) -> None:
         self._sdk = sdk
         self._config = config
+        self._commands = commands
         self._on_event = on_event
         self._on_frame = on_frame
         self._drone: Any = None
-        self._steering = False
-        self._settings = BorrowedSettings(self._send, config.setting_limit_s)
+        self._hangs = False  # a call of the SDK took longer than its limit
+        self.orders: Final = Orders(sdk, config, self._present)
+        self._settings = BorrowedSettings(self.orders.send, now, config.setting_limit_s)
+        self._failed: set[str] = set()  # events and frames that could not be taken
+        self._failing = threading.Lock()  # guards `_failed`: two threads of the SDK write to it
         # A remote control's connection to its drone; without one there is nothing to wait for.
         self._drone_there = threading.Event()
         if not config.through_skycontroller:
@@ -54,55 +67,69 @@ class OlympeLink:
     @property
     def connected(self) -> bool:
         """Whether the drone can be reached, as far as SDK and remote control know."""
-        return self._drone is not None and self._drone.connected and self._drone_there.is_set()
+        return self._sdk_connected and self._drone_there.is_set()
 
     @property
     def lost(self) -> bool:
         """Whether the SDK has given the connection up; a remote control may yet find its drone."""
-        return self._drone is not None and not self._drone.connected
+        return self._drone is not None and not self._sdk_connected
+
+    @property
+    def _sdk_connected(self) -> bool:
+        drone = self._drone
+        return drone is not None and bool(drone.connected)
 
     def open(self) -> None:
         """Connect and ask for the video; nothing about the drone changes.
 
         Raises:
             DroneError: the drone answers the port but not the SDK, or refuses the video.
+            InputError: the installed SDK cannot use the ports that were asked for.
         """
-        drone = self._drone = self._sdk.drone(self._config)
-        drone.subscribe(self._take_event, None)
-        self._connect(drone)
-        if not self._drone_there.wait(self._config.behind_limit_s):
-            raise DroneError(
-                f"the remote control at {self._config.host} is there, but no drone is connected to "
-                "it: switch the drone on, and wait until the remote control shows that it has it"
-            )
-        if not self._sdk.play(drone.streaming, self._config, self._take_frame):
-            raise DroneError(
-                f"{self._config.where} gives no video (RTSP port {self._config.rtsp_port}) within "
-                f"{self._config.video_limit_s:.0f} s: another program may hold it, or a firewall "
-                "keeps UDP out"
-            )
+        try:
+            self._open()
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
-        """Put the drone's settings back and disconnect; safe to call twice."""
-        if self._drone is None:
+        """Restore the drone's settings and disconnect, after the commands that wait.
+
+        An SDK that takes longer than the limits of the configuration finishes by itself.
+        """
+        if self._hangs:
+            self._commands.close(self._leave, self._destroy)
             return
-        if self.connected:
-            self._leave()
-        drone, self._drone = self._drone, None
-        # The SDK waits for half a minute for drones that are gone, and 7.7.5 for ten seconds for
-        # itself when it is done; the caller need not.
-        done = threading.Event()
-        threading.Thread(target=_disconnect, args=(drone, done), daemon=True).start()
-        done.wait(self._config.close_limit_s)
+        config = self._config
+        limit_s = config.close_limit_s
+        if self.connected:  # otherwise no command is answered, and no setting is restored
+            limit_s += config.command_limit_s + config.setting_limit_s
+        try:
+            if not self._commands.run(self._leave, limit_s):
+                _LOG.warning(
+                    "the SDK has not disconnected from %s within %g s: the last commands may not "
+                    "have reached the drone, and its settings may not be restored",
+                    *(config.where, limit_s),
+                )
+        finally:
+            # It takes half a minute for drones that are gone, and with 7.7.5 ten seconds for any.
+            self._commands.close(self._destroy)
+
+    def check_settings(self) -> None:
+        """Warn, once, of limits that the drone has not confirmed in time."""
+        self._settings.check()
 
     def prepare(self, *, tilt_rad: float) -> None:
-        """Set the limits of a flight; `close` puts back what was set before.
+        """Set the limits of a flight, without waiting; `close` restores the former values.
 
         Args:
             tilt_rad: the greatest tilt.
         """
+        self._settings.change(self._limits(tilt_rad))
+
+    def _limits(self, tilt_rad: float) -> Mapping[settings.Setting, float | str]:
         config = self._config
-        wanted: dict[settings.Setting, float | str] = {
+        limits: dict[settings.Setting, float | str] = {
             settings.TILT: math.degrees(tilt_rad),
             settings.ALTITUDE: config.altitude_limit_m,
             settings.CLIMB: config.climb_limit_mps,
@@ -111,139 +138,92 @@ class OlympeLink:
             settings.BANKED_TURN: 0,
         }
         if config.return_home is not None:
-            wanted[settings.RETURN_HOME] = "on" if config.return_home else "off"
-        self._settings.change(wanted)
+            limits[settings.RETURN_HOME] = "on" if config.return_home else "off"
+        return limits
 
-    def take_sticks(self) -> None:
-        """Make a remote control pass our commands on in place of its sticks."""
-        self._send("skyctrl.CoPiloting.setPilotingSource", source="Controller")
-
-    def give_sticks(self) -> None:
-        """Make a remote control's sticks fly the drone again."""
-        self._send("skyctrl.CoPiloting.setPilotingSource", source="SkyController")
-
-    def take_off(self) -> None:
-        """Start the motors and climb."""
-        self._send("ardrone3.Piloting.TakeOff")
-
-    def land(self) -> None:
-        """Descend and stop the motors."""
-        self._send("ardrone3.Piloting.Landing")
-        self.let_go()  # after the landing was sent: it may fail
-
-    def cut_motors(self) -> None:
-        """Stop the motors in flight."""
-        self._send("ardrone3.Piloting.Emergency")
-
-    def move(self, move: MoveBy, *, at_speed: bool) -> None:
-        """Start a relative movement; it ends the one before.
-
-        Args:
-            move: the movement.
-            at_speed: keep within the configuration's speeds, which older firmware cannot.
-        """
-        self.let_go()
-        if not at_speed:
-            self._send(
-                "ardrone3.Piloting.moveBy",
-                dX=move.forward_m,
-                dY=move.right_m,
-                dZ=move.down_m,
-                dPsi=move.yaw_rad,
+    def _open(self) -> None:
+        config = self._config
+        self._finish(
+            self._connect,
+            config.connect_limit_s,
+            late=f"{config.where} accepts a connection, but is not ready for commands after "
+            f"{config.connect_limit_s:.0f} s: restart it, and see that no other program (a "
+            "FreeFlight, another uav-bt) is connected",
+        )
+        if not self._drone_there.wait(config.behind_limit_s):
+            raise DroneError(
+                f"the remote control at {config.host} is there, but no drone is connected to it: "
+                "switch the drone on, and wait until the remote control shows that it has it"
             )
-            return
-        self._send(
-            "move.extended_move_by",
-            d_x=move.forward_m,
-            d_y=move.right_m,
-            d_z=move.down_m,
-            d_psi=move.yaw_rad,
-            max_horizontal_speed=self._config.speed_limit_mps,
-            max_vertical_speed=self._config.climb_limit_mps,
-            max_yaw_rotation_speed=math.degrees(self._config.yaw_rate_limit_radps),
-        )
+        # The SDK itself keeps the limit; one that takes twice as long hangs.
+        self._finish(self._play, 2.0 * config.video_limit_s, late=self._no_video)
+        self._settings.await_reports(self._limits(config.tilt_limit_rad))
 
-    def halt(self) -> None:
-        """End the movement under way: a movement by nothing replaces it, on any firmware."""
-        self._send("ardrone3.Piloting.moveBy", dX=0.0, dY=0.0, dZ=0.0, dPsi=0.0)
-
-    def steer(self, sticks: Sticks) -> None:
-        """Hold these stick positions until the next ones, for `sticks_hold_s` at most."""
-        self._steering = True
-        drone = self._present()
-        if not drone.piloting(
-            sticks.roll, sticks.pitch, sticks.yaw, sticks.climb, self._config.sticks_hold_s
-        ):
-            raise DroneError(f"{self._config.where} does not take stick positions any more")
-
-    def centre(self) -> None:
-        """Centre the sticks, if they are held."""
-        if self._steering:
-            self._present().piloting(0, 0, 0, 0, 0.0)
-
-    def let_go(self) -> None:
-        """Send no more stick positions."""
-        if self._steering:
-            self._steering = False
-            drone = self._present()
-            drone.piloting(0, 0, 0, 0, 0.0)
-            drone.stop_piloting()
-
-    def point(self, pitch_rad: float) -> None:
-        """Point the camera: rad from the horizon, negative down."""
-        self._send(
-            "gimbal.set_target",
-            gimbal_id=0,
-            control_mode="position",
-            yaw_frame_of_reference="none",
-            yaw=0.0,
-            pitch_frame_of_reference="absolute",
-            pitch=math.degrees(pitch_rad),
-            roll_frame_of_reference="none",
-            roll=0.0,
-        )
-
-    def _connect(self, drone: Any) -> None:
-        """Connect.
+    def _finish(self, job: Job, limit_s: float, *, late: str) -> None:
+        """Do something on the thread of the commands.
 
         Raises:
-            DroneError: the drone refuses, or does not get ready in time.
+            DroneError: it is not done in time.
         """
-        answers: list[bool] = []
+        self._hangs = True  # also where waiting is interrupted
+        try:
+            self._hangs = not self._commands.run(job, limit_s)
+        except Exception:
+            self._hangs = False  # it has failed
+            raise
+        if self._hangs:
+            raise DroneError(late)
 
-        def connect() -> None:
-            answers.append(bool(drone.connect()))
+    def _connect(self) -> None:
+        """Make the SDK's object and connect it.
 
-        limit_s, where = self._config.connect_limit_s, self._config.where
+        Raises:
+            DroneError: the drone refuses.
+        """
         start_s = time.monotonic()
-        connecting = threading.Thread(target=connect, daemon=True)
-        connecting.start()
-        connecting.join(limit_s)
-        if not answers:
+        drone = self._drone = self._sdk.drone(self._config)
+        drone.subscribe(self._take_event, None)
+        if not drone.connect():
             raise DroneError(
-                f"{where} accepts a connection, but is not ready for commands after "
-                f"{limit_s:.0f} s: restart it, and see that no other program (a FreeFlight, "
-                "another uav-bt) is connected"
+                f"{self._config.where} refused the connection after "
+                f"{time.monotonic() - start_s:.1f} s: see that no other program (a FreeFlight, "
+                "another uav-bt) is connected; if none is, restart it"
             )
-        if not answers[0]:
-            raise DroneError(
-                f"{where} refused the connection after {time.monotonic() - start_s:.1f} s: see "
-                "that no other program (a FreeFlight, another uav-bt) is connected; if none is, "
-                "restart it"
-            )
+
+    def _play(self) -> None:
+        if not self._sdk.play(self._present().streaming, self._config, self._take_frame):
+            raise DroneError(self._no_video)
+
+    @property
+    def _no_video(self) -> str:
+        config = self._config
+        return (
+            f"{config.where} gives no video (RTSP port {config.rtsp_port}) within "
+            f"{config.video_limit_s:.0f} s: another program may hold it, or a firewall keeps UDP "
+            "out"
+        )
 
     def _leave(self) -> None:
-        """Let go of sticks and settings; what the SDK does not do any more is logged."""
-        try:
-            self.let_go()
-            self._settings.restore()
+        """Let go of sticks and settings and disconnect; what fails stops nothing that follows."""
+        drone = self._drone
+        if drone is None:
+            return
+        if self.connected:
+            _attempt("letting go of the sticks", self.orders.let_go)
+            _attempt("restoring the drone's settings", self._settings.restore)
+        else:
+            self._settings.give_up()
+        if self._sdk_connected:
             if self._config.through_skycontroller:
-                self.give_sticks()
-        except Exception as error:  # noqa: BLE001  # the connection is closed in any case
-            _LOG.warning("not all of the drone's settings could be put back: %s", error)
+                _attempt("giving the sticks back", self.orders.give_sticks)
+            if drone.streaming is not None:
+                _attempt("stopping the video", drone.streaming.stop)
+        _attempt("disconnecting", drone.disconnect)
 
-    def _send(self, name: str, **args: Any) -> Any:
-        return self._present()(self._sdk.message(name)(**args))
+    def _destroy(self) -> None:
+        drone, self._drone = self._drone, None
+        if drone is not None:
+            drone.destroy()
 
     def _present(self) -> Any:
         if self._drone is None:
@@ -257,8 +237,9 @@ class OlympeLink:
         # Commands come by here as well; they carry nothing about the drone.
         if message is not None and kind == "EVT" and isinstance(args, Mapping):
             named = {key: getattr(arg, "name", arg) for key, arg in args.items()}
-            self._note(message.fullName, named)
-            self._on_event(message.fullName, named)
+            with self._complaining(f"its event {message.fullName}"):
+                self._note(message.fullName, named)
+                self._on_event(message.fullName, named)
 
     def _note(self, name: str, args: Mapping[str, Any]) -> None:
         self._settings.take(name, args)
@@ -269,20 +250,31 @@ class OlympeLink:
                 self._drone_there.clear()
 
     def _take_frame(self, frame: Any) -> None:
-        frame.ref()
+        with self._complaining("its video frames"):
+            frame.ref()
+            try:
+                decoded = decode_frame(frame)
+            finally:
+                frame.unref()
+            if decoded is not None:
+                self._on_frame(decoded)
+
+    @contextmanager
+    def _complaining(self, what: str) -> Iterator[None]:
+        """Log a failure once for each thing: the SDK would keep it to itself."""
         try:
-            decoded = decode_frame(frame)
-        finally:
-            frame.unref()
-        if decoded is not None:
-            self._on_frame(decoded)
+            yield
+        except Exception:
+            with self._failing:
+                known = what in self._failed
+                self._failed.add(what)
+            if not known:
+                _LOG.exception("the drone's data cannot be used: %s", what)
+            raise
 
 
-def _disconnect(drone: Any, done: threading.Event) -> None:
+def _attempt(what: str, action: Callable[[], object]) -> None:
     try:
-        if drone.connected and drone.streaming is not None:
-            drone.streaming.stop()
-        drone.disconnect()
-    finally:
-        done.set()
-    drone.destroy()
+        action()
+    except BaseException as error:  # noqa: BLE001  # also the SDK's cancellations
+        _LOG.warning("%s failed: %s: %s", what, type(error).__name__, error)

@@ -24,7 +24,7 @@ _REFUSALS: Final = frozenset({"busy", "notAvailable", "unknown"})
 class _Entry:
     """A movement that was sent and has not ended."""
 
-    id: int | None  # None for the halt that replaces a movement which is no longer wanted
+    id: int | None  # None for the halt that replaces a movement
     wanted: Displacement
 
 

@@ -11,8 +11,8 @@ from typing import Final
 from sim_bridge.olympe.config import SKYCONTROLLER_HOST, OlympeConfig
 from uav_bt.errors import DroneError
 
-_SKYCONTROLLER_3: Final = 0x0918  # the model it announces itself as
-_MAX_ANNOUNCEMENT_BYTES: Final = 4096
+_SKYCONTROLLER_3: Final = 0x0918  # the model that it announces; from ARSDK's device types
+_MAX_ANNOUNCEMENT_BYTES: Final = 4096  # chosen: an announcement has some 100 bytes
 _HINTS: Final = {
     "anafi": (
         "switch the drone on, join its Wi-Fi (or plug the SkyController in and use "

@@ -27,7 +27,7 @@ from typing import Any, Final
 from sim_bridge.olympe.config import DISCOVERY_PORT, RTSP_PORT, OlympeConfig
 from uav_bt.errors import InputError, MissingDependencyError
 
-_NEW_API: Final = 8
+_NEW_API: Final = 8  # the major version that brought the differences listed above
 _LOGGERS: Final = ("olympe", "ulog", "concurrent.futures")  # loggers that the SDK gives handlers
 _LEVELS: Final = {logging.CRITICAL: logging.WARNING, logging.ERROR: logging.INFO}
 
@@ -57,7 +57,7 @@ class Sdk:
             version = ".".join(map(str, self.version))
             raise InputError(
                 f"parrot-olympe {version} always discovers on port {DISCOVERY_PORT}, asked for "
-                f"{config.discovery_port}: give the drone an address of its own (127.0.0.2, ...) "
+                f"{config.discovery_port}: give each drone another address (127.0.0.2, ...) "
                 "or install parrot-olympe 8"
             )
         return kind(config.host, media_port=config.http_port, media_autoconnect=False)
@@ -125,7 +125,7 @@ def load_sdk() -> Sdk:
 def _do_without_glx() -> None:
     """Let the SDK be imported where PyOpenGL already draws without a window, as the twin does.
 
-    PyOpenGL then has no GLX, which the SDK imports for a viewer of its own that is never opened.
+    PyOpenGL then has no GLX, which the SDK imports for a viewer that is never opened.
     """
     try:
         importlib.import_module("OpenGL.GLX")

@@ -13,15 +13,15 @@ _LOG: Final = logging.getLogger(__name__)
 _CALIBRATE: Final = "calibrate it with FreeFlight"
 _RESTART: Final = "restart the drone; if that does not help, it needs repair"
 _OUTDOORS: Final = frozenset({"gps", "GPS"})  # nobody needs it indoors
-_ZOOMED: Final = 1.01  # a level above is no rounding
+_ZOOMED: Final = 1.01  # zoom level; chosen: float32 rounds 1.0 by far less. Above: zoomed in.
 _AUTO_TRIGGER: Final = "rth.auto_trigger_mode"
 
-# An event's arguments to what is wrong, by what it is wrong with; None: that is well.
+# The faults that an event reports, by the part of the drone; None: that part works.
 Findings = Mapping[str, DroneFault | None]
 
 
 class SelfReport:
-    """Keeps what is wrong with the drone, as of its latest events.
+    """Keeps the faults of the drone, as of its latest events.
 
     Args:
         return_home: whether its automatic return home is wanted; None where that does not matter.
@@ -116,7 +116,7 @@ def _zoom(args: Mapping[str, Any]) -> Findings:
     level = float(args["level"])
     fault = DroneFault(
         what="camera",
-        found=f"zoomed in, {level:.1f} times: its images are not what the camera file describes",
+        found=f"zoomed in, {level:.1f} times: the camera file does not describe its images",
         remedy="reset the zoom with FreeFlight",
     )
     return {"zoom": fault if level > _ZOOMED else None}

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+import math
+import threading
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 _LOG: Final = logging.getLogger(__name__)
+_WIRE_PRECISION: Final = 1e-6  # relative: events carry float32 (ARSDK), 24 bits of mantissa
 
-Send = Callable[..., Any]  # a command's name and arguments to the SDK's expectation of an answer
+Send = Callable[..., Any]  # sends a command, by its name and arguments; does not wait for an answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +23,7 @@ class Setting:
     argument: str  # of the command
     event: str  # that reports it
     reported: str  # the argument of the event
+    optional: bool = False  # some firmware lacks it, and nobody is warned of that
 
 
 def _current(group: str, name: str) -> Setting:
@@ -40,6 +44,7 @@ BANKED_TURN: Final = Setting(
     argument="value",
     event="ardrone3.PilotingSettingsState.BankedTurnChanged",
     reported="state",
+    optional=True,
 )
 RETURN_HOME: Final = Setting(
     command="rth.set_auto_trigger_mode",
@@ -52,18 +57,28 @@ _BY_EVENT: Final = {setting.event: setting for setting in _ALL}
 
 
 class BorrowedSettings:
-    """Changes settings, remembers how they were, and puts them back.
+    """Changes settings, remembers their former values, and restores these.
+
+    An event says how a setting is, not since when. So a former value is known only if the drone
+    reported it before the change; a warning names every setting that cannot be restored.
+
+    Events come on a thread of the SDK, commands go out on another one.
 
     Args:
         send: sends a command.
-        limit_s: how long the drone may take to confirm, s.
+        now: the clock, s.
+        limit_s: time within which the drone should report a setting, s.
     """
 
-    def __init__(self, send: Send, limit_s: float) -> None:
+    def __init__(self, send: Send, now: Callable[[], float], limit_s: float) -> None:
         self._send = send
+        self._now = now
         self._limit_s = limit_s
+        self._changed = threading.Condition()  # guards all that follows
         self._reported: dict[Setting, Any] = {}
-        self._before: dict[Setting, Any] = {}
+        self._before: dict[Setting, Any] = {}  # the former values; None: not reported
+        self._wanted: dict[Setting, Any] = {}  # the values of the flight
+        self._check_s = math.inf  # the time by which the drone should have confirmed them
 
     def take(self, name: str, args: Mapping[str, Any]) -> None:
         """Take an event of the drone.
@@ -74,27 +89,108 @@ class BorrowedSettings:
         """
         setting = _BY_EVENT.get(name)
         if setting is not None:
-            self._reported[setting] = args[setting.reported]
+            with self._changed:
+                self._reported[setting] = args[setting.reported]
+                self._changed.notify_all()
+
+    def await_reports(self, wanted: Collection[Setting]) -> None:
+        """Wait until the drone has reported these settings, for `limit_s` at most."""
+        needed = {setting for setting in wanted if not setting.optional}
+        with self._changed:
+            self._changed.wait_for(lambda: needed <= self._reported.keys(), self._limit_s)
 
     def change(self, wanted: Mapping[Setting, Any]) -> None:
-        """Change settings and wait until the drone has confirmed them; warn where it has not."""
-        for setting in wanted:
-            if setting in self._reported:
-                self._before.setdefault(setting, self._reported[setting])
+        """Send new values, once, without waiting for an answer; warn of unknown former values."""
+        with self._changed:
+            self._wanted = dict(wanted)
+            self._before = {setting: self._reported.get(setting) for setting in wanted}
+            self._check_s = self._now() + self._limit_s
+            unknown = [
+                setting
+                for setting, value in self._before.items()
+                if value is None and not setting.optional
+            ]
+        if unknown:
+            _LOG.warning(
+                "the drone has not reported its present %s, which therefore cannot be restored "
+                "after the flight",
+                _names(unknown),
+            )
         self._write(wanted)
 
+    def check(self) -> None:
+        """Warn, once, of settings that the drone has not confirmed within `limit_s`."""
+        with self._changed:
+            if self._now() < self._check_s:
+                return
+            self._check_s = math.inf
+            missing = self._unconfirmed(self._wanted)
+        self._warn_of(missing)
+
     def restore(self) -> None:
-        """Put the settings back as they were before the first change."""
-        before, self._before = self._before, {}
-        self._write(before)
+        """Send the former values and wait for the answers, for `limit_s` at most."""
+        former, left = self._end()
+        self._write(former)
+        with self._changed:
+            self._changed.wait_for(lambda: not self._unconfirmed(former), self._limit_s)
+            missing = self._unconfirmed(former)
+        self._warn_of(missing)
+        _warn_of_left(left)
+
+    def give_up(self) -> None:
+        """Warn of the settings that stay as they are, because the drone cannot be reached."""
+        former, left = self._end()
+        _warn_of_left([*former, *left])
+
+    def _end(self) -> tuple[dict[Setting, Any], list[Setting]]:
+        """Return the former values that the flight changed, and the settings without one."""
+        with self._changed:
+            before, self._before, self._check_s = self._before, {}, math.inf
+            former = {
+                setting: value
+                for setting, value in before.items()
+                if value is not None and not _is_same(value, self._wanted[setting])
+            }
+            left = [
+                setting
+                for setting, value in before.items()
+                if value is None and (not setting.optional or setting in self._reported)
+            ]
+            for setting in former:  # only reports from now on are answers
+                self._reported.pop(setting, None)
+            return former, left
 
     def _write(self, values: Mapping[Setting, Any]) -> None:
-        asked = {
-            setting: self._send(setting.command, **{setting.argument: value})
-            for setting, value in values.items()
+        for setting, value in values.items():
+            self._send(setting.command, **{setting.argument: value})
+
+    def _unconfirmed(self, asked: Mapping[Setting, Any]) -> dict[Setting, str]:
+        """Return a sentence about each setting whose latest report is not the value asked for."""
+        return {
+            setting: f"{setting.command} = {value} (it reports {self._reported.get(setting)})"
+            for setting, value in asked.items()
+            if not _is_same(self._reported.get(setting), value)
         }
-        for setting, answer in asked.items():
-            answer.wait(_timeout=self._limit_s)
-            # Not all firmware knows banked turns.
-            if not answer.success() and setting is not BANKED_TURN:
-                _LOG.warning("the drone does not confirm %s = %s", setting.command, values[setting])
+
+    def _warn_of(self, missing: Mapping[Setting, str]) -> None:
+        for setting, what in missing.items():
+            if not setting.optional:
+                _LOG.warning("the drone does not confirm %s within %g s", what, self._limit_s)
+
+
+def _is_same(reported: Any, value: Any) -> bool:
+    if isinstance(reported, float) and isinstance(value, float):
+        return math.isclose(reported, value, rel_tol=_WIRE_PRECISION)
+    return bool(reported == value)
+
+
+def _warn_of_left(settings: Collection[Setting]) -> None:
+    if settings:
+        _LOG.warning(
+            "the drone keeps this flight's %s: check them with FreeFlight before the next flight",
+            _names(settings),
+        )
+
+
+def _names(settings: Collection[Setting]) -> str:
+    return ", ".join(setting.command.rpartition(".")[2] for setting in settings)

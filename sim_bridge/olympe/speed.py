@@ -8,14 +8,17 @@ from typing import Final
 
 from sim_bridge.olympe.config import GRAVITY_MPS2, OlympeConfig
 from uav_bt.types import BodyVelocity, Velocity
+from uav_bt.types.bounds import clamp, limit_length
 
-_MAX_STEP_S: Final = 0.3  # between two orders of one manoeuvre
-_STANDING_MPS: Final = 0.1  # a slower drone holds its position by itself
+# s between two orders of one manoeuvre; chosen: nine ticks of 1/30 s. A longer gap starts afresh.
+_MAX_STEP_S: Final = 0.3
+# m/s; chosen: a drone that should stand and is slower holds its position itself.
+_STANDING_MPS: Final = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sticks:
-    """Stick positions as the SDK takes them, percent of what the drone was set up for."""
+    """Stick positions as the SDK takes them, percent of the greatest values set in the drone."""
 
     roll: int = 0  # right positive
     pitch: int = 0  # forward positive
@@ -47,13 +50,14 @@ class SpeedHolder:
     def limited(self, order: Velocity) -> Velocity:
         """Return an order within the limits of the configuration."""
         config = self._config
-        speed = math.hypot(order.forward_mps, order.right_mps)
-        share = min(1.0, config.speed_limit_mps / speed) if speed else 1.0
+        forward_mps, right_mps = limit_length(
+            order.forward_mps, order.right_mps, config.speed_limit_mps
+        )
         return Velocity(
-            forward_mps=order.forward_mps * share,
-            right_mps=order.right_mps * share,
-            down_mps=_clamp(order.down_mps, config.climb_limit_mps),
-            yaw_rate_radps=_clamp(order.yaw_rate_radps, config.yaw_rate_limit_radps),
+            forward_mps=forward_mps,
+            right_mps=right_mps,
+            down_mps=clamp(order.down_mps, config.climb_limit_mps),
+            yaw_rate_radps=clamp(order.yaw_rate_radps, config.yaw_rate_limit_radps),
         )
 
     def sticks(self, order: Velocity, measured: BodyVelocity, now_s: float) -> Sticks:
@@ -89,15 +93,11 @@ class SpeedHolder:
         config = self._config
         limit = GRAVITY_MPS2 * math.tan(self.tilt_limit_rad)
         wound = self._integral_mps2[axis] + config.integral_per_s2 * error * step_s
-        self._integral_mps2[axis] = _clamp(wound, limit)
+        self._integral_mps2[axis] = clamp(wound, limit)
         demand = config.drag_per_s * wanted_mps + config.proportional_per_s * error
         demand += self._integral_mps2[axis]
-        return math.atan(_clamp(demand, limit) / GRAVITY_MPS2)
+        return math.atan(clamp(demand, limit) / GRAVITY_MPS2)
 
 
 def _percent(share: float) -> int:
-    return round(100.0 * _clamp(share, 1.0))
-
-
-def _clamp(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))
+    return round(100.0 * clamp(share, 1.0))

@@ -54,13 +54,17 @@ def frame_metadata(vmeta: Mapping[str, Any]) -> FrameMetadata:
     )
 
 
+# No unit; chosen: half of a rotation's norm, 1. Firmware sends all zeros for an unknown rotation.
+_LEAST_NORM: Final = 0.5
+
+
 def _attitude(quaternion: Any) -> Attitude | None:
     """Return roll, pitch and yaw of a rotation from body to north-east-down, None without one."""
     parts = _mapping(quaternion)
     numbers = [_number(parts.get(name)) for name in "wxyz"]
     w, x, y, z = (0.0 if number is None else number for number in numbers)
     length = math.sqrt(w * w + x * x + y * y + z * z)
-    if length < 0.5:  # all zero: not known to the firmware
+    if length < _LEAST_NORM:
         return None
     w, x, y, z = w / length, x / length, y / length, z / length
     return Attitude(
@@ -79,9 +83,10 @@ def _number(value: Any) -> float | None:
     return float(value) if known and math.isfinite(value) else None
 
 
-# Two quartz clocks drift apart by some 20 parts in a million; ten times that is allowed.
+# s/s; chosen: ten times the 20 parts in a million by which two quartz clocks drift apart.
 _DRIFT: Final = 2e-4
-_RESTARTED_S: Final = 10.0  # no frame is so late: a clock that was set back began anew
+# s; chosen: frames are delayed by less. A greater delay shows that the drone's clock was set back.
+_RESTARTED_S: Final = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +132,7 @@ def decode_frame(frame: Any) -> DecodedFrame | None:
 class CaptureTimes:
     """Capture times of frames, in this machine's clock.
 
-    The drone stamps frames with a clock of its own. The fastest frame so far shows how the two
+    The drone stamps frames by another clock. The fastest frame so far shows how the two
     clocks relate, up to the minimum latency; what arrives later than that was delayed. Without
     stamps every frame is taken for one of minimum latency.
 
@@ -163,8 +168,8 @@ class FrameClock:
     """The live clock: real time since it was made, and a tick when a new frame arrives.
 
     Args:
-        timeout_s: how long a frame is waited for after the wanted time, s, so that a mission
-            whose video stopped still ticks.
+        timeout_s: longest wait for a frame after the wanted time, s. Chosen: a mission whose video
+            stopped ticks ten times a second.
         monotonic: returns the real time, s.
         condition: is waited on and notified.
     """
@@ -245,7 +250,7 @@ class NewestFrame:
         """Return the newest frame, None before the first.
 
         Args:
-            state: gives what the frame's metadata lack.
+            state: supplies values that the frame's metadata lack.
             above_carpet_m: height of the body's centre above the carpet before take-off, m.
         """
         with self._lock:

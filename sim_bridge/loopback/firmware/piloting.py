@@ -12,6 +12,7 @@ from sim_bridge.loopback.firmware.publisher import Values
 from sim_bridge.loopback.firmware.settings import Settings
 from sim_bridge.loopback.world import WorldLimits, WorldState
 from uav_bt.types import CutMotors, FlyingState, Hover, Land, TakeOff, Velocity
+from uav_bt.types.bounds import clamp, limit_length
 
 AIRBORNE: Final = (FlyingState.HOVERING, FlyingState.FLYING)
 
@@ -119,16 +120,16 @@ def velocity_of(sticks: Sticks, settings: Settings, limits: WorldLimits) -> Velo
     def speed(percent: int) -> float:
         return SPEED_PER_TILT_MPS * math.tan(percent / 100.0 * tilt_rad)
 
-    forward, right = speed(sticks.pitch), speed(sticks.roll)
-    flat = math.hypot(forward, right)
-    share = min(1.0, limits.max_speed_mps / flat) if flat else 1.0
+    forward_mps, right_mps = limit_length(
+        speed(sticks.pitch), speed(sticks.roll), limits.max_speed_mps
+    )
     climb = sticks.gaz / 100.0 * settings.value(f"{_SPEED}.MaxVerticalSpeedChanged")
     turn = sticks.yaw / 100.0 * math.radians(settings.value(f"{_SPEED}.MaxRotationSpeedChanged"))
     return Velocity(
-        forward_mps=forward * share,
-        right_mps=right * share,
-        down_mps=-_clamp(climb, limits.max_climb_mps),
-        yaw_rate_radps=_clamp(turn, limits.max_yaw_rate_radps),
+        forward_mps=forward_mps,
+        right_mps=right_mps,
+        down_mps=-clamp(climb, limits.max_climb_mps),
+        yaw_rate_radps=clamp(turn, limits.max_yaw_rate_radps),
     )
 
 
@@ -206,7 +207,3 @@ class Piloting(Part):
 
 def _percent(value: int) -> int:
     return max(-100, min(100, value))
-
-
-def _clamp(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))

@@ -1,19 +1,45 @@
-"""A scripted SDK: what a drone would answer, without a drone and without Olympe."""
+"""A scripted SDK: it answers like a drone, without a drone and without Olympe."""
 
 from __future__ import annotations
 
 import enum
+import threading
 from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
 
-from sim_bridge.olympe.config import AnafiConfig, OlympeConfig
+from sim_bridge.olympe import AnafiConfig
+from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.olympe.drone import OlympeDrone
 from sim_bridge.olympe.sdk import Sdk
 from sim_bridge.olympe.video import FrameClock
 
+# The settings that the bridge changes: by command, its event, that one's argument, the first value.
+SETTINGS: dict[str, tuple[str, str, Any]] = {
+    "ardrone3.PilotingSettings.MaxTilt": (
+        *("ardrone3.PilotingSettingsState.MaxTiltChanged", "current"),
+        20.0,
+    ),
+    "ardrone3.PilotingSettings.MaxAltitude": (
+        *("ardrone3.PilotingSettingsState.MaxAltitudeChanged", "current"),
+        30.0,
+    ),
+    "ardrone3.SpeedSettings.MaxVerticalSpeed": (
+        *("ardrone3.SpeedSettingsState.MaxVerticalSpeedChanged", "current"),
+        1.0,
+    ),
+    "ardrone3.SpeedSettings.MaxRotationSpeed": (
+        *("ardrone3.SpeedSettingsState.MaxRotationSpeedChanged", "current"),
+        40.0,
+    ),
+    "ardrone3.PilotingSettings.BankedTurn": (
+        *("ardrone3.PilotingSettingsState.BankedTurnChanged", "state"),
+        1,
+    ),
+    "rth.set_auto_trigger_mode": ("rth.auto_trigger_mode", "mode", "on"),
+}
 LEVEL = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
 
 
@@ -49,10 +75,14 @@ class Time:
 
 
 class Answer:
+    """The SDK's expectation of an answer; waiting for one that does not come blocks."""
+
     def __init__(self, *, good: bool) -> None:
         self._good = good
 
     def wait(self, _timeout: float) -> Answer:
+        if not self._good:
+            threading.Event().wait(_timeout)
         return self
 
     def success(self) -> bool:
@@ -110,6 +140,7 @@ class FakeStreaming:
         self.given = given
         if not self._drone.world.video:
             raise self._drone.world.video_fault  # as the SDK does where RTSP is refused
+        self._drone.world.on_video(self._drone)
         return True
 
     def play_multiple_stream(self, *, streams_list: list[Any], **given: Any) -> bool:
@@ -127,7 +158,7 @@ class FakeStreaming:
 
 
 class FakeSdkDrone:
-    """An object of the SDK's `Drone`: notes what it is sent."""
+    """An object of the SDK's `Drone` that notes all it is sent."""
 
     def __init__(self, world: FakeWorld, host: str, **given: Any) -> None:
         self.world, self.host, self.given = world, host, given
@@ -144,6 +175,9 @@ class FakeSdkDrone:
 
     def connect(self) -> bool:
         self.world.on_connect(self)
+        for command in SETTINGS.keys() - self.world.unreported:
+            event, argument, value = SETTINGS[command]
+            self.event(event, **{argument: value})
         self.connected = self.world.answers
         return self.connected
 
@@ -156,8 +190,13 @@ class FakeSdkDrone:
 
     def __call__(self, message: tuple[str, dict[str, Any]]) -> Answer:
         self.sent.append(message)
-        self.event(message[0], kind=Kind.CMD, **message[1])
-        return Answer(good=message[0] not in self.world.refused)
+        name, args = message
+        self.event(name, kind=Kind.CMD, **args)
+        if name in SETTINGS.keys() - self.world.refused:
+            event, argument, _ = SETTINGS[name]
+            (value,) = args.values()
+            self.event(event, **{argument: value})
+        return Answer(good=name not in self.world.refused)
 
     def piloting(self, roll: int, pitch: int, yaw: int, gaz: int, piloting_time: float) -> bool:
         self.sent.append(("piloting", {"sticks": (roll, pitch, yaw, gaz), "for_s": piloting_time}))
@@ -177,16 +216,18 @@ class FakeSdkDrone:
 
 
 class FakeWorld:
-    """What the SDK meets: a drone that answers or not, gives video or not."""
+    """The drones that the SDK meets: they answer or not, give video or not."""
 
     def __init__(self, version: tuple[int, ...] = (8, 5, 0)) -> None:
         self.answers = True
         self.video = True
         self.video_fault: BaseException = TimeoutError()
         self.steers = True
-        self.refused: set[str] = set()
+        self.refused: set[str] = set()  # settings that it does not confirm
+        self.unreported: set[str] = set()  # settings that it does not report when it connects
         self.made: list[FakeSdkDrone] = []
         self.on_connect: Callable[[FakeSdkDrone], None] = lambda _: None
+        self.on_video: Callable[[FakeSdkDrone], None] = lambda _: None
         self.sdk = Sdk(
             version=version,
             classes=SimpleNamespace(
@@ -205,15 +246,18 @@ class FakeWorld:
 class InTurn:
     """A command queue that runs each command at once."""
 
-    def __init__(self) -> None:
-        self.closed = False
-
     def submit(self, kind: object, job: Callable[[], object]) -> None:
         assert kind is not None
         job()
 
-    def close(self, limit_s: float) -> None:
-        self.closed = limit_s > 0.0
+    def run(self, job: Callable[[], object], limit_s: float) -> bool:
+        assert limit_s > 0.0
+        job()
+        return True
+
+    def close(self, *last: Callable[[], object]) -> None:
+        for job in last:
+            job()
 
 
 def config(**changes: Any) -> OlympeConfig:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from sim_bridge.olympe.config import AnafiConfig, SphinxConfig
+from sim_bridge.olympe import AnafiConfig, SphinxConfig
 from tests.sim_bridge.olympe.fake_olympe import config
 from uav_bt.errors import InputError, ValueRangeError
 from uav_bt.protocols import Drone

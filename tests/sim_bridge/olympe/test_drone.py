@@ -165,13 +165,6 @@ def test_no_video_is_said_at_once(version: tuple[int, ...], fault: BaseException
     assert world.drone.closed[:2] == ["stop video", "disconnect"]
 
 
-def test_a_setting_that_is_not_confirmed_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
-    world = FakeWorld()
-    world.refused = {"ardrone3.PilotingSettings.MaxTilt"}
-    hovering(world)
-    assert "does not confirm ardrone3.PilotingSettings.MaxTilt" in caplog.text
-
-
 @pytest.mark.parametrize("call", ["observe", "send"])
 def test_an_unconnected_drone_says_so(call: str) -> None:
     drone = bridge(FakeWorld())

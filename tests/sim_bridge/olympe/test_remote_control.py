@@ -97,6 +97,16 @@ def test_the_sticks_are_given_back_in_the_end() -> None:
     assert sources(world)[-1] == "SkyController"
 
 
+def test_the_sticks_are_given_back_where_the_remote_control_has_lost_its_drone() -> None:
+    world = FakeWorld()
+    drone = behind_remote(world)
+    say(drone, TakeOff())
+    world.drone.event(SOURCE, source="Controller")
+    world.drone.event(CONNECTION, state="searching", serial="", model=0, name="")
+    drone.disconnect()
+    assert sources(world) == ["Controller", "SkyController"]
+
+
 def test_a_remote_control_that_goes_on_talking_is_not_the_drone() -> None:
     world, time = FakeWorld(), Time()
     drone = behind_remote(world, time)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_bridge.olympe.config import AnafiConfig, OlympeConfig, SphinxConfig
+from sim_bridge.olympe import AnafiConfig, SphinxConfig
+from sim_bridge.olympe.config import OlympeConfig
 from sim_bridge.twin import TwinConfig
 from uav_bt import app
 from uav_bt.answers import Advance, Answer
