@@ -37,6 +37,7 @@ from uav_bt.types.telemetry import (
     DroneFault,
     DroneState,
     FlyingState,
+    MeasurementTimes,
     MovementState,
     MovementStatus,
 )
@@ -66,6 +67,7 @@ __all__ = [
     "MapMark",
     "MapMover",
     "MapObject",
+    "MeasurementTimes",
     "MissionPhase",
     "MoveBy",
     "Movement",
