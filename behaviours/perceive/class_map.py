@@ -124,7 +124,8 @@ class FindHelipad(Leaf):
             self._map_restarts = site_map.restarts
             self._finder.forget()  # it was carried to where the drone no longer is
         # The pad stands still on the ground, whatever telemetry takes for the drone's motion.
-        self._finder.predict(state if motion is None else motion.over_ground(state))
+        over_ground = state if motion is None else motion.over_ground(state)
+        self._finder.predict(over_ground, self.clock.now())
         class_map = self.read(CLASS_MAP).value
         if class_map is None:
             self._finder.miss()
@@ -173,7 +174,7 @@ class RememberObstacles(Leaf):
         state = self.read(STATE).value
         if state is None:
             return Status.SUCCESS
-        self._memory.predict(state)
+        self._memory.predict(state, self.clock.now())
         self._look()
         motion = self._memory.motion
         if motion is not None:

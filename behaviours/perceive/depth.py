@@ -16,6 +16,7 @@ from uav_bt.board import (
     FRAME,
     METRIC_DEPTH,
     OBSTACLES,
+    ODOMETRY,
     RELATIVE_DEPTH,
     STATE,
 )
@@ -47,7 +48,7 @@ class EstimateDepth(Leaf):
             doc="'network', or 'fused': by what things stand on where that is known",
         ),
     )
-    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES)
+    reads = (STATE, FRAME, CLASS_MAP, CAMERA, OBSTACLES, ODOMETRY)
     writes = (RELATIVE_DEPTH, METRIC_DEPTH)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -80,6 +81,7 @@ class EstimateDepth(Leaf):
             camera,
             state=state,
             obstacles=self.read(OBSTACLES).value,
+            motion=self.read(ODOMETRY).value,
             timed=self._timers.__getitem__,
         )
         self.feedback_message = f"no depth: {metric.refusal}" if metric.refusal else ""

@@ -25,10 +25,9 @@ from uav_bt.types import (
     CameraModel,
     ClassMap,
     DepthMap,
-    DroneState,
     Frame,
     ObstaclePoints,
-    rotate_points,
+    Pose2D,
 )
 
 Source = Literal["network", "contact", "fused"]
@@ -162,20 +161,18 @@ class MetricDepthMaker:
 
 
 def remembered_bases(
-    obstacles: ObstaclePoints, state: DroneState, frame: Frame, camera: CameraModel
+    obstacles: ObstaclePoints, now: Pose2D, then: Pose2D, frame: Frame, camera: CameraModel
 ) -> Remembered:
-    """Return remembered obstacles as they were from the lens when a frame was captured.
+    """Return remembered obstacles as they lay from the lens when a frame was captured.
 
     Args:
-        obstacles: from the body's centre at the time of the state.
-        state: the newest telemetry; the video is a little behind it.
-        frame: its capture is the moment asked for.
+        obstacles: seen from the body's centre at the pose `now`.
+        now: the dead-reckoned pose of the newest telemetry; the video is a little behind it.
+        then: the dead-reckoned pose at the frame's capture.
+        frame: the frame.
         camera: says where the lens is.
     """
-    velocity, late_s = state.velocity, state.captured_s - frame.captured_s
-    since_m = obstacles.points_m + late_s * np.array([velocity.forward_mps, velocity.right_mps])
-    turn_rad = state.attitude.yaw_rad - frame.attitude.yaw_rad
-    then_m = rotate_points(since_m, turn_rad)
+    then_m = then.points_to_body(now.points_to_world(obstacles.points_m))
     lever_m = camera.forward_offset_m * math.cos(frame.attitude.pitch_rad)
     return Remembered.at(then_m - (lever_m, 0.0))
 

@@ -14,6 +14,7 @@ from perception.depth.metric import MetricDepth, MetricDepthMaker, remembered_ba
 from uav_bt.errors import ValueRangeError
 from uav_bt.protocols import DepthEstimator
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints
+from uav_bt.types.dead_reckoning import MotionEstimate
 
 Timed = Callable[[str], AbstractContextManager[object]]
 
@@ -58,6 +59,7 @@ class DepthStage:
         *,
         state: DroneState | None = None,
         obstacles: ObstaclePoints | None = None,
+        motion: MotionEstimate | None = None,
         timed: Timed = nullcontext,
     ) -> MetricDepth:
         """Return the depth of a frame that was not seen before, at the class map's size.
@@ -67,7 +69,9 @@ class DepthStage:
             class_map: of that frame.
             camera: intrinsics at any size of the frame's aspect.
             state: the newest telemetry, where there is any.
-            obstacles: what is remembered, from the body's centre at the time of the state.
+            obstacles: remembered obstacles, from the body's centre at the pose of `motion`.
+            motion: where the drone is, and where it was at this frame; without it, or with one of
+                another frame, nothing remembered is used.
             timed: measures a stage, `relative_depth` or `metric_depth`, by its name.
         """
         refusal = self._frozen(frame, state) or self._misfit(frame, camera)
@@ -79,8 +83,10 @@ class DepthStage:
                 relative = self._network.estimate(frame)
         with timed("metric_depth"):
             remembered = None
-            if obstacles is not None and state is not None:
-                remembered = remembered_bases(obstacles, state, frame, camera)
+            same = motion is not None and motion.seen.time_s == frame.captured_s
+            if obstacles is not None and motion is not None and same:
+                poses = motion.pose, motion.seen
+                remembered = remembered_bases(obstacles, *poses, frame, camera)
             metric = self._maker.make(frame, class_map, camera, relative, remembered)
         return replace(metric, relative=relative)
 

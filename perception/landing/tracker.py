@@ -63,9 +63,14 @@ class HelipadTracker:
         self._confidence = 0.0
         self._rejected = 0
 
-    def predict(self, state: DroneState) -> None:
-        """Follow the drone's own motion up to a telemetry sample."""
-        pose = self._odometry.update(state)
+    def predict(self, state: DroneState, now_s: float | None = None) -> None:
+        """Follow the drone's own motion.
+
+        Args:
+            state: telemetry.
+            now_s: until when the newest pose is carried on, s; None for telemetry's newest time.
+        """
+        pose = self._odometry.update(state, now_s)
         if self._filter is not None:
             dt = max(0.0, pose.time_s - self._filter_time_s)
             self._filter.predict(Q=np.eye(2) * (self._config.drift_std_mps**2 * dt))
@@ -172,10 +177,15 @@ class HelipadFinder:
         self._seen: HelipadFix | None = None  # in the newest class map
         self._accepted = False  # whether the track took that in
 
-    def predict(self, state: DroneState) -> None:
-        """Follow the drone's own motion up to a telemetry sample."""
+    def predict(self, state: DroneState, now_s: float | None = None) -> None:
+        """Follow the drone's own motion.
+
+        Args:
+            state: telemetry.
+            now_s: until when the newest pose is carried on, s; None for telemetry's newest time.
+        """
         self._reckons = True
-        self._tracker.predict(state)
+        self._tracker.predict(state, now_s)
 
     def forget(self) -> None:
         """Drop the track; the odometry goes on."""

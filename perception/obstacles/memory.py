@@ -28,7 +28,7 @@ from perception.obstacles.contact_scan import (
 from perception.odometry.carpet import CarpetOdometry
 from uav_bt.classes import GROUP_CARPET
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
-from uav_bt.types.dead_reckoning import MotionEstimate
+from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.projection import project
 
 
@@ -79,9 +79,18 @@ class ObstacleMemory:
         """How the drone moves over the ground; None before the first frame."""
         return self._odometry.estimate
 
-    def predict(self, state: DroneState) -> None:
-        """Follow the drone's own motion up to a telemetry sample."""
-        now = self._odometry.predict(state)
+    def at(self, time_s: float) -> OdometryPose | None:
+        """Return the dead-reckoned pose of a moment of the last seconds, None before telemetry."""
+        return self._odometry.at(time_s)
+
+    def predict(self, state: DroneState, now_s: float | None = None) -> None:
+        """Follow the drone's own motion.
+
+        Args:
+            state: telemetry.
+            now_s: until when the newest pose is carried on, s; None for telemetry's newest time.
+        """
+        now = self._odometry.predict(state, now_s)
         if now is not None:
             self._keep(self._until_s >= now.time_s)
 

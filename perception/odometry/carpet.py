@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -33,7 +34,7 @@ from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
 
 @dataclass(frozen=True, kw_only=True)
 class CarpetOdometryConfig:
-    """Which frames are compared."""
+    """Which frames are compared, and how. Numbers without another origin are chosen."""
 
     width_px: int = 320  # of the images that points are followed in; a larger one only costs time
     border_px: int = 2  # carpet so near to something else is left out: its corners are the other's
@@ -52,8 +53,23 @@ class _Sight:
     carpet: NDArray[np.uint8]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Step:
+    """A way that the ground showed and that telemetry's velocity has yet to be compared with."""
+
+    begin_s: float
+    end_s: float
+    way_m: NDArray[np.float64]  # (2,), in the odometry's frame
+    spread_m: float  # of the points that show it
+
+
 class CarpetOdometry:
-    """Integrates telemetry, and corrects it by every frame that shows enough carpet."""
+    """Integrates telemetry, and corrects it by every frame that shows enough carpet.
+
+    Telemetry comes later and more rarely than frames. A frame's place is first carried on from the
+    velocity before it, and found anew when a later velocity is known. Only then is the way that
+    the ground showed compared with telemetry's.
+    """
 
     def __init__(self, config: CarpetOdometryConfig | None = None) -> None:
         self._config = config or CarpetOdometryConfig()
@@ -65,6 +81,7 @@ class CarpetOdometry:
         self._seen: tuple[OdometryPose, OdometryPose] | None = None
         self._tracked_s = -math.inf  # capture of the last frame whose ground was followed
         self._turn_radps = 0.0  # as the ground showed it last
+        self._steps: deque[_Step] = deque()  # oldest first
 
     @property
     def now(self) -> OdometryPose | None:
@@ -98,9 +115,19 @@ class CarpetOdometry:
             turn_rad=self._heading.correction_rad,
         )
 
-    def predict(self, state: DroneState) -> OdometryPose | None:
-        """Follow the drone's own motion up to a telemetry sample; return the pose then."""
-        self._odometry.update(state)
+    def predict(self, state: DroneState, now_s: float | None = None) -> OdometryPose | None:
+        """Take in telemetry and return the newest pose.
+
+        Args:
+            state: the telemetry.
+            now_s: until when the pose is carried on, s; None for the newest of velocity and
+                heading.
+        """
+        known_s = self._odometry.velocity_s
+        self._odometry.update(state, now_s)
+        if self._odometry.velocity_s > known_s:
+            self._place_anew()
+            self._compare()
         return self.now
 
     def see(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
@@ -111,10 +138,10 @@ class CarpetOdometry:
             frame: the newest; its telemetry says how the camera looked.
             camera: intrinsics at any size of the same shape.
         """
-        raw = self._odometry.at(frame.captured_s)
-        if raw is None:
+        if self._odometry.now is None:
             return
-        raw = replace(raw, time_s=frame.captured_s)
+        self._odometry.add_heading(frame.captured_s, frame.attitude.yaw_rad)
+        raw = self._raw(frame.captured_s)
         before, self._last = self._last, self._sight(class_map, frame, camera)
         if self._seen is None:
             self._heading.see(raw.yaw_rad, None, 0.0)
@@ -132,11 +159,44 @@ class CarpetOdometry:
             self._tracked_s = frame.captured_s
             (x_m, y_m), turned_rad = (shown.motion.x_m, shown.motion.y_m), shown.motion.yaw_rad
             missed_m = np.array(rotate(x_m - way.x_m, y_m - way.y_m, seen.yaw_rad))
-            self._error.correct(missed_m / passed_s, passed_s, shown.spread_m)
+            self._steps.append(
+                _Step(
+                    begin_s=seen.time_s,
+                    end_s=frame.captured_s,
+                    way_m=np.array(rotate(x_m, y_m, seen.yaw_rad)),
+                    spread_m=shown.spread_m,
+                )
+            )
         self._heading.see(raw.yaw_rad, turned_rad, passed_s)
         x_m, y_m = np.array(seen.to_world(way.x_m, way.y_m)) + missed_m
         here = replace(raw, x_m=float(x_m), y_m=float(y_m), yaw_rad=self._heading.yaw_rad)
         self._seen = raw, here
+        self._compare()
+
+    def _raw(self, time_s: float) -> OdometryPose:
+        """Return telemetry's pose of a moment; the origin before the first telemetry."""
+        pose = self._odometry.at(time_s)
+        origin = OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
+        return origin if pose is None else replace(pose, time_s=time_s)
+
+    def _place_anew(self) -> None:
+        """Find telemetry's pose at the last frame again, now that a later velocity is known.
+
+        Where the frame's place came from telemetry it is as wrong as the pose of then: both stay.
+        """
+        if self._seen is not None and self._seen[1].time_s == self._tracked_s:
+            then_s = self._tracked_s
+            if self._odometry.velocity_s - then_s <= self._config.max_gap_s:
+                self._seen = self._raw(then_s), self._seen[1]
+
+    def _compare(self) -> None:
+        """Correct telemetry's velocity by the ways that it covers by now."""
+        while self._steps and self._steps[0].end_s <= self._odometry.velocity_s:
+            step = self._steps.popleft()
+            begin, end = self._raw(step.begin_s), self._raw(step.end_s)
+            turn_rad, passed_s = self._heading.correction_rad, step.end_s - step.begin_s
+            told_m = np.array(rotate(end.x_m - begin.x_m, end.y_m - begin.y_m, turn_rad))
+            self._error.correct((step.way_m - told_m) / passed_s, passed_s, step.spread_m)
 
     def _shown(
         self, before: _Sight | None, expected: Pose2D, passed_s: float, offset_m: float

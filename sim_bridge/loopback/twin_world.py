@@ -69,8 +69,9 @@ class TwinWorld:
     """
 
     def __init__(self, scene: Scene | None, *, profile: Profile, seed: int, clock: Clock) -> None:
-        # Computing takes real time here: none is charged for it.
-        profile = replace(profile, compute_latency_s=0.0)
+        # Computing takes real time here, and the firmware sends telemetry at its own rate: the
+        # simulation charges nothing for either.
+        profile = replace(profile.with_instant_telemetry(), compute_latency_s=0.0)
         self.scene = _FIELD if scene is None else scene
         self.profile = _field_profile(profile) if scene is None else profile
         self.lab: LabModel = _build_field() if scene is None else build_model(scene)

@@ -12,7 +12,15 @@ from typing import Any, Final
 
 from sim_bridge.olympe.moves import MoveLedger
 from sim_bridge.olympe.self_report import SelfReport
-from uav_bt.types import Attitude, BodyVelocity, DroneFault, DroneState, FlyingState, rotate
+from uav_bt.types import (
+    Attitude,
+    BodyVelocity,
+    DroneFault,
+    DroneState,
+    FlyingState,
+    MeasurementTimes,
+    rotate,
+)
 
 STANDING_M: Final = 0.05  # the body's centre above what the drone stands on
 
@@ -34,9 +42,15 @@ _NO_MOVES: Final = frozenset(
 )
 _BEST_LINK: Final = 5.0  # ARSDK, common.CommonState.LinkSignalQuality: 1 to 5 in the lower bits
 _LINK_BITS: Final = 0x0F
-# Whose events show that the drone itself is heard: a remote control sends events of its own, 20
-# of them a second, also when its drone is gone.
-_OF_THE_DRONE: Final = ("ardrone3.", "gimbal.", "camera.")
+# The events that carry a measurement, and whose time each one is. All others (a remote control
+# sends 20 a second, also when its drone is gone) say nothing about the age of the state.
+_MEASURES: Final = {
+    "ardrone3.PilotingState.AttitudeChanged": "attitude_s",
+    "ardrone3.PilotingState.SpeedChanged": "velocity_s",
+    "ardrone3.PilotingState.AltitudeChanged": "altitude_s",
+    "ardrone3.PilotingState.AltitudeAboveGroundChanged": "height_s",
+    "gimbal.attitude": "gimbal_s",
+}
 _PILOT: Final = "SkyController"  # as a piloting source; otherwise it is "Controller", which we are
 _EXTENDED_MOVES: Final = (1, 7)  # the firmware that takes a speed with each movement
 
@@ -45,14 +59,14 @@ _EXTENDED_MOVES: Final = (1, 7)  # the firmware that takes a speed with each mov
 class _Known:
     """The latest values, in the drone's terms."""
 
-    received_s: float = -math.inf
+    measured: MeasurementTimes = field(default_factory=lambda: MeasurementTimes.all_at(-math.inf))
     flying: FlyingState = FlyingState.LANDED
     attitude: Attitude = field(default_factory=Attitude)
     north_mps: float = 0.0
     east_mps: float = 0.0
     down_mps: float = 0.0
     altitude_m: float = 0.0
-    ground_m: float | None = None  # only some firmware has the event
+    ground_m: float | None = None  # above the surface below; only some firmware has the event
     gimbal_pitch_rad: float = 0.0
     battery: float | None = None
     link: float | None = None
@@ -109,20 +123,24 @@ class Telemetry:
         with self._lock:
             handler = self._handlers.get(name)
             changes = handler(args) if handler is not None else {}
-            if name.startswith(_OF_THE_DRONE):
-                changes["received_s"] = self._now()
+            quantity = _MEASURES.get(name)
+            if quantity is not None:
+                changes["measured"] = replace(self._known.measured, **{quantity: self._now()})
             self._known = replace(self._known, **changes)
             self._report.take(name, args)
 
     def state(self) -> DroneState:
-        """Return the state as of the newest event."""
+        """Return the newest value of each quantity, with the time at which its event arrived."""
         with self._lock:
             known, movement, lent = self._known, self._moves.status, self._lent
             faults: tuple[DroneFault, ...] = self._report.faults
-        height_m = known.altitude_m + STANDING_M if known.ground_m is None else known.ground_m
+        height_m, measured = known.ground_m, known.measured
+        if height_m is None:
+            height_m = known.altitude_m + STANDING_M
+            measured = replace(measured, height_s=measured.altitude_s)
         forward_mps, right_mps = rotate(known.north_mps, known.east_mps, -known.attitude.yaw_rad)
         return DroneState(
-            captured_s=known.received_s,
+            captured_s=measured.oldest_s,
             flying=known.flying,
             attitude=known.attitude,
             velocity=BodyVelocity(
@@ -137,6 +155,7 @@ class Telemetry:
             movement=movement,
             pilot_has_control=known.source == _PILOT and not lent,
             faults=faults,
+            measured=measured,
         )
 
     @property

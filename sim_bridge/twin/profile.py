@@ -38,6 +38,19 @@ class Profile:
     video_latency_s: float = 0.15  # s from capture to delivery
     video_rate_hz: float = 30.0  # frames a second
 
+    # When its telemetry is heard; a period of 0 reports every control step. Parrot's firmware sends
+    # every state 5 times a second (AutonomyLab/bebop_autonomy, issues 22 and 73; the SDK itself
+    # says "regularly"). The delay is chosen: that of a command over the same radio link.
+    attitude_period_s: float = 0.2  # s between two reports of the attitude
+    attitude_latency_s: float = 0.06  # s from measurement to arrival
+    velocity_period_s: float = 0.2  # s between two reports of the velocity
+    velocity_latency_s: float = 0.06  # s from measurement to arrival
+    altitude_period_s: float = 0.2  # s between two reports of altitude and height
+    altitude_latency_s: float = 0.06  # s from measurement to arrival
+    gimbal_period_s: float = 0.2  # s between two reports of the camera's pitch
+    gimbal_latency_s: float = 0.06  # s from measurement to arrival
+    event_latency_s: float = 0.06  # s until a changed flying state or movement is heard
+
     # What disturbs it.
     wind_std_mps2: float = 0.12  # m/s2, each axis, of an Ornstein-Uhlenbeck acceleration
     wind_time_s: float = 1.5  # s, its correlation time: gusts of rotor wash in a closed room
@@ -45,6 +58,9 @@ class Profile:
     drift_time_s: float = 4.0  # s, its correlation time: 0.25 m of wandering a minute
     yaw_drift_std_rad: float = 0.02  # rad, slow error of the heading estimate
     yaw_drift_time_s: float = 30.0  # s, its correlation time
+    climb_error_std_mps: float = 0.01  # m/s, slow error of the estimated vertical speed; chosen
+    climb_error_time_s: float = 2.0  # s, its correlation time; chosen
+    yaw_rate_noise_std_radps: float = 0.005  # rad/s, white, of the estimated yaw rate; chosen
 
     # What its telemetry shows besides.
     altimeter_bias_std_m: float = 0.02  # m, slow error of the altitude (pressure, air flow)
@@ -75,7 +91,8 @@ class Profile:
         """Return a profile that ships with the project.
 
         Args:
-            name: ``ideal`` (limits only, no delay, no error), ``lab`` or ``harsh``.
+            name: ``ideal`` (limits only, no delay, no error), ``lab`` or ``harsh``; with
+                ``-instant`` after the last two, telemetry comes at once.
 
         Raises:
             UnknownNameError: there is no such profile.
@@ -90,7 +107,26 @@ class Profile:
         """Return the names that `named` knows."""
         return tuple(_NAMED)
 
+    def with_instant_telemetry(self) -> Profile:
+        """Return the profile with telemetry of every control step, heard without delay.
 
+        The estimates of vertical speed and yaw rate have no error then: this is how the twin flew
+        before telemetry had rates and delays, for comparisons.
+        """
+        return replace(
+            self,
+            **{
+                item.name: 0.0
+                for item in fields(self)
+                if item.name.startswith(_TELEMETRY)
+                and item.name.endswith(("period_s", "latency_s"))
+            },
+            climb_error_std_mps=0.0,
+            yaw_rate_noise_std_radps=0.0,
+        )
+
+
+_TELEMETRY = ("attitude_", "velocity_", "altitude_", "gimbal_", "event_")
 _POSITIVE = frozenset(
     {
         "take_off_height_m",
@@ -99,6 +135,7 @@ _POSITIVE = frozenset(
         "wind_time_s",
         "drift_time_s",
         "yaw_drift_time_s",
+        "climb_error_time_s",
         "altimeter_bias_time_s",
         "exposure_time_s",
         "battery_life_s",
@@ -106,9 +143,34 @@ _POSITIVE = frozenset(
 )
 
 _LAB = Profile()
+_HARSH = replace(
+    _LAB,
+    compute_latency_s=0.05,
+    command_latency_s=0.12,
+    video_latency_s=0.28,
+    attitude_latency_s=0.12,
+    velocity_latency_s=0.12,
+    altitude_latency_s=0.12,
+    gimbal_latency_s=0.12,
+    event_latency_s=0.12,
+    wind_std_mps2=0.2,
+    drift_std_mps=0.02,
+    yaw_drift_std_rad=0.05,
+    climb_error_std_mps=0.02,
+    yaw_rate_noise_std_radps=0.015,
+    altimeter_bias_std_m=0.05,
+    altimeter_noise_std_m=0.03,
+    height_noise_std_m=0.04,
+    velocity_noise_std_mps=0.06,
+    attitude_noise_std_rad=0.01,
+    yaw_noise_std_rad=0.015,
+    image_noise_std=7.0,
+    blur_sigma_px=1.0,
+    exposure_std=0.08,
+)
 _NAMED = {
     "ideal": replace(
-        _LAB,
+        _LAB.with_instant_telemetry(),
         compute_latency_s=0.0,
         command_latency_s=0.0,
         video_latency_s=0.0,
@@ -126,22 +188,7 @@ _NAMED = {
         exposure_std=0.0,
     ),
     "lab": _LAB,
-    "harsh": replace(
-        _LAB,
-        compute_latency_s=0.05,
-        command_latency_s=0.12,
-        video_latency_s=0.28,
-        wind_std_mps2=0.2,
-        drift_std_mps=0.02,
-        yaw_drift_std_rad=0.05,
-        altimeter_bias_std_m=0.05,
-        altimeter_noise_std_m=0.03,
-        height_noise_std_m=0.04,
-        velocity_noise_std_mps=0.06,
-        attitude_noise_std_rad=0.01,
-        yaw_noise_std_rad=0.015,
-        image_noise_std=7.0,
-        blur_sigma_px=1.0,
-        exposure_std=0.08,
-    ),
+    "harsh": _HARSH,
+    "lab-instant": _LAB.with_instant_telemetry(),
+    "harsh-instant": _HARSH.with_instant_telemetry(),
 }

@@ -52,6 +52,14 @@ class Sensors:
         self._flow_x = wander(profile.drift_std_mps, profile.drift_time_s)
         self._flow_y = wander(profile.drift_std_mps, profile.drift_time_s)
         self._yaw = wander(profile.yaw_drift_std_rad, profile.yaw_drift_time_s)
+        errors = NormalStream(child_seed(seed, 12))
+        self._climb = OrnsteinUhlenbeck(
+            std=profile.climb_error_std_mps,
+            time_s=profile.climb_error_time_s,
+            step_s=CONTROL_STEP_S,
+            stream=errors,
+        )
+        self._yaw_rate = errors.draw
         self._altitude = wander(profile.altimeter_bias_std_m, profile.altimeter_bias_time_s)
         # A drone knows its altitude when it takes off: the pressure is zeroed there.
         self._altitude.value = 0.0
@@ -79,9 +87,11 @@ class Sensors:
             z_m=motion.z_m + self._altitude.value,
             vx_mps=motion.vx_mps + flow_x,
             vy_mps=motion.vy_mps + flow_y,
-            vz_mps=motion.vz_mps,
+            vz_mps=motion.vz_mps + self._climb.step(),
             yaw_rad=motion.yaw_rad + self._yaw.step(),
-            yaw_rate_radps=motion.yaw_rate_radps,
+            yaw_rate_radps=(
+                motion.yaw_rate_radps + self._profile.yaw_rate_noise_std_radps * self._yaw_rate()
+            ),
         )
 
     def telemetry(self, motion: Motion, estimate: Estimate, surface_m: float) -> Telemetry:

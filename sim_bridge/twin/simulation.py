@@ -10,6 +10,7 @@ from sim_bridge.anafi import CAMERA_FORWARD_M
 from sim_bridge.twin.airframe import CONTROL_STEP_S, Airframe
 from sim_bridge.twin.autopilot import Autopilot
 from sim_bridge.twin.camera import CameraPose
+from sim_bridge.twin.downlink import Downlink, Events
 from sim_bridge.twin.model import LabModel
 from sim_bridge.twin.noise import NormalStream, OrnsteinUhlenbeck, child_seed
 from sim_bridge.twin.profile import Profile
@@ -63,6 +64,7 @@ class Simulation:
         self.airframe.place(start.x_m, start.y_m, start.z_m, start.yaw_rad)
         self._autopilot = Autopilot(profile)
         self._sensors = Sensors(profile, seed, start_z_m=start.z_m)
+        self._downlink = Downlink(profile, seed)
         gusts = NormalStream(child_seed(seed, 3))
         self._wind = [
             OrnsteinUhlenbeck(
@@ -135,20 +137,21 @@ class Simulation:
             self._step()
 
     def state(self) -> DroneState:
-        """Return the telemetry of this moment."""
-        telemetry = self._telemetry
+        """Return the telemetry that has arrived by now."""
+        heard = self._downlink.heard
         return DroneState(
-            captured_s=self.now_s,
-            flying=self._autopilot.flying_state,
-            attitude=telemetry.attitude,
-            velocity=telemetry.velocity,
-            altitude_m=telemetry.altitude_m,
-            height_m=telemetry.height_m,
-            height_above_carpet_m=telemetry.height_above_carpet_m,
-            gimbal_pitch_rad=self._gimbal_rad,
+            captured_s=heard.times.oldest_s,
+            flying=heard.events.flying,
+            attitude=heard.attitude,
+            velocity=heard.velocity,
+            altitude_m=heard.altitude_m,
+            height_m=heard.height_m,
+            height_above_carpet_m=heard.height_above_carpet_m,
+            gimbal_pitch_rad=heard.gimbal_pitch_rad,
             battery=max(0.0, 1.0 - self.now_s / self._profile.battery_life_s),
-            movement=self._autopilot.movement,
+            movement=heard.events.movement,
             pilot_has_control=self._pilot,
+            measured=heard.times,
         )
 
     def contacts(self) -> tuple[str, ...]:
@@ -206,6 +209,8 @@ class Simulation:
         self._estimate = self._sensors.estimate(motion, airborne=self._autopilot.lifting)
         surface = self._surface_m(motion.x_m, motion.y_m)
         self._telemetry = self._sensors.telemetry(motion, self._estimate, surface)
+        events = Events(flying=self._autopilot.flying_state, movement=self._autopilot.movement)
+        self._downlink.take(self._telemetry, self._gimbal_rad, events, self.now_s)
         if self.now_s >= self._frame_count / self._profile.video_rate_hz - _TIME_SLACK_S:
             self._capture()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from uav_bt.mission.tick import TickRecord
 from uav_bt.types import MoverState, Pose
@@ -50,7 +50,7 @@ class FlownPath:
 
     def _reckoned(self, record: TickRecord) -> Pose:
         state = record.observation.state
-        now = self._odometry.update(replace(state, captured_s=record.time_s))
+        now = self._odometry.update(state, record.time_s)
         if self._first is None:
             self._first = now
         forward_m, right_m = self._first.to_body(now.x_m, now.y_m)

@@ -1,10 +1,10 @@
-"""How high the drone is above the carpet, by its altimeter and by what it measures downwards.
+"""Height above the carpet, estimated from altimeter, rangefinder and vertical velocity.
 
-An altimeter wanders by centimetres with pressure and air flow, and all that the camera places on
-the ground is wrong by the same share of its range. The rangefinder has no such error, but measures
-to the box or the landing pad that it is above. A Kalman filter estimates the height and the
-altimeter's error, and between two measurements it follows the vertical velocity. What stands lower
-than some 0.3 m above the carpet cannot be distinguished from it.
+An altimeter wanders by centimetres with pressure and air flow, and everything that the camera
+places on the ground is wrong by the same share of its range. The rangefinder has no such error, but
+measures to the box or the landing pad below the drone. A Kalman filter estimates the height and the
+altimeter's error; between two measurements the height follows the vertical velocity. An object
+lower than some 0.3 m cannot be distinguished from the carpet.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from uav_bt.types import DroneState, Frame, Observation
+from uav_bt.types import DroneState, Frame, MeasurementTimes, Observation
+from uav_bt.types.dead_reckoning import CARRY_S
 
 _ALTIMETER: Final = np.array([1.0, 1.0])  # of the states, height and error, what each measures
 _RANGEFINDER: Final = np.array([1.0, 0.0])
@@ -26,21 +27,22 @@ _SAME_M: Final = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class CarpetHeightConfig:
-    """How the sensors err; standard deviations.
+    """How the sensors err. All numbers are chosen for the twin's profiles `lab` and `harsh`.
 
     Attributes:
-        altimeter_m: white noise of the altitude.
-        rangefinder_m: white noise of the height above the surface below.
-        wander_m: of the altimeter's slow error; at the take-off there is none ...
-        wander_s: ... and its correlation time.
-        walk_m: of the integrated vertical velocity, in a second.
-        gate_stds: a surface further from where the carpet should be is another; an altitude
-            further off means that the vertical velocity does not tell, and the height begins anew,
-        gap_s: as it does after a longer time without telemetry.
-        agree_m: a rangefinder that differs so little from the altimeter measures to the carpet,
-            whatever the estimate,
-        differ_m: and one that differs by more does not: the altimeter is never so wrong.
-        memory_s: how far back late frames may lie.
+        altimeter_m: standard deviation of the altitude's white noise, m.
+        rangefinder_m: standard deviation of the white noise of the height above the surface, m.
+        wander_m: standard deviation of the altimeter's slow error, m; it is 0 at the take-off.
+        wander_s: correlation time of that error, s.
+        walk_m: standard deviation of the integrated vertical velocity after one second, m.
+        gate_stds: A rangefinder further from its expected value sees another surface. An altitude
+            further off means that the vertical velocity is wrong: the height begins anew.
+        gap_s: The height begins anew, too, after a longer time without velocity or altitude, s.
+        agree_m: Below this difference from the altimeter the rangefinder measures the carpet, m,
+            whatever the estimate.
+        differ_m: Above this difference it measures something else, m: the altimeter is never
+            wrong by more.
+        memory_s: how far back late frames may lie, s.
     """
 
     altimeter_m: float = 0.03
@@ -58,31 +60,37 @@ class CarpetHeightConfig:
 class CarpetHeight:
     """Corrects the height above the carpet in what a drone reports.
 
+    Altitude, rangefinder and vertical velocity are each taken at their own time. The height of a
+    moment after the newest velocity is carried on by it for at most `CARRY_S`.
+
     Args:
         config: how the sensors err.
     """
 
     def __init__(self, config: CarpetHeightConfig | None = None) -> None:
         self._config = config or CarpetHeightConfig()
-        self._last: DroneState | None = None
+        self._times: MeasurementTimes | None = None  # of the newest measurements taken in
         self._standing_m = 0.0  # height above the carpet where the altimeter shows 0
-        self._apart_m = 0.0  # the rangefinder's value less the altimeter's, at first;
-        self._ranges = False  # it never changes where there is no rangefinder
-        self._sunk_m: deque[tuple[float, float]] = deque()  # by the velocity, at each time
+        self._apart_m = 0.0  # the first difference of rangefinder and altimeter
+        self._ranges = False  # whether that difference has ever changed: there is a rangefinder
+        self._sunk_m: deque[tuple[float, float]] = deque()  # time, and sum of the velocity
+        self._down_mps = 0.0  # the newest vertical velocity
         self._mean_m = np.zeros(2)  # the height less what the drone has sunk, the altimeter's error
         self._covariance = np.zeros((2, 2))
         self._frame: tuple[Frame, Frame] | None = None  # the newest, as it came and corrected
 
-    def corrected(self, observation: Observation) -> Observation:
+    def corrected(self, observation: Observation, now_s: float | None = None) -> Observation:
         """Return an observation with the estimated heights above the carpet.
 
         Args:
-            observation: one after the other, of which every measurement can be.
+            observation: one after the other, of plausible measurements.
+            now_s: the time of the state's height, mission clock, s; None for the state's own.
         """
         state, frame = observation.state, observation.frame
         if math.isfinite(state.captured_s):
             self._take(state)
-            state = replace(state, height_above_carpet_m=self._at(state.captured_s))
+            height_m = self._at(state.captured_s if now_s is None else now_s)
+            state = replace(state, height_above_carpet_m=height_m)
         return Observation(frame=None if frame is None else self._placed(frame), state=state)
 
     def _placed(self, frame: Frame) -> Frame:
@@ -94,37 +102,51 @@ class CarpetHeight:
         return self._frame[1]
 
     def _at(self, time_s: float) -> float:
+        return float(self._mean_m[0] - self._sunk_at(time_s))
+
+    def _sunk_at(self, time_s: float) -> float:
+        """Return how far the drone has sunk by a moment, by its vertical velocity."""
         times_s, sunk_m = zip(*self._sunk_m, strict=True)
-        return float(self._mean_m[0] - np.interp(time_s, times_s, sunk_m))
+        ahead_s = min(max(0.0, time_s - times_s[-1]), CARRY_S)
+        return float(np.interp(time_s, times_s, sunk_m)) + self._down_mps * ahead_s
 
     def _take(self, state: DroneState) -> None:
-        """Take in a telemetry sample; one that is not newer changes nothing."""
-        cfg, last = self._config, self._last
-        if last is not None and state.captured_s <= last.captured_s:
-            return
-        if last is None:
+        """Take in the measurements that are newer than those before."""
+        cfg, before, times = self._config, self._times, state.times
+        self._times = times
+        if before is None:
             self._standing_m = state.height_above_carpet_m - state.altitude_m
             self._apart_m = state.height_m - state.altitude_m
-        self._last = state
-        if last is None or state.captured_s - last.captured_s > cfg.gap_s:
             self._begin(state)
             return
-        passed_s = state.captured_s - last.captured_s
-        mean_mps = 0.5 * (last.velocity.down_mps + state.velocity.down_mps)
-        self._sunk_m.append((state.captured_s, self._sunk_m[-1][1] + mean_mps * passed_s))
-        while self._sunk_m[0][0] < state.captured_s - cfg.memory_s:
-            self._sunk_m.popleft()
+        fallen_s = times.velocity_s - before.velocity_s
+        passed_s = times.altitude_s - before.altitude_s
+        if max(fallen_s, passed_s) > cfg.gap_s:
+            self._begin(state)
+            return
+        if fallen_s > 0.0:
+            mean_mps = 0.5 * (self._down_mps + state.velocity.down_mps)
+            self._sunk_m.append((times.velocity_s, self._sunk_m[-1][1] + mean_mps * fallen_s))
+            self._down_mps = state.velocity.down_mps
+            while self._sunk_m[0][0] < times.velocity_s - cfg.memory_s:
+                self._sunk_m.popleft()
+        if passed_s > 0.0:
+            self._climb(state, passed_s)
+        if times.height_s > before.height_s:
+            self._range(state)
+
+    def _climb(self, state: DroneState, passed_s: float) -> None:
+        """Take in an altitude."""
+        cfg = self._config
         keeps = math.exp(-passed_s / cfg.wander_s)
         passing = np.array([1.0, keeps])
         self._mean_m = passing * self._mean_m
         self._covariance = passing[:, None] * self._covariance * passing + np.diag(
             [cfg.walk_m**2 * passed_s, cfg.wander_m**2 * (1.0 - keeps**2)]
         )
-        sunk_m = self._sunk_m[-1][1]
-        altitude_m = self._standing_m + state.altitude_m + sunk_m
+        altitude_m = self._standing_m + state.altitude_m + self._sunk_at(state.times.altitude_s)
         if not self._measure(_ALTIMETER, altitude_m, cfg.altimeter_m):
             self._begin(state)
-        self._range(state)
 
     def _range(self, state: DroneState) -> None:
         """Take in the rangefinder, if there is one and it measures to the carpet."""
@@ -132,7 +154,7 @@ class CarpetHeight:
         self._ranges |= abs(apart_m - self._apart_m) > _SAME_M
         differs_m = abs(apart_m - self._standing_m)
         if self._ranges and differs_m <= cfg.differ_m:
-            below_m = state.height_m + self._sunk_m[-1][1]
+            below_m = state.height_m + self._sunk_at(state.times.height_s)
             agrees = differs_m <= cfg.agree_m
             self._measure(_RANGEFINDER, below_m, cfg.rangefinder_m, sure=agrees)
 
@@ -140,8 +162,10 @@ class CarpetHeight:
         """Believe the altimeter, less the error that is known."""
         cfg, error_m = self._config, float(self._mean_m[1])
         self._sunk_m.clear()
-        self._sunk_m.append((state.captured_s, 0.0))
-        self._mean_m = np.array([self._standing_m + state.altitude_m - error_m, error_m])
+        self._sunk_m.append((state.times.velocity_s, 0.0))
+        self._down_mps = state.velocity.down_mps
+        sunk_m = self._sunk_at(state.times.altitude_s)
+        self._mean_m = np.array([self._standing_m + state.altitude_m - error_m + sunk_m, error_m])
         self._covariance[0] = self._covariance[:, 0] = 0.0
         self._covariance[0, 0] = cfg.altimeter_m**2
 

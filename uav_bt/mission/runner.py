@@ -171,7 +171,7 @@ class MissionRunner:
         clock = self._drone.clock
         start_s = clock.now() if self._clock is None else self._clock.begin_tick()
         usable = self._screening.usable(self._drone.observe(), start_s)
-        observation = self._height.corrected(usable)
+        observation = self._height.corrected(usable, start_s)
         self._write_board(observation, start_s)
         status, compute_s = self._run_tree(observation.state)
         decided = self._arbitrate(observation, start_s)

@@ -1,14 +1,14 @@
-"""What a drone reports, checked at the door: a measurement that cannot be is no measurement.
+"""Drops impossible measurements: the mission sees the last plausible ones, with their own times.
 
-It takes the age of the last good one, so that the rules about old telemetry and old frames
-(`uav_bt.mission.safety`) hold for it as they do when nothing comes at all.
+The rules about old telemetry and old frames (`uav_bt.mission.safety`) therefore treat an impossible
+measurement as a missing one.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 from uav_bt.types import CameraModel, DroneState, Frame, Observation
@@ -19,15 +19,16 @@ FrameJudge = Callable[[Frame, DroneState], str | None]
 
 @dataclass(frozen=True, kw_only=True)
 class ScreeningConfig:
-    """What a small camera drone can report.
+    """Bounds of what a small camera drone can report. All are chosen, far beyond an ANAFI's flight.
 
     Attributes:
-        tilt_rad: roll and pitch, at most.
-        height_m: above or below anything, at most.
-        speed_mps: at most.
-        vertical_speed_mps: the fastest change of the altitude between two reports ...
-        altitude_noise_m: ... beyond this: barometers are slow to forget a gust or a door.
-        ahead_s: how far a time of capture may lie in the future: two clocks differ a little.
+        tilt_rad: largest roll and pitch, rad: a right angle.
+        height_m: largest altitude and height, above or below, m.
+        speed_mps: largest speed on each axis, m/s.
+        vertical_speed_mps: fastest change of the altitude between two measurements, m/s.
+        altitude_noise_m: change of the altitude that is allowed at once, m. Barometers forget a
+            gust or an opened door slowly.
+        ahead_s: how far a time may lie in the future, s, because two clocks differ a little.
     """
 
     tilt_rad: float = math.pi / 2
@@ -39,12 +40,12 @@ class ScreeningConfig:
 
 
 class Screening:
-    """Passes on what can be flown by, and the last such thing where something cannot.
+    """Replaces impossible telemetry and frames by the last plausible ones.
 
     Args:
         camera: intrinsics at the size that frames must have.
-        judge: looks at the image of each new frame; None trusts them all.
-        config: what can be.
+        judge: looks at the image of each new frame; None accepts every image.
+        config: bounds of plausible values.
     """
 
     def __init__(
@@ -58,22 +59,22 @@ class Screening:
         self._config = config or ScreeningConfig()
         self._state: DroneState | None = None
         self._frame: Frame | None = None
-        self._newest: tuple[int, float] | None = None  # the frame that was looked at last
+        self._newest: tuple[int, float] | None = None  # index and time of the last frame judged
         self.state_fault: str | None = None  # why the newest telemetry was refused
         self.frame_fault: str | None = None  # why the newest frame was refused
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """What of the newest report was refused, and why."""
+        """The refused parts of the newest observation, each with the reason."""
         faults = (("frame", self.frame_fault), ("telemetry", self.state_fault))
         return tuple(f"{what}: {fault}" for what, fault in faults if fault is not None)
 
     def usable(self, observation: Observation, now_s: float) -> Observation:
-        """Return an observation of which every measurement can be.
+        """Return the observation, impossible values replaced by the last plausible ones.
 
         Args:
             observation: the drone's.
-            now_s: mission clock.
+            now_s: now, mission clock, s.
         """
         state = self._usable_state(observation.state, now_s)
         self._take_frame(observation.frame, state, now_s)
@@ -81,7 +82,7 @@ class Screening:
 
     def _usable_state(self, state: DroneState, now_s: float) -> DroneState:
         self.state_fault = _first(
-            self._late_or_early(state.captured_s, now_s),
+            *(self._late_or_early(time_s, now_s) for time_s in astuple(state.times)),
             self._impossible(state),
             self._jump(state),
         )
@@ -89,7 +90,7 @@ class Screening:
             self._state = state
             return state
         good = self._state or DroneState(captured_s=-math.inf, flying=state.flying)
-        # What it says of itself in words is believed: a landing must be recognised.
+        # Flying state, movement and faults are believed: a landing must be recognised.
         return replace(
             good,
             flying=state.flying,
@@ -127,7 +128,7 @@ class Screening:
         return None
 
     def _impossible(self, report: DroneState | Frame) -> str | None:
-        """Return the first value that cannot be, None when all can."""
+        """Return the first value out of its bounds, None if there is none."""
         config = self._config
         bounds: list[tuple[str, Any, float]] = [
             ("roll", report.attitude.roll_rad, config.tilt_rad),
@@ -159,7 +160,7 @@ class Screening:
         good = self._state
         if good is None:
             return None
-        passed_s = max(0.0, state.captured_s - good.captured_s)
+        passed_s = max(0.0, state.times.altitude_s - good.times.altitude_s)
         max_m = self._config.altitude_noise_m + self._config.vertical_speed_mps * passed_s
         climbed_m = state.altitude_m - good.altitude_m
         if abs(climbed_m) > max_m:

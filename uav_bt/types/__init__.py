@@ -39,6 +39,7 @@ from uav_bt.types.telemetry import (
     DroneFault,
     DroneState,
     FlyingState,
+    MeasurementTimes,
     MovementState,
     MovementStatus,
 )
@@ -69,6 +70,7 @@ __all__ = [
     "MapMark",
     "MapMover",
     "MapObject",
+    "MeasurementTimes",
     "MissionPhase",
     "MoveBy",
     "Movement",

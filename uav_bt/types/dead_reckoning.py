@@ -1,16 +1,22 @@
-"""Dead reckoning: the drone's own velocity and yaw, integrated into poses."""
+"""Dead reckoning: telemetry's velocity and heading, integrated into poses."""
 
 from __future__ import annotations
 
 import bisect
 import math
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 from uav_bt.types.pose import Pose2D, wrap_angle
 from uav_bt.types.telemetry import BodyVelocity, DroneState
 
 SomePose = TypeVar("SomePose", bound=Pose2D)
+
+CARRY_S: Final = (
+    0.5  # s a velocity or a turn is carried on: two periods of 5 Hz telemetry and delay
+)
+TURN_SPAN_S: Final = 0.15  # s between two headings that tell a turn; chosen, noise against lag
+_TIME_SLACK_S: Final = 1e-6  # s; differences of times are this exact
 
 
 class PoseHistory(Generic[SomePose]):
@@ -65,7 +71,7 @@ class MotionEstimate:
     Attributes:
         pose: now, dead-reckoned and corrected by the ground.
         seen: at the capture of the newest frame that went in.
-        velocity: over the ground, now: telemetry's with `error` added.
+        velocity: over the ground: telemetry's newest with `error` added.
         error: what the ground shows beyond telemetry's velocity, slowly varying.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
         turn_rad: the heading less telemetry's, slowly varying.
@@ -99,52 +105,140 @@ class MotionEstimate:
 class Odometry:
     """Integrates telemetry into poses and remembers the last few seconds of them.
 
+    Velocity and heading are each taken at the time of their own measurement. Between two
+    measurements they are interpolated, and after the newest one both go on as they were for
+    `CARRY_S`: a frame or a command between two reports has its place. Later the velocity is
+    unknown, and the newest pose stays where it is and grows old.
+
     Args:
-        memory_s: how long poses are kept.
+        memory_s: how long poses are kept, s.
     """
 
     def __init__(self, memory_s: float = 3.0) -> None:
-        self._history: PoseHistory[OdometryPose] = PoseHistory(memory_s)
-        self._velocity = BodyVelocity()  # of the newest pose
+        self._memory_s = memory_s
+        self._history: PoseHistory[OdometryPose] = PoseHistory(memory_s)  # at velocity's times
+        self._headings = _Headings(memory_s)
+        self._velocity = BodyVelocity()
+        self._now_s = -math.inf
 
     @property
     def velocity(self) -> BodyVelocity:
-        """Telemetry's, of the newest pose."""
+        """The newest velocity of telemetry."""
         return self._velocity
 
-    def update(self, state: DroneState) -> OdometryPose:
-        """Add a telemetry sample and return the newest pose.
+    @property
+    def velocity_s(self) -> float:
+        """When that velocity was measured, s; -inf before the first."""
+        return -math.inf if self._history.newest is None else self._history.newest.time_s
 
-        A sample that is not newer, or has a velocity or yaw that is not finite, changes nothing.
+    def update(self, state: DroneState, now_s: float | None = None) -> OdometryPose:
+        """Add telemetry and return the newest pose.
+
+        Quantities that are not newer change nothing. Telemetry with a time, velocity or heading
+        that is not finite is ignored.
+
+        Args:
+            state: the telemetry.
+            now_s: until when the pose is carried on, s; None for the newest of velocity and
+                heading.
         """
-        yaw_rad, velocity, last = state.attitude.yaw_rad, state.velocity, self.now
-        numbers = (state.captured_s, yaw_rad, velocity.forward_mps, velocity.right_mps)
-        if not all(map(math.isfinite, numbers)):
-            return last or OdometryPose(time_s=state.captured_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
-        x_m = y_m = 0.0
+        times, velocity, yaw_rad = state.times, state.velocity, state.attitude.yaw_rad
+        speeds = (velocity.forward_mps, velocity.right_mps)
+        if all(map(math.isfinite, (times.velocity_s, times.attitude_s, yaw_rad, *speeds))):
+            self._headings.add(times.attitude_s, yaw_rad)
+            if times.velocity_s > self.velocity_s:
+                self._integrate(times.velocity_s, velocity)
+            newest_s = max(times.velocity_s, times.attitude_s)
+            self._now_s = max(self._now_s, newest_s if now_s is None else now_s)
+        return self.now or OdometryPose(time_s=state.captured_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)
+
+    def add_heading(self, time_s: float, yaw_rad: float) -> None:
+        """Add a heading that was measured besides telemetry, as frames carry one.
+
+        Args:
+            time_s: when, s; it may be older than telemetry's newest.
+            yaw_rad: clockwise.
+        """
+        if math.isfinite(time_s) and math.isfinite(yaw_rad):
+            self._headings.add(time_s, yaw_rad)
+
+    def _integrate(self, time_s: float, velocity: BodyVelocity) -> None:
+        last, x_m, y_m = self._history.newest, 0.0, 0.0
         if last is not None:
-            dt = state.captured_s - last.time_s
-            if dt <= 0.0:
-                return last
-            # Half-way between the samples: a turn of 10 degrees a tick would bend the path.
-            turn_rad = math.remainder(yaw_rad - last.yaw_rad, 2.0 * math.pi)
-            x_m, y_m = replace(last, yaw_rad=last.yaw_rad + turn_rad / 2.0).to_world(
-                (self._velocity.forward_mps + velocity.forward_mps) / 2.0 * dt,
-                (self._velocity.right_mps + velocity.right_mps) / 2.0 * dt,
+            mean = BodyVelocity(
+                forward_mps=(self._velocity.forward_mps + velocity.forward_mps) / 2.0,
+                right_mps=(self._velocity.right_mps + velocity.right_mps) / 2.0,
             )
+            x_m, y_m = self._flown(last, mean, time_s - last.time_s)
         self._velocity = velocity
-        pose = OdometryPose(time_s=state.captured_s, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
-        self._history.add(pose.time_s, pose)
-        return pose
+        pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=self._headings.at(time_s))
+        self._history.add(time_s, pose)
+
+    def _flown(
+        self, begin: OdometryPose, velocity: BodyVelocity, passed_s: float
+    ) -> tuple[float, float]:
+        # Half-way: a turn of 10 degrees a tick would bend the path.
+        yaw_rad = self._headings.at(begin.time_s + passed_s / 2.0)
+        return replace(begin, yaw_rad=yaw_rad).to_world(
+            velocity.forward_mps * passed_s, velocity.right_mps * passed_s
+        )
 
     @property
     def now(self) -> OdometryPose | None:
         """The newest pose, None before the first sample."""
-        return self._history.newest
+        return self.at(math.inf)
 
     def at(self, time_s: float) -> OdometryPose | None:
-        """Return the pose of a moment, interpolated; the oldest known when it is further back."""
-        oldest, pose, newest = self._history.at(-math.inf), self._history.at(time_s), self.now
-        if oldest is None or pose is None or newest is None:
+        """Return the pose of a moment of the last seconds; None before the first sample.
+
+        Further back than the memory it is the oldest pose, later than now the newest.
+        """
+        oldest, newest = self._history.at(-math.inf), self._history.newest
+        if oldest is None or newest is None:
             return None
-        return replace(pose, time_s=min(max(time_s, oldest.time_s), newest.time_s))
+        latest_s = max(newest.time_s, min(self._now_s, newest.time_s + CARRY_S))
+        at_s = min(max(time_s, oldest.time_s), latest_s)
+        if at_s <= newest.time_s:
+            place = self._history.at(at_s) or newest
+            x_m, y_m = place.x_m, place.y_m
+        else:
+            x_m, y_m = self._flown(newest, self._velocity, at_s - newest.time_s)
+        return OdometryPose(time_s=at_s, x_m=x_m, y_m=y_m, yaw_rad=self._headings.at(at_s))
+
+
+class _Headings:
+    """Headings by time, interpolated; after the newest the turn goes on for `CARRY_S`."""
+
+    def __init__(self, memory_s: float) -> None:
+        self._memory_s = memory_s
+        self._times_s: list[float] = []
+        self._yaws_rad: list[float] = []  # unwrapped
+
+    def add(self, time_s: float, yaw_rad: float) -> None:
+        """Note a heading; one of a time that has one already changes nothing."""
+        times_s, place = self._times_s, bisect.bisect_left(self._times_s, time_s)
+        if place < len(times_s) and times_s[place] == time_s:
+            return
+        if times_s:
+            near_rad = self._yaws_rad[max(0, place - 1)]
+            yaw_rad = near_rad + math.remainder(yaw_rad - near_rad, 2.0 * math.pi)
+        times_s.insert(place, time_s)
+        self._yaws_rad.insert(place, yaw_rad)
+        old = bisect.bisect_left(times_s, times_s[-1] - self._memory_s)
+        del times_s[:old], self._yaws_rad[:old]
+
+    def at(self, time_s: float) -> float:
+        """Return the heading of a moment; there is one."""
+        times_s, yaws_rad = self._times_s, self._yaws_rad
+        after = bisect.bisect_left(times_s, time_s)
+        if after == 0:
+            return yaws_rad[0]
+        if after < len(times_s):
+            share = (time_s - times_s[after - 1]) / (times_s[after] - times_s[after - 1])
+            return yaws_rad[after - 1] + share * (yaws_rad[after] - yaws_rad[after - 1])
+        begin = bisect.bisect_right(times_s, times_s[-1] - TURN_SPAN_S + _TIME_SLACK_S) - 1
+        passed_s = times_s[-1] - times_s[max(0, begin)]
+        if begin < 0 or passed_s > CARRY_S:
+            return yaws_rad[-1]
+        turn_radps = (yaws_rad[-1] - yaws_rad[begin]) / passed_s
+        return yaws_rad[-1] + turn_radps * min(time_s - times_s[-1], CARRY_S)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, fields, replace
+
+from uav_bt.errors import ValueRangeError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +65,47 @@ class DroneFault:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MeasurementTimes:
+    """When each quantity of a `DroneState` was measured: seconds, mission clock; -inf for never."""
+
+    attitude_s: float
+    velocity_s: float
+    altitude_s: float
+    height_s: float
+    gimbal_s: float
+
+    @staticmethod
+    def all_at(time_s: float) -> MeasurementTimes:
+        """Return the times of quantities that were all measured at once."""
+        return MeasurementTimes(**dict.fromkeys(_QUANTITIES, time_s))
+
+    @property
+    def oldest_s(self) -> float:
+        """The oldest time of what the drone is flown by: attitude, velocity and altitude.
+
+        NaN if one of the three is NaN.
+        """
+        flown_by_s = (self.attitude_s, self.velocity_s, self.altitude_s)
+        return math.nan if any(map(math.isnan, flown_by_s)) else min(flown_by_s)
+
+    def shifted(self, later_s: float) -> MeasurementTimes:
+        """Return the times moved by a number of seconds."""
+        return MeasurementTimes(**{name: getattr(self, name) + later_s for name in _QUANTITIES})
+
+
+_QUANTITIES = tuple(item.name for item in fields(MeasurementTimes))
+
+
+@dataclass(frozen=True, kw_only=True)
 class DroneState:
-    """Telemetry that does not belong to a frame."""
+    """Telemetry that does not belong to a frame.
+
+    A drone that stamps each quantity gives `measured`, and `captured_s` is its oldest part. A drone
+    that has one time for all gives only `captured_s`.
+
+    Raises:
+        ValueRangeError: `captured_s` is not the oldest part of `measured`.
+    """
 
     captured_s: float
     flying: FlyingState
@@ -82,3 +124,26 @@ class DroneState:
     connected: bool = True  # False as soon as the connection is known to be broken
     lost: bool = False  # broken for good: the drone hears nothing and is not heard any more
     faults: tuple[DroneFault, ...] = ()
+    measured: MeasurementTimes | None = None  # None: every quantity at `captured_s`
+
+    def __post_init__(self) -> None:
+        if self.measured is None:
+            return
+        oldest_s = self.measured.oldest_s
+        if self.captured_s != oldest_s and not math.isnan(oldest_s):
+            raise ValueRangeError(
+                f"captured_s must be the oldest of attitude, velocity and altitude, {oldest_s} s, "
+                f"got {self.captured_s} s; `dated` changes it together with the parts"
+            )
+
+    @property
+    def times(self) -> MeasurementTimes:
+        """When each quantity was measured."""
+        return self.measured or MeasurementTimes.all_at(self.captured_s)
+
+    def dated(self, captured_s: float) -> DroneState:
+        """Return the state as measured at another time; the ages of its parts stay apart."""
+        if self.measured is None:
+            return replace(self, captured_s=captured_s)
+        measured = self.measured.shifted(captured_s - self.captured_s)
+        return replace(self, captured_s=measured.oldest_s, measured=measured)

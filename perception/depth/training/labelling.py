@@ -7,6 +7,7 @@ moves most from frame to frame (`perception.depth.training.parallax`).
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -123,7 +124,11 @@ def contact_labels(
             class_map = segmenter.segment(frame)
             view = view_of(frame, footage.camera, class_map.ids.shape[::-1])
             # What stands too near for its base to be seen was seen from further away.
-            remembered = remembered_bases(memory.points(), state, frame, footage.camera)
+            now, then = memory.at(math.inf), memory.at(frame.captured_s)
+            remembered = None
+            if now is not None and then is not None:
+                points = memory.points()
+                remembered = remembered_bases(points, now, then, frame, footage.camera)
             memory.update(class_map, frame, view.camera)
             if place % config.every == 0:
                 known = contact_depth(class_map.ids, view, remembered=remembered)

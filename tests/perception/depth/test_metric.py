@@ -15,16 +15,7 @@ from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import View, render_views
 from uav_bt.classes import BACKGROUND, BOXES, CARPET, HELIPAD_H
 from uav_bt.errors import UnknownNameError
-from uav_bt.types import (
-    Attitude,
-    BodyVelocity,
-    ClassMap,
-    DepthMap,
-    DroneState,
-    FlyingState,
-    Frame,
-    ObstaclePoints,
-)
+from uav_bt.types import ClassMap, DepthMap, Frame, ObstaclePoints, Pose2D
 
 SIZE = (224, 112)
 CAMERA = anafi_camera(160, 90)
@@ -206,14 +197,10 @@ def test_unknown_sources_are_refused() -> None:
 
 def test_remembered_obstacles_are_placed_from_the_lens_at_the_frames_capture(drawn: View) -> None:
     """Half a second ago the drone was a quarter metre behind and looked a quarter turn left."""
-    now = DroneState(
-        captured_s=3.5,
-        flying=FlyingState.FLYING,
-        attitude=Attitude(yaw_rad=math.pi / 2),
-        velocity=BodyVelocity(forward_mps=0.5),
-    )
+    then = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    now = Pose2D(x_m=0.0, y_m=0.25, yaw_rad=math.pi / 2)
     points = ObstaclePoints(points_m=np.array([[1.0, 0.0]]), captured_s=3.5)
-    seen = remembered_bases(points, now, frame(drawn), CAMERA)
+    seen = remembered_bases(points, now, then, frame(drawn), CAMERA)
 
     # 1.25 m to the right of where it was, and the lens ahead of its centre.
     ahead = -CAMERA.forward_offset_m
@@ -229,8 +216,8 @@ def test_contact_uses_what_is_remembered(drawn: View) -> None:
         np.stack([edge + 0.7, np.full(7, -0.3)], 1),
     ]
     points = ObstaclePoints(points_m=np.concatenate(rim) + np.array([0.15, 0.0]), captured_s=3.0)
-    state = DroneState(captured_s=3.0, flying=FlyingState.HOVERING)
-    remembered = remembered_bases(points, state, frame(drawn), CAMERA)
+    here = Pose2D(x_m=0.0, y_m=0.0, yaw_rad=0.0)
+    remembered = remembered_bases(points, here, here, frame(drawn), CAMERA)
     made = maker("contact").make(frame(drawn), class_map(drawn), CAMERA, remembered=remembered)
 
     assert made.depth is not None

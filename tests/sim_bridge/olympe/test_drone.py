@@ -363,6 +363,18 @@ def test_events_become_a_state() -> None:
     assert not state.pilot_has_control
 
 
+def measure(world: FakeWorld, *quantities: str) -> None:
+    """Report quantities, by default attitude, velocity and altitude."""
+    events: dict[str, tuple[str, dict[str, float]]] = {
+        "attitude": ("AttitudeChanged", {"roll": 0.0, "pitch": 0.0, "yaw": 0.0}),
+        "velocity": ("SpeedChanged", {"speedX": 0.35, "speedY": 0.0, "speedZ": 0.0}),
+        "altitude": ("AltitudeChanged", {"altitude": 1.5}),
+    }
+    for quantity in quantities or events:
+        name, values = events[quantity]
+        world.drone.event(f"{STATE}{name}", **values)
+
+
 class FakeState:
     """An enumeration's member, as the SDK gives it."""
 
@@ -393,12 +405,56 @@ def test_every_flying_state_is_known(name: str, expected: FlyingState) -> None:
 def test_what_we_send_is_no_sign_of_life() -> None:
     world, time = FakeWorld(), Time()
     drone = hovering(world, time)
-    heard_s = drone.observe().state.captured_s
+    measure(world)
     time.now_s += 2.0
     say(drone, MoveBy(id=1, forward_m=0.3))
-    assert drone.observe().state.captured_s == heard_s
-    world.drone.event("ardrone3.PilotingState.GpsLocationChanged", latitude=500.0)
-    assert drone.observe().state.captured_s == heard_s + 2.0
+    assert drone.observe().state.captured_s == 0.0
+    measure(world)
+    assert drone.observe().state.captured_s == 2.0
+
+
+def test_the_state_is_as_old_as_attitude_speed_and_altitude_whatever_else_is_heard() -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    measure(world)
+    for _ in range(200):  # 10 s of 20 events a second
+        time.now_s += 0.05
+        world.drone.event("gimbal.attitude", gimbal_id=0, pitch_absolute=-30.0)
+        world.drone.event("camera.zoom_level", cam_id=0, level=1.0)
+        world.drone.event(f"{STATE}FlyingStateChanged", state="hovering")
+    state = drone.observe().state
+    assert drone.clock.now() - state.captured_s == pytest.approx(10.0)
+    assert state.times.gimbal_s == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("silent", ["attitude", "velocity", "altitude"])
+def test_the_state_is_as_old_as_its_oldest_part(silent: str) -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    measure(world)
+    time.now_s += 3.0
+    measure(world, *({"attitude", "velocity", "altitude"} - {silent}))
+    state = drone.observe().state
+    assert state.captured_s == getattr(state.times, f"{silent}_s") == 0.0
+
+
+def test_a_measured_height_has_its_own_time_and_a_computed_one_the_altitudes() -> None:
+    world, time = FakeWorld(), Time()
+    drone = hovering(world, time)
+    measure(world)
+    assert drone.observe().state.times.height_s == 0.0
+    world.drone.event(f"{STATE}AltitudeAboveGroundChanged", altitude=1.2)
+    time.now_s += 1.0
+    measure(world)
+    times = drone.observe().state.times
+    assert (times.altitude_s, times.height_s) == (1.0, 0.0)
+
+
+def test_a_drone_that_never_reported_its_speed_is_infinitely_old() -> None:
+    world = FakeWorld()
+    drone = hovering(world)
+    measure(world, "attitude", "altitude")
+    assert drone.observe().state.captured_s == -math.inf
 
 
 def test_landing_ends_a_movement_that_was_never_ended() -> None:

@@ -111,7 +111,11 @@ def test_a_remote_control_that_goes_on_talking_is_not_the_drone() -> None:
     world, time = FakeWorld(), Time()
     drone = behind_remote(world, time)
     world.drone.event("ardrone3.PilotingState.FlyingStateChanged", state="hovering")
+    world.drone.event("ardrone3.PilotingState.AttitudeChanged", roll=0.0, pitch=0.0, yaw=0.0)
+    world.drone.event("ardrone3.PilotingState.SpeedChanged", speedX=0.0, speedY=0.0, speedZ=0.0)
+    world.drone.event("ardrone3.PilotingState.AltitudeChanged", altitude=1.5)
     heard_s = drone.observe().state.captured_s
+    assert heard_s == time.now_s - 100.0
     for _ in range(300):
         time.now_s += 0.05
         world.drone.event("skyctrl.SkyControllerState.AttitudeChanged", q0=1.0)

@@ -222,7 +222,7 @@ def test_the_gimbal_is_a_channel_of_its_own(make_twin: MakeTwin) -> None:
 
 def test_commands_take_effect_after_computing_and_transmission(make_twin: MakeTwin) -> None:
     """In the lab profile a take-off sent at 0 is obeyed at 0.09 s, not before."""
-    drone = make_twin(profile="lab")
+    drone = make_twin(profile="lab-instant")
     drone.send(Command(movement=TakeOff()))
     drone.clock.sleep_until(0.08)
     assert drone.observe().state.flying is FlyingState.LANDED

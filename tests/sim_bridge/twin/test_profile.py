@@ -15,7 +15,8 @@ def test_the_ideal_profile_has_limits_but_no_delay_and_no_error() -> None:
     """Everything that disturbs is zero."""
     ideal = Profile.named("ideal")
     for item in fields(Profile):
-        if "_std" in item.name or item.name.endswith("latency_s") or item.name == "blur_sigma_px":
+        zero = item.name.endswith(("latency_s", "period_s")) or item.name == "blur_sigma_px"
+        if "_std" in item.name or zero:
             assert getattr(ideal, item.name) == 0.0
     assert ideal.max_speed_mps == Profile.named("lab").max_speed_mps
 
@@ -26,6 +27,23 @@ def test_harsh_is_at_least_as_bad_as_lab_everywhere() -> None:
     names = [item.name for item in fields(Profile) if "_std" in item.name or "latency" in item.name]
     assert all(getattr(harsh, name) >= getattr(lab, name) for name in names)
     assert sum(getattr(harsh, name) > getattr(lab, name) for name in names) > len(names) / 2
+
+
+@pytest.mark.parametrize("name", ["lab", "harsh"])
+def test_instant_telemetry_changes_telemetry_and_nothing_else(name: str) -> None:
+    """The noise of the telemetry and the delays of commands and video stay."""
+    usual, instant = Profile.named(name), Profile.named(f"{name}-instant")
+    changed = {
+        item.name
+        for item in fields(Profile)
+        if getattr(usual, item.name) != getattr(instant, item.name)
+    }
+    assert changed == {
+        *(f"{quantity}_period_s" for quantity in ("attitude", "velocity", "altitude", "gimbal")),
+        *(f"{each}_latency_s" for each in ("attitude", "velocity", "altitude", "gimbal", "event")),
+        "climb_error_std_mps",
+        "yaw_rate_noise_std_radps",
+    }
 
 
 def test_lab_is_the_default() -> None:
@@ -48,5 +66,7 @@ def test_limits_must_not_be_zero() -> None:
 
 def test_an_unknown_name_gets_a_suggestion() -> None:
     """Misspelt names are recognised."""
-    with pytest.raises(UnknownNameError, match=r"did you mean 'ideal'\?.*known: harsh, ideal, lab"):
+    with pytest.raises(
+        UnknownNameError, match=r"did you mean 'ideal'\?.*known: harsh, harsh-instant, "
+    ):
         Profile.named("idea")

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from uav_bt.mission.carpet_height import CarpetHeight
-from uav_bt.types import BodyVelocity, DroneState, FlyingState, Frame, Observation
+from uav_bt.types import (
+    BodyVelocity,
+    DroneState,
+    FlyingState,
+    Frame,
+    MeasurementTimes,
+    Observation,
+)
 
 TICK_S = 0.1
 FLYING_M = 1.5
@@ -152,3 +160,37 @@ def test_one_frame_stays_one_and_a_sample_that_is_not_newer_changes_nothing() ->
 def test_before_any_telemetry_the_report_stays_as_it_is() -> None:
     report = observed(-math.inf, captured_s=1.0)
     assert CarpetHeight().corrected(report) == Observation(frame=report.frame, state=report.state)
+
+
+# --- quantities at their own times ----------------------------------------------------------------
+
+
+def test_between_two_reports_the_height_follows_the_vertical_velocity_to_now() -> None:
+    """It climbs at 0.5 m/s; the report is 0.2 s old."""
+    height = CarpetHeight()
+    for tick in range(11):
+        told = observed(0.2 * tick, FLYING_M + 0.1 * tick, down_mps=-0.5)
+        seen = height.corrected(told, 0.2 * tick + 0.2)
+    assert seen.state.height_above_carpet_m == pytest.approx(FLYING_M + 1.1, abs=0.02)
+
+
+def test_a_dead_vertical_velocity_is_carried_on_for_half_a_second_only() -> None:
+    height = CarpetHeight()
+    told = observed(0.0, down_mps=-0.6)
+    height.corrected(told, 0.0)
+    late = height.corrected(told, 9.0)
+    assert late.state.height_above_carpet_m == pytest.approx(FLYING_M + 0.3)
+
+
+def test_an_altitude_counts_at_its_own_time() -> None:
+    """It sinks at 0.5 m/s, and the altitude is 0.2 s older than the velocity: 0.1 m higher up."""
+    height = CarpetHeight()
+    for tick in range(100):
+        now_s, true_m = 0.1 * tick, 6.0 - 0.05 * tick
+        told = observed(now_s, true_m + 0.1, down_mps=0.5)
+        times = replace(
+            MeasurementTimes.all_at(now_s), altitude_s=now_s - 0.2, height_s=now_s - 0.2
+        )
+        state = replace(told.state, captured_s=now_s - 0.2, measured=times)
+        seen = height.corrected(Observation(frame=None, state=state), now_s)
+    assert seen.state.height_above_carpet_m == pytest.approx(true_m, abs=0.02)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from uav_bt.types import (
     GimbalTo,
     Hover,
     Land,
+    MeasurementTimes,
     MoveBy,
     Movement,
     MovementState,
@@ -52,6 +54,17 @@ states = st.builds(
     movement=st.none() | st.builds(MovementStatus, id=WHOLE, state=st.sampled_from(MovementState)),
     pilot_has_control=st.booleans(),
 )
+times = st.builds(
+    MeasurementTimes,
+    attitude_s=ANY,
+    velocity_s=ANY,
+    altitude_s=ANY,
+    height_s=ANY,
+    gimbal_s=ANY,
+)
+stamped = st.builds(
+    lambda state, times: replace(state, captured_s=times.oldest_s, measured=times), states, times
+)
 movements = st.one_of(
     st.builds(TakeOff),
     st.builds(Hover),
@@ -71,9 +84,17 @@ def there_and_back(value: Any) -> Any:
     return decode(type(value), json.loads(dump(encode(value))))
 
 
-@given(states)
+@given(states | stamped)
 def test_a_state_comes_back_to_the_last_bit(state: DroneState) -> None:
     assert there_and_back(state) == state
+
+
+def test_a_state_of_an_older_record_has_one_time_for_all_quantities() -> None:
+    old = encode(DroneState(captured_s=2.5, flying=FlyingState.FLYING))
+    del old["measured"]
+    state = decode(DroneState, old)
+    assert state.measured is None
+    assert state.times == MeasurementTimes.all_at(2.5)
 
 
 @given(frames)

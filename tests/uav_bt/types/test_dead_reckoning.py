@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from tests.uav_bt.types.circle_flight import TICK_S, Flight, state
-from uav_bt.types import DroneState, Pose
+from uav_bt.types import DroneState, MeasurementTimes, Pose
 from uav_bt.types.dead_reckoning import Odometry, PoseHistory
 
 
@@ -102,6 +103,93 @@ def test_odometry_beyond_its_memory() -> None:
     assert newest is not None
     assert oldest.time_s == pytest.approx(2.0)
     assert newest == odometry.now
+
+
+# --- quantities at their own times ----------------------------------------------------------------
+
+
+def reported(
+    velocity_s: float, attitude_s: float, *, forward_mps: float = 0.0, yaw_rad: float = 0.0
+) -> DroneState:
+    """Telemetry whose velocity and attitude were measured at different times."""
+    times = replace(
+        MeasurementTimes.all_at(velocity_s), attitude_s=attitude_s, altitude_s=attitude_s
+    )
+    told = state(0.0, yaw_rad, forward_mps)
+    return replace(told, captured_s=times.oldest_s, measured=times)
+
+
+def test_a_velocity_is_carried_on_to_now() -> None:
+    """0.4 m/s for 0.3 s after the newest measurement."""
+    odometry = Odometry()
+    odometry.update(state(0.0, forward_mps=0.4), now_s=0.0)
+    pose = odometry.update(state(0.0, forward_mps=0.4), now_s=0.3)
+    assert (pose.time_s, pose.x_m) == pytest.approx((0.3, 0.12))
+
+
+def test_a_dead_velocity_is_not_integrated_for_longer_than_half_a_second() -> None:
+    """Attitudes go on for 10 s, the velocity does not: 0.35 m/s for 0.5 s, and the pose is old."""
+    odometry = Odometry()
+    odometry.update(reported(0.0, 0.0, forward_mps=0.35), now_s=0.0)
+    for tick in range(1, 101):
+        odometry.update(reported(0.0, 0.1 * tick, forward_mps=0.35), now_s=0.1 * tick)
+    assert odometry.now is not None
+    assert (odometry.now.time_s, odometry.now.x_m) == pytest.approx((0.5, 0.175))
+
+
+def test_a_later_velocity_corrects_what_was_carried_on() -> None:
+    """It stopped evenly within 0.2 s: 0.04 m, not the 0.08 m of the old velocity."""
+    odometry = Odometry()
+    odometry.update(state(0.0, forward_mps=0.4), now_s=0.2)
+    carried = odometry.at(0.2)
+    odometry.update(state(0.2), now_s=0.2)
+    known = odometry.at(0.2)
+    assert carried is not None
+    assert known is not None
+    assert (carried.x_m, known.x_m) == pytest.approx((0.08, 0.04))
+
+
+def test_a_pose_has_the_heading_of_its_own_time() -> None:
+    """Attitude came at 0.2 s, velocity at 0.1 s: half the turn lies at 0.1 s."""
+    odometry = Odometry()
+    odometry.update(reported(0.0, 0.0))
+    odometry.update(reported(0.1, 0.2, yaw_rad=0.2))
+    at = odometry.at(0.1)
+    assert at is not None
+    assert at.yaw_rad == pytest.approx(0.1)
+    assert odometry.now is not None
+    assert (odometry.now.time_s, odometry.now.yaw_rad) == pytest.approx((0.2, 0.2))
+
+
+def test_a_turn_is_carried_on_to_now() -> None:
+    odometry = Odometry()
+    odometry.update(state(0.0))
+    pose = odometry.update(state(0.2, yaw_rad=0.2), now_s=0.3)
+    assert pose.yaw_rad == pytest.approx(0.3)
+
+
+def test_the_heading_of_a_frame_places_it_exactly() -> None:
+    """Telemetry's headings are 0.2 s apart; between them the drone turned at once."""
+    odometry = Odometry()
+    odometry.update(state(0.0))
+    odometry.update(state(0.2, yaw_rad=0.2))
+    odometry.add_heading(0.1, 0.19)
+    at = odometry.at(0.1)
+    assert at is not None
+    assert at.yaw_rad == pytest.approx(0.19)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.7, -1.4])
+def test_five_late_reports_a_second_follow_a_circle(rate: float) -> None:
+    """Seen 0.1 to 0.2 s after they were measured, at 0.5 m/s, now is known to 3 cm."""
+    flight, odometry = Flight(0.5, rate), Odometry()
+    for tick in range(81):
+        measured_s = 0.2 * ((tick - 1) // 2)
+        pose = odometry.update(flight.state(max(0.0, measured_s)), now_s=TICK_S * tick)
+        truth = flight.pose(TICK_S * tick)
+        if tick > 5:
+            assert math.dist((pose.x_m, pose.y_m), (truth.x_m, truth.y_m)) < 0.03
+            assert abs(math.remainder(pose.yaw_rad - truth.yaw_rad, 2 * math.pi)) < 1e-6
 
 
 def test_a_pose_of_the_past_lies_between_its_neighbours_and_turns_the_short_way() -> None:

@@ -18,11 +18,14 @@ from uav_bt.types import (
     CameraModel,
     ClassMap,
     DepthMap,
+    DroneState,
+    FlyingState,
     Frame,
     GimbalTo,
     HeldTurn,
     HelipadFix,
     Hover,
+    MeasurementTimes,
     MoveBy,
     ObstaclePoints,
     Velocity,
@@ -228,3 +231,38 @@ def test_arrays_print_as_their_shapes() -> None:
     assert repr(class_map) == "ClassMap(ids=<112x224 uint8>, captured_s=1.0)"
     points = ObstaclePoints(points_m=np.zeros((3, 2)), captured_s=1.0)
     assert "points_m=<3x2 float64>" in repr(points)
+
+
+# --- telemetry ------------------------------------------------------------------------------------
+
+APART = MeasurementTimes(attitude_s=5.0, velocity_s=4.8, altitude_s=4.9, height_s=3.0, gimbal_s=5.1)
+
+
+def test_a_state_is_as_old_as_the_oldest_of_attitude_velocity_and_altitude() -> None:
+    assert APART.oldest_s == 4.8
+    state = DroneState(captured_s=4.8, flying=FlyingState.FLYING, measured=APART)
+    assert state.times == APART
+
+
+def test_a_state_with_one_time_has_all_quantities_at_that_time() -> None:
+    state = DroneState(captured_s=2.0, flying=FlyingState.FLYING)
+    assert dataclasses.astuple(state.times) == (2.0,) * 5
+
+
+def test_a_state_that_contradicts_its_parts_is_refused() -> None:
+    with pytest.raises(ValueRangeError, match=r"altitude, 4.8 s, got 5.0 s; `dated` changes"):
+        DroneState(captured_s=5.0, flying=FlyingState.FLYING, measured=APART)
+
+
+def test_a_state_dated_anew_keeps_its_parts_apart() -> None:
+    state = DroneState(captured_s=4.8, flying=FlyingState.FLYING, measured=APART).dated(10.0)
+    assert state.captured_s == 10.0
+    assert dataclasses.astuple(state.times) == pytest.approx((10.2, 10.0, 10.1, 8.2, 10.3))
+
+
+def test_a_quantity_without_a_time_makes_the_state_undated() -> None:
+    times = dataclasses.replace(APART, altitude_s=math.nan)
+    assert math.isnan(times.oldest_s)
+    assert math.isnan(
+        DroneState(captured_s=math.nan, flying=FlyingState.FLYING, measured=times).captured_s
+    )

@@ -7,7 +7,6 @@ fixed at a known height and pitch, or the record of the same flight holds the te
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -95,9 +94,7 @@ class FlightTelemetry:
         if not notes:
             raise FileError(reader.path, "the record has no frame with an image")
         self._begin_s = notes[0].captured_s
-        self._states = [
-            replace(state, captured_s=state.captured_s - self._begin_s) for state in states
-        ]
+        self._states = [state.dated(state.captured_s - self._begin_s) for state in states]
         self._next_state = 0
         columns = np.array(
             [

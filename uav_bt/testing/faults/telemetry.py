@@ -54,7 +54,10 @@ def pointed(report: Report, pitch_rad: float) -> Report:
 
 def dated(report: Report, later_s: float) -> Report:
     """Return telemetry with a later stamp."""
-    return replace(report, captured_s=report.captured_s + later_s)
+    captured_s = report.captured_s + later_s
+    if isinstance(report, DroneState):
+        return report.dated(captured_s)
+    return replace(report, captured_s=captured_s)
 
 
 class Change(Protocol):
