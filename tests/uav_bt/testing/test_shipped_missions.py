@@ -76,7 +76,7 @@ def test_exploring_ends_after_its_time_in_the_middle_of_a_step() -> None:
     )
     bench.tick_until(Status.SUCCESS, max_ticks=100)
     (start, *_), (home, *_) = (
-        bench.log.of(node, "started") for node in ("explore_for_90_s", "ReturnToBase")
+        bench.log.of(node, "started") for node in ("ExploreFor", "ReturnToBase")
     )
     assert home.time_s - start.time_s == pytest.approx(90.0)
     bench.log.assert_order(
