@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from uav_bt.errors import did_you_mean
-from uav_bt.tree.loading.document import Document, subtrees
+from uav_bt.errors import hint_for
+from uav_bt.tree.expanded import ExpandedNode
+from uav_bt.tree.loading.document import Document
 from uav_bt.tree.loading.elements import (
     KIND_TAGS,
     check_no_text,
@@ -59,7 +60,7 @@ def _check_subtree(element: Element, registry: NodeRegistry, findings: Findings)
     tree_id = element.attributes.get("ID", "")
     if not tree_id:
         findings.note(element, "attribute 'ID' is missing", rule=Rule.ATTRIBUTE)
-    elif tree_id in registry:
+    elif tree_id in registry and not issubclass(registry[tree_id], ExpandedNode):
         message = f"'{tree_id}' is a node, no tree: write <{tree_id}/>"
         findings.note(element, message, "ID", rule=Rule.UNKNOWN_TREE)
 
@@ -105,7 +106,7 @@ def _note_unknown(
     elif node_id in _OF_VERSION_3:
         hint = f" (of BehaviorTree.CPP 3; in version 4 it is {_OF_VERSION_3[node_id]})"
     else:
-        hint = did_you_mean(node_id, registry)
+        hint = hint_for(node_id, registry, registry.successors(node_id))
         hint += "".join(f"; not loaded: {fault}" for fault in registry.faults)
     attribute = "ID" if element.tag in KIND_TAGS else ""
     findings.note(element, f"unknown node '{node_id}'{hint}", attribute, rule=Rule.UNKNOWN_NODE)
@@ -131,8 +132,8 @@ def _check_children(
 def _check_names(tree: Element, findings: Findings) -> None:
     """Refuse two SubTrees of one name under one tree, as the engine does since 4.8.4."""
     first: dict[str, Element] = {}
-    for element in subtrees(tree):
-        name = element.attributes.get("name")
+    for element in walk(tree):
+        name = element.attributes.get("name") if element.tag == NodeKind.SUBTREE.value else None
         if name and first.setdefault(name, element) is not element:
             findings.note(
                 element,
