@@ -38,7 +38,7 @@ class Percentiles:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightReport:
-    """One flight. A field that does not apply, or was not reached, is None."""
+    """One flight. None stands for a value that does not apply or was not reached."""
 
     scene: str | None
     seed: int

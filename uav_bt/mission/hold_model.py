@@ -25,8 +25,8 @@ class HoldConfig:
     Attributes:
         gain_per_s: velocity towards the held place for each metre of distance, 1/s. Chosen: its
             time constant of 1.7 s is four times command delay and lag.
-        pull_mps: greatest velocity towards the held place, m/s. Chosen: 0.25 m
-            off the place it is reached, and the drone needs no tilt that shows in the images.
+        pull_mps: greatest velocity towards the held place, m/s. Chosen: reached 0.25 m from the
+            place; faster pulls tilt the drone visibly.
         disturbance_mps: greatest disturbance that is estimated, m/s. Chosen: more than the
             benchmark's 0.2 m/s, less than half the speed limit.
         learn_s: time constant of the estimated disturbance, seconds. Chosen: longer than the

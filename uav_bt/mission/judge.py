@@ -57,8 +57,8 @@ class JudgeConfig:
             raise ValueRangeError(f"the time limit must be positive, got {self.time_limit_s}")
 
 
-# Age of telemetry above which the drone may be landing by its own rules, seconds. Chosen: twice the
-# age at which leaves no longer see it.
+# Age of telemetry above which the drone may be landing by its firmware, seconds. Chosen: twice the
+# greatest age for leaves.
 _UNHEARD_S = 1.0
 _MAY_TOUCH_GROUND = frozenset(
     {FlyingState.LANDED, FlyingState.TAKING_OFF, FlyingState.LANDING, FlyingState.EMERGENCY}

@@ -37,7 +37,7 @@ class RunnerConfig:
         tick_s: length of a tick, seconds; the drone's own `tick_s` replaces it. Chosen: three
             frames of a video of 30 Hz, and time for the networks of `python -m benchmarks.ticks`.
         landing_grace_s: longest duration of a landing after a fault or an abort, seconds; then the
-            drone is left to its own rules. Chosen: 8 m of descent with the twin's 0.5 m/s, and a
+            drone is left to its firmware. Chosen: 8 m of descent with the twin's 0.5 m/s, and a
             margin.
         hold: gains and thresholds of the position hold.
 

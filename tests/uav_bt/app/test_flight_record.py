@@ -12,6 +12,8 @@ import pytest
 
 from tests.uav_bt.record.record_world import FLIGHT, NoisyDrone, fly_noisy, tree_file
 from uav_bt import app
+from uav_bt.app.replay import ReplayOptions
+from uav_bt.app.replay.replayer import assemble_recorded
 from uav_bt.errors import FileError, MissingDependencyError, NodeFailedError
 from uav_bt.mission.tick import TickListener, TickRecord
 from uav_bt.protocols import Drone
@@ -19,7 +21,7 @@ from uav_bt.record import channels, record_file
 from uav_bt.record.channels import Channel
 from uav_bt.record.reader import RecordReader
 from uav_bt.testing import ScriptedDrone
-from uav_bt.types import Command, TakeOff
+from uav_bt.types import Airframe, Command, TakeOff
 
 
 class Notes:
@@ -267,3 +269,12 @@ def test_nobody_listens_to_the_log_afterwards(
 def test_the_take_off_is_where_it_was(noted: tuple[Path, Notes]) -> None:
     first = next(RecordReader(noted[0]).moments())
     assert isinstance(first.commands.sent.movement, TakeOff)
+
+
+def test_a_replay_flies_the_airframe_of_the_record(tmp_path: Path) -> None:
+    """The position hold and the limits depend on it."""
+    drone, record = NoisyDrone(), tmp_path / "flight.mcap"
+    drone.airframe = Airframe(body_size_m=(0.4, 0.4, 0.12), command_delay_s=0.3)
+    app.fly(tree_file(tmp_path), app.FlightOptions(drone=drone, record=record))
+    replayed, _ = assemble_recorded(RecordReader(record), ReplayOptions())
+    assert replayed.drone.airframe == drone.airframe

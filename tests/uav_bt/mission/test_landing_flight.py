@@ -1,0 +1,55 @@
+"""Short flights of the twin: a landing goes on when video or telemetry stops on the way down."""
+
+from __future__ import annotations
+
+import pytest
+
+from uav_bt import app
+from uav_bt.mission.judge import JudgeConfig
+from uav_bt.mission.tick import TickRecord
+from uav_bt.testing import Fault, FaultyDrone
+from uav_bt.types import Hover, MissionPhase
+
+TREE = """
+<root BTCPP_format="4">
+  <BehaviorTree ID="Mission">
+    <ReactiveSequence>
+      <Segment/> <RememberObstacles/>
+      <Sequence>
+        <TakeOff height_m="1.2" gimbal_deg="-30"/> <HoverFor seconds="1"/> <Land/>
+      </Sequence>
+    </ReactiveSequence>
+  </BehaviorTree>
+</root>
+"""
+
+
+class Landing:
+    """Keeps the ticks of the phase of the landing."""
+
+    def __init__(self) -> None:
+        self.ticks: list[TickRecord] = []
+
+    def on_tick(self, record: TickRecord) -> None:
+        if record.phase == MissionPhase.LAND:
+            self.ticks.append(record)
+
+
+@pytest.mark.parametrize("fault", ["video-lost@land+2", "late=1@land+2", "no-telemetry@land+2~2"])
+def test_a_landing_goes_on_when_data_stop(fault: str) -> None:
+    """The drone is 0.5 m up then; it neither hovers nor waits until the data return."""
+    twin = app.make_drone(app.FlightOptions(scene="train-a", seed=1, image_size_px=(160, 90)))
+    drone, landing = FaultyDrone(twin, Fault.parse(fault)), Landing()
+    options = app.FlightOptions(
+        drone=drone,
+        seed=1,
+        exact_masks=True,
+        judge=JudgeConfig(time_limit_s=40.0, must_land_on_pad=False),
+    )
+    report = app.fly(TREE, options, listeners=[lambda _: [drone, landing]])
+
+    assert report.outcome == "success", report.reason
+    assert landing.ticks[-1].time_s - landing.ticks[0].time_s < 7.0
+    overridden = [tick for tick in landing.ticks if tick.override is not None]
+    assert overridden
+    assert not any(isinstance(tick.command.movement, Hover) for tick in overridden)
