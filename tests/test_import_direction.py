@@ -41,6 +41,9 @@ FLOOR_FOUR = {f"uav_bt.{name}" for name in ("app", "campaign", "cli", "learning"
 TRAINERS = tuple(
     f"perception.{room}.training" for room in ("segmentation", "depth", "control", "networks")
 )
+# These report their use to their makers; one module switches that off before it imports them.
+REPORTING = ("openvino", "nncf", "onnxruntime")
+REPORTS_OFF = "perception.networks.inference_packages"
 
 
 class Import(NamedTuple):
@@ -103,6 +106,8 @@ def objection(found: Import) -> str | None:
     if within(imported, "torch"):
         trains = floor(importer) == 4 or within(importer, *TRAINERS)
         return None if trains else "torch is for training only"
+    if within(imported, *REPORTING):
+        return None if importer == REPORTS_OFF else f"only {REPORTS_OFF} imports it, reports off"
     return _objection_to_ours(importer, imported) if within(imported, *ROOMS) else None
 
 
@@ -218,6 +223,8 @@ def test_a_circle_would_be_found() -> None:
             "try:\n    import sim_bridge\nexcept ImportError:\n    pass",
         ),
         ("perception.landing.detector", "import torch"),
+        ("perception.networks.onnx_runtime", "def late():\n    from openvino import Type"),
+        ("perception.networks.training.network_files", "import nncf"),
         ("sim_bridge.twin.drone", "from perception import classes"),
         ("sim_bridge.twin.drone", "from uav_bt.mission import runner"),
         ("behaviours.fly.explore", "from sim_bridge.twin import TwinConfig"),
