@@ -226,6 +226,22 @@ def test_a_policy_given_to_a_subtree_is_looked_up_where_it_is_given() -> None:
     assert found == ["m.xml:2:45: Main/Inner: unknown policy 'up' (known: left, right)"]
 
 
+def test_a_value_that_a_tree_of_another_file_cannot_read_is_found_where_it_is_given(
+    tmp_path: Path,
+) -> None:
+    part = tmp_path / "part.xml"
+    part.write_text(
+        '<root BTCPP_format="4">\n'
+        '<BehaviorTree ID="Part"><Steer careful="{careful}"/></BehaviorTree></root>',
+        encoding="utf-8",
+    )
+    found = messages(text_of('<SubTree ID="Part" careful="ture"/>', ""), Lookup(Library([part])))
+    assert found == [
+        "m.xml:2:44: SubTree 'Part': attribute 'careful' holds a value that does not fit (expected "
+        f"true or false, got 'ture'); Steer, attribute 'careful', at {part}:2:32 reads it"
+    ]
+
+
 # --- overrides and mocks --------------------------------------------------------------------------
 
 
