@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 Vector = tuple[float, float]  # horizontal, in the odometry's frame
 
+_PAST_S = 1.0  # s that past velocities are kept; chosen, beyond any telemetry that is flown by
+
 
 @dataclass(frozen=True, kw_only=True)
 class HoldConfig:
@@ -78,6 +80,7 @@ class OrderedMotion:
         self._target: Vector = (0.0, 0.0)
         self._last_s = -math.inf
         self.mps: Vector = (0.0, 0.0)
+        self._past: deque[tuple[float, Vector]] = deque()  # of `_PAST_S`, oldest first
 
     @property
     def steady(self) -> bool:
@@ -97,6 +100,16 @@ class OrderedMotion:
         share = 1.0 - math.exp(-passed_s / self._config.lag_s)
         self._last_s = now_s
         self.mps = add(self.mps, share, add(self._target, -1.0, self.mps))
+        self._past.append((now_s, self.mps))
+        while self._past[0][0] < now_s - _PAST_S:
+            self._past.popleft()
+
+    def at(self, time_s: float) -> Vector:
+        """Return the velocity of a moment of the last second, for telemetry that is older than now.
+
+        Before anything was ordered, and since it began anew, it is the velocity of now.
+        """
+        return next((mps for past_s, mps in self._past if past_s >= time_s), self.mps)
 
     def _take_due(self, now_s: float) -> None:
         while self._waiting and self._waiting[0][0] <= now_s:
@@ -105,6 +118,7 @@ class OrderedMotion:
     def reset(self, mps: Vector) -> None:
         """Begin anew with what it does now: it was not ordered from here."""
         self._waiting.clear()
+        self._past.clear()
         self._target = self.mps = mps
 
 

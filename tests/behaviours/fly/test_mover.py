@@ -60,7 +60,7 @@ def test_idle_at_first() -> None:
 
 
 def test_running_until_the_drone_says_done() -> None:
-    """Silence and 'running' keep it; it ended when the telemetry was captured."""
+    """Silence and 'running' keep it; it has ended when that is heard, however old attitude is."""
     mover = mover_of()
     move = mover.start(state(0.0), 0.0, forward_m=0.3)
 
@@ -68,7 +68,7 @@ def test_running_until_the_drone_says_done() -> None:
     assert mover.update(state(0.2, move.id, MovementState.RUNNING), 0.2) is Progress.RUNNING
     assert mover.proposal == move
     assert mover.update(state(0.9, move.id, MovementState.DONE), 1.0) is Progress.DONE
-    assert mover.ended_s == 0.9
+    assert mover.ended_s == 1.0
     assert mover.update(state(1.1, move.id, MovementState.DONE), 1.1) is Progress.IDLE
 
 
