@@ -58,9 +58,9 @@ class Displacement:
 class _Way:
     """Measures with the telemetry how much of a displacement is left to be flown."""
 
-    def __init__(self, wanted: Displacement, state: DroneState) -> None:
+    def __init__(self, wanted: Displacement, state: DroneState, now_s: float) -> None:
         self._odometry = Odometry()
-        begin = self._odometry.update(state)
+        begin = self._odometry.update(state, now_s)
         self._level = wanted.forward_m != 0.0 or wanted.right_m != 0.0
         self._goal = begin.to_world(wanted.forward_m, wanted.right_m)
         self._down_m, self._altitude_m = wanted.down_m, state.altitude_m
@@ -69,9 +69,9 @@ class _Way:
         self._turns = wanted.yaw_rad != 0.0
         self._lost = False
 
-    def follow(self, state: DroneState) -> None:
-        """Add a telemetry sample."""
-        yaw_rad = self._odometry.update(state).yaw_rad
+    def follow(self, state: DroneState, now_s: float) -> None:
+        """Add telemetry and carry it on to now."""
+        yaw_rad = self._odometry.update(state, now_s).yaw_rad
         self._yaw_left_rad -= math.remainder(yaw_rad - self._yaw_rad, 2.0 * math.pi)
         self._yaw_rad = yaw_rad
         climbed_m = state.altitude_m - self._altitude_m
@@ -151,7 +151,7 @@ class StepInHand:
             yaw_rad: clockwise positive.
         """
         wanted = Displacement(forward_m=forward_m, right_m=right_m, down_m=down_m, yaw_rad=yaw_rad)
-        self._way = _Way(wanted, state)
+        self._way = _Way(wanted, state, now_s)
         self._begin_count()
         return self._attempt(wanted, now_s)
 
@@ -164,18 +164,18 @@ class StepInHand:
         """
         if self._way is None:
             return Progress.IDLE
-        self._way.follow(state)
+        self._way.follow(state, now_s)
         if self.proposal is None:
             return self._retry(now_s)
         status, word = state.movement, None
         if status is not None and status.id == self.proposal.id:
             word = status.state
         if word is MovementState.DONE:
-            return self._end(state.captured_s, Progress.DONE)
+            return self._end(now_s, Progress.DONE)
         if word in {MovementState.INTERRUPTED, MovementState.REJECTED}:
-            return self._ended_early(word.value, state.captured_s, now_s)
+            return self._ended_early(word.value, now_s)
         if now_s > self._deadline_s:
-            return self._ended_early("not done in time", now_s, now_s)
+            return self._ended_early("not done in time", now_s)
         return Progress.RUNNING
 
     def pause(self, duration_s: float) -> None:
@@ -222,14 +222,14 @@ class StepInHand:
             self._attempt(left, now_s)
         return Progress.RUNNING
 
-    def _ended_early(self, how: str, ended_s: float, now_s: float) -> Progress:
+    def _ended_early(self, how: str, now_s: float) -> Progress:
         """Resume a movement, or give it up."""
         cfg = self._config
         left = self._way.left() if self._way is not None and self._resumes else None
         if left is None:
-            return self._end(ended_s, Progress.INTERRUPTED)
+            return self._end(now_s, Progress.INTERRUPTED)
         if left.length_m < cfg.near_m and abs(left.yaw_rad) < cfg.near_rad:
-            return self._end(ended_s, Progress.DONE)
+            return self._end(now_s, Progress.DONE)
         amount = left.length_m / cfg.near_m + abs(left.yaw_rad) / cfg.near_rad
         if amount > self._least - 1.0:
             self._failures += 1
@@ -240,7 +240,7 @@ class StepInHand:
                 f"movement {how} {self._failures + 1} times without progress, {left.length_m:.2f} m"
                 f" and {abs(math.degrees(left.yaw_rad)):.0f} deg left"
             )
-            return self._end(ended_s, Progress.FAILED)
+            return self._end(now_s, Progress.FAILED)
         self.proposal = None
         self._retry_s = now_s + (cfg.retry_s if self._failures else 0.0)
         return self._retry(now_s)

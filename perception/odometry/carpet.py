@@ -113,6 +113,7 @@ class CarpetOdometry:
             error=BodyVelocity(forward_mps=forward_mps, right_mps=right_mps),
             tracked_s=self._tracked_s,
             turn_rad=self._heading.correction_rad,
+            velocity_s=self._odometry.velocity_s,
         )
 
     def predict(self, state: DroneState, now_s: float | None = None) -> OdometryPose | None:

@@ -142,7 +142,7 @@ def footage_of(path: Path) -> Footage:
             if isinstance(item, StoredFrame):
                 yield item
             elif isinstance(item, DroneState) and (
-                not states or item.captured_s > states[-1].captured_s
+                not states or item.times.velocity_s > states[-1].times.velocity_s
             ):
                 states.append(item)
 
@@ -161,8 +161,8 @@ def footage_of(path: Path) -> Footage:
         altitude_m=np.array([note.altitude_m for note in notes]),
         height_m=np.array([note.height_m for note in notes]),
         height_above_carpet_m=np.array([note.height_above_carpet_m for note in notes]),
-        state_s=np.array([state.captured_s for state in states]),
-        state_attitude_rad=np.array([_angles(state.attitude) for state in states]),
+        state_s=np.array([state.times.velocity_s for state in states]),
+        state_attitude_rad=_attitudes_at_velocities(states),
         velocity_mps=np.array(
             [
                 (state.velocity.forward_mps, state.velocity.right_mps, state.velocity.down_mps)
@@ -171,6 +171,14 @@ def footage_of(path: Path) -> Footage:
         ),
         camera=reader.camera.resized(*FOOTAGE_SIZE_PX),
     )
+
+
+def _attitudes_at_velocities(states: Sequence[DroneState]) -> NDArray[np.float64]:
+    """Return roll, pitch and yaw when each velocity was measured, (N, 3) rad, interpolated."""
+    angles = np.unwrap([_angles(state.attitude) for state in states], axis=0)
+    measured_s = [state.times.attitude_s for state in states]
+    velocity_s = [state.times.velocity_s for state in states]
+    return np.stack([np.interp(velocity_s, measured_s, column) for column in angles.T], axis=1)
 
 
 def _angles(attitude: Attitude) -> tuple[float, float, float]:

@@ -108,7 +108,7 @@ class CarpetHeight:
         """Return how far the drone has sunk by a moment, by its vertical velocity."""
         times_s, sunk_m = zip(*self._sunk_m, strict=True)
         ahead_s = min(max(0.0, time_s - times_s[-1]), CARRY_S)
-        return float(np.interp(time_s, times_s, sunk_m)) + self._down_mps * ahead_s
+        return float(np.interp(time_s, times_s, sunk_m) + self._down_mps * ahead_s)
 
     def _take(self, state: DroneState) -> None:
         """Take in the measurements that are newer than those before."""

@@ -6,10 +6,15 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from typing import Final
+
 from uav_bt.mission.held_landing import HeldLandingConfig
 from uav_bt.types import Airframe
 
 Vector = tuple[float, float]  # horizontal, in the odometry's frame
+
+# s for which past velocities are kept. Chosen: longer than any telemetry is old.
+_PAST_S: Final = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +102,7 @@ class OrderedMotion:
         self._target: Vector = (0.0, 0.0)
         self._last_s = -math.inf
         self.mps: Vector = (0.0, 0.0)
+        self._past: deque[tuple[float, Vector]] = deque()  # of `_PAST_S`, oldest first
 
     @property
     def steady(self) -> bool:
@@ -116,6 +122,16 @@ class OrderedMotion:
         share = 1.0 - math.exp(-passed_s / lag_s) if lag_s > 0.0 else 1.0
         self._last_s = now_s
         self.mps = add(self.mps, share, add(self._target, -1.0, self.mps))
+        self._past.append((now_s, self.mps))
+        while self._past[0][0] < now_s - _PAST_S:
+            self._past.popleft()
+
+    def at(self, time_s: float) -> Vector:
+        """Return the velocity at a moment of the last second, for telemetry that is older than now.
+
+        The present velocity stands in where none is kept: at first, and after `reset`.
+        """
+        return next((mps for past_s, mps in self._past if past_s >= time_s), self.mps)
 
     def _take_due(self, now_s: float) -> None:
         while self._waiting and self._waiting[0][0] <= now_s:
@@ -124,6 +140,7 @@ class OrderedMotion:
     def reset(self, mps: Vector) -> None:
         """Begin with a velocity that earlier orders did not cause."""
         self._waiting.clear()
+        self._past.clear()
         self._target = self.mps = mps
 
 

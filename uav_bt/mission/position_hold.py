@@ -216,7 +216,8 @@ class PositionHold:
         if motion.untracked_s > cfg.fresh_s or not settled:
             return
         reported = _world(motion, motion.velocity, less=motion.error)
-        beyond = add(reported, -1.0, self._ordered.mps)
+        measured_s = motion.pose.time_s if motion.velocity_s is None else motion.velocity_s
+        beyond = add(reported, -1.0, self._ordered.at(measured_s))
         share = 1.0 - math.exp(-passed_s / cfg.learn_s)
         learned = add(self._unordered, share, add(beyond, -1.0, self._unordered))
         self._unordered = limit_length(*learned, cfg.disturbance_mps)

@@ -130,7 +130,7 @@ class BenchWorld:
         if STATE not in self.board:
             self.hover()
         status = MovementStatus(id=move.id, state=state)
-        self.observe(replace(self.board[STATE], captured_s=self.clock.now(), movement=status))
+        self.observe(replace(self.board[STATE].dated(self.clock.now()), movement=status))
 
     @property
     def proposed(self) -> Movement | None:

@@ -150,7 +150,7 @@ class ScriptedDrone:
         if self._script:
             self._shown = min(self._shown + 1, len(self._script))
             return self._script[self._shown - 1]
-        self.state = replace(self.state, captured_s=self.clock.now())
+        self.state = self.state.dated(self.clock.now())
         frame = blank_frame(self.camera, self.state, index=self._frames)
         stripes = (np.arange(self.camera.width_px) + self._frames) % 16 < 8
         frame.image[:, stripes] = _STRIPE_GREY

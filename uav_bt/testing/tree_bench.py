@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -86,7 +86,7 @@ class TreeBench(BenchWorld):
             self.clock.advance(self.tick_s)
         self._prepare()
         if self._telemetry is not None:
-            self.observe(replace(self._telemetry, captured_s=self.clock.now()))
+            self.observe(self._telemetry.dated(self.clock.now()))
         self.log.tick += 1
         if self.before_tick is not None:
             self.before_tick(self)

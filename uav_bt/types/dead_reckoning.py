@@ -75,6 +75,7 @@ class MotionEstimate:
         error: what the ground shows beyond telemetry's velocity, slowly varying.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
         turn_rad: the heading less telemetry's, slowly varying.
+        velocity_s: when `velocity` was measured; None for the time of the pose.
     """
 
     pose: OdometryPose
@@ -83,6 +84,7 @@ class MotionEstimate:
     error: BodyVelocity
     tracked_s: float
     turn_rad: float = 0.0
+    velocity_s: float | None = None
 
     @property
     def untracked_s(self) -> float:

@@ -60,7 +60,7 @@ def test_idle_at_first() -> None:
 
 
 def test_running_until_the_drone_says_done() -> None:
-    """Silence and 'running' keep it; it ended when the telemetry was captured."""
+    """Silence and 'running' keep it; it has ended when that is heard, however old attitude is."""
     step = step_of()
     move = step.start(state(0.0), 0.0, forward_m=0.3)
 
@@ -68,7 +68,7 @@ def test_running_until_the_drone_says_done() -> None:
     assert step.update(state(0.2, move.id, MovementState.RUNNING), 0.2) is Progress.RUNNING
     assert step.proposal == move
     assert step.update(state(0.9, move.id, MovementState.DONE), 1.0) is Progress.DONE
-    assert step.ended_s == 0.9
+    assert step.ended_s == 1.0
     assert step.update(state(1.1, move.id, MovementState.DONE), 1.1) is Progress.IDLE
 
 

@@ -211,3 +211,42 @@ def test_what_telemetry_misses_goes_on_while_the_ground_is_out_of_view() -> None
     assert after is not None
     assert after.pose.y_m - before.pose.y_m == pytest.approx(-0.075, abs=0.015)
     assert (after.seen, after.untracked_s) == (before.seen, pytest.approx(0.5))
+
+
+# --- telemetry that comes later and more rarely than frames ---------------------------------------
+
+
+def test_a_velocity_that_is_only_late_is_no_error_of_telemetry() -> None:
+    """From 0.6 s on it slides, at 0.3 m/s after 1.2 m/s2; told each 0.2 s, heard 0.2 s late."""
+    times_s = [STEP_S * step for step in range(26)]
+    slides_s = [max(0.0, time_s - 0.6) for time_s in times_s]
+    mps = [min(0.3, 1.2 * slid_s) for slid_s in slides_s]
+    slid_m = [0.6 * min(slid_s, 0.25) ** 2 + 0.3 * max(0.0, slid_s - 0.25) for slid_s in slides_s]
+    odometry, errors_mps = CarpetOdometry(), []
+    views = render_views(LAB, [pose(-1.0, -place_m) for place_m in slid_m], size_px=SIZE_PX)
+    for index, view in enumerate(views):
+        measured = max(0, index // 2 * 2 - 2)
+        state = DroneState(
+            captured_s=times_s[measured],
+            flying=FlyingState.FLYING,
+            velocity=BodyVelocity(right_mps=mps[measured]),
+        )
+        odometry.predict(state, times_s[index])
+        frame = Frame(
+            image=view.image,
+            index=index,
+            captured_s=times_s[index],
+            gimbal_pitch_rad=PITCH_RAD,
+            height_above_carpet_m=HEIGHT_M,
+        )
+        odometry.see(ClassMap(ids=view.ids, captured_s=times_s[index]), frame, CAMERA)
+        assert odometry.estimate is not None
+        errors_mps.append(math.hypot(*_horizontal(odometry.estimate.error)))
+        assert odometry.estimate.seen.y_m == pytest.approx(slid_m[index], abs=0.01)
+    assert max(errors_mps) < 0.03
+    assert odometry.now is not None
+    assert odometry.now.y_m == pytest.approx(slid_m[-1], abs=0.01)
+
+
+def _horizontal(velocity: BodyVelocity) -> tuple[float, float]:
+    return velocity.forward_mps, velocity.right_mps

@@ -51,10 +51,14 @@ class Body:
     flying: FlyingState = FlyingState.FLYING
     movement: MovementStatus | None = None
     sees: bool = True
+    telemetry_ticks: int = 0  # age of the reported velocity
+    flown_mps: list[tuple[float, float]] = field(default_factory=list)  # of each tick
     sent: list[Movement] = field(default_factory=list)
 
     def motion(self) -> MotionEstimate:
-        told = rotate(*self.mps, -self.yaw_rad)
+        self.flown_mps.append(self.mps)
+        reported = self.flown_mps[max(0, len(self.flown_mps) - 1 - self.telemetry_ticks)]
+        told = rotate(*reported, -self.yaw_rad)
         error = rotate(*self.error_mps, -self.yaw_rad)
         x_m = self.x_m + self.leapt_m
         pose = OdometryPose(time_s=self.now_s, x_m=x_m, y_m=self.y_m, yaw_rad=self.yaw_rad)
@@ -66,6 +70,7 @@ class Body:
             ),
             error=BodyVelocity(forward_mps=error[0], right_mps=error[1]),
             tracked_s=self.now_s - self.untracked_s,
+            velocity_s=self.now_s - TICK_S * self.telemetry_ticks,
         )
 
     def state(self) -> DroneState:
@@ -364,3 +369,13 @@ def test_a_warning_ends_with_its_cause() -> None:
     assert watch.warning is None
     watch.update(None, 5.1)
     assert watch.warning is None
+
+
+@pytest.mark.parametrize("telemetry_ticks", [0, 2, 3])
+def test_late_telemetry_of_changing_orders_is_no_disturbance(telemetry_ticks: int) -> None:
+    """Orders of 0 and 0.1 m/s in turn; nothing drifts, the velocity is 0 to 0.3 s old."""
+    body, most_mps = Body(telemetry_ticks=telemetry_ticks), 0.0
+    for tick in range(80):
+        body.tick(Velocity(forward_mps=0.1 if tick // 10 % 2 else 0.0))
+        most_mps = max(most_mps, body.hold.disturbance_mps)
+    assert most_mps < 0.02

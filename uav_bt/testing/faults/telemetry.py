@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from uav_bt.testing.faults.kind import FaultMoment, Observe
 from uav_bt.types import (
@@ -54,10 +54,10 @@ def pointed(report: Report, pitch_rad: float) -> Report:
 
 def dated(report: Report, later_s: float) -> Report:
     """Return telemetry with a later stamp."""
-    captured_s = report.captured_s + later_s
-    if isinstance(report, DroneState):
-        return report.dated(captured_s)
-    return replace(report, captured_s=captured_s)
+    changes: dict[str, Any] = {"captured_s": report.captured_s + later_s}
+    if isinstance(report, DroneState) and report.measured is not None:
+        changes["measured"] = report.measured.shifted(later_s)
+    return replace(report, **changes)
 
 
 class Change(Protocol):
