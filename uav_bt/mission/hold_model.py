@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
-
 from typing import Final
 
 from uav_bt.mission.held_landing import HeldLandingConfig
