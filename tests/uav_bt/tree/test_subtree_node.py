@@ -239,7 +239,8 @@ def test_a_value_that_a_tree_of_another_file_cannot_read_is_found_where_it_is_gi
     assert found == [
         (
             "m.xml:2:44: SubTree 'Part': attribute 'careful' holds a value that does not fit "
-            f"(expected true or false, got 'ture'); Steer, attribute 'careful', at {part}:2:32 reads it"
+            "(expected true or false, got 'ture'); "
+            f"Steer, attribute 'careful', at {part}:2:32 reads it"
         )
     ]
 
