@@ -10,7 +10,7 @@ import numpy as np
 
 from behaviours.path.moving import MovingConfig, yielding_mps
 from behaviours.path.room import Floats, Lately, Leg, Margins
-from uav_bt.protocols import Decision
+from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import SiteMap
 
@@ -101,7 +101,7 @@ def follow(
     margins: Margins,
     config: FollowConfig,
     reason: str = "",
-) -> Decision | None:
+) -> FollowLeg | Rotate | None:
     """Return heading and speed along a leg; the drone only turns until it faces the way.
 
     It flies slower, or waits, where something that moves would come too near.
@@ -118,21 +118,17 @@ def follow(
         None when the corridor is blocked right ahead by something that is not on the map.
     """
     bearing_rad, speed_mps = _course(leg, site_map.pose, margins, config)
-    facing = abs(bearing_rad) < config.facing_rad
-    if facing:
-        allowed_mps = _by_corridor(corridor, config)
-        if allowed_mps == 0.0 and _is_mapped(corridor, site_map, config):
-            allowed_mps = config.past_mps
-        speed_mps = min(speed_mps * math.cos(bearing_rad), allowed_mps)
-        if speed_mps == 0.0:
-            return None
-        speed_mps = yielding_mps(site_map.movers, leg.path_m, speed_mps, config.moving)
-        reason = reason if speed_mps > 0.0 else "waits"
-    return Decision(
-        forward_m=max(float(np.hypot(*(leg.path_m[-1] - leg.path_m[0]))), 0.1),
-        yaw_rad=bearing_rad,
-        speed_mps=speed_mps if facing else 0.0,
-        reason=reason,
+    if abs(bearing_rad) >= config.facing_rad:
+        return Rotate(yaw_rad=bearing_rad, reason=reason)
+    allowed_mps = _by_corridor(corridor, config)
+    if allowed_mps == 0.0 and _is_mapped(corridor, site_map, config):
+        allowed_mps = config.past_mps
+    speed_mps = min(speed_mps * math.cos(bearing_rad), allowed_mps)
+    if speed_mps == 0.0:
+        return None
+    speed_mps = yielding_mps(site_map.movers, leg.path_m, speed_mps, config.moving)
+    return FollowLeg(
+        yaw_rad=bearing_rad, speed_mps=speed_mps, reason=reason if speed_mps > 0.0 else "waits"
     )
 
 

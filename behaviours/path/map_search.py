@@ -20,9 +20,12 @@ from behaviours.path.next_view import (
     unseen,
 )
 from behaviours.path.room import Flags, Floats, Leg, Margins, Room, Rooms, Width
-from uav_bt.protocols import Decision
+from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints
 from uav_bt.types.site_map import MapMark, SiteMap
+
+Course = FollowLeg | Rotate | Done
+"""What `MapSearch` decides."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +95,7 @@ class MapSearch:
         obstacles: ObstaclePoints | None,
         corridor: Corridor | None,
         sight: Sight,
-    ) -> Decision | None:
+    ) -> Course | None:
         """Return the next course.
 
         Args:
@@ -102,7 +105,7 @@ class MapSearch:
             sight: of the camera at the pitch that ground is searched with.
 
         Returns:
-            The course; done where the mark must be below or right ahead, but was not found; None
+            The course; `Done` where the mark must be below or right ahead, but was not found; None
             when the map knows no way.
         """
         if site_map.contradicted_s > self.config.doubted_s:
@@ -118,13 +121,13 @@ class MapSearch:
         if mark is not None:
             self.aim = Aim.MARK
             for width in Width:
-                decision = self._to_mark(rooms[width], mark, corridor)
-                if decision is not None:
-                    return decision
+                course = self._to_mark(rooms[width], mark, corridor)
+                if course is not None:
+                    return course
         self.aim = Aim.GROUND
         return self._to_ground(rooms, site_map.captured_s, corridor, sight)
 
-    def _to_mark(self, room: Room, mark: MapMark, corridor: Corridor | None) -> Decision | None:
+    def _to_mark(self, room: Room, mark: MapMark, corridor: Corridor | None) -> Course | None:
         cfg, site_map, time_s = self.config, room.map, room.fastest.time_s
         apart_m = np.linalg.norm(site_map.places_m() - (mark.x_m, mark.y_m), axis=-1)
         apart_m = np.where(np.isfinite(time_s), apart_m, math.inf)
@@ -137,7 +140,7 @@ class MapSearch:
         cell = divmod(end, apart_m.shape[1])
         if cell == room.start or math.hypot(forward_m, right_m) <= cfg.close_m:
             looked = self._looked(math.atan2(right_m, forward_m), site_map.captured_s)
-            return looked or Decision(done=True, reason="at the mark")
+            return looked or Done(reason="at the mark")
         self._facing_s = None
         leg = room.leg(room.fastest.to(cell), time_s=float(room.fastest.time_s[cell]))
         reason = f"mark {math.hypot(forward_m, right_m):.1f} m"
@@ -145,7 +148,7 @@ class MapSearch:
 
     def _to_ground(
         self, rooms: Rooms, now_s: float, corridor: Corridor | None, sight: Sight
-    ) -> Decision | None:
+    ) -> Course | None:
         if self._view is not None and not self._is_settled(self._view, rooms[self._width], sight):
             return self._to_view(self._view, rooms[self._width], corridor, sight)
         if not self._choose(rooms, sight):
@@ -172,7 +175,7 @@ class MapSearch:
 
     def _to_view(
         self, view: View, room: Room, corridor: Corridor | None, sight: Sight
-    ) -> Decision | None:
+    ) -> Course | None:
         cfg, site_map = self.config, room.map
         cell = site_map.cell_of(view.x_m, view.y_m)
         reason = f"unseen {view.shows_m2:.1f} m2"
@@ -184,14 +187,14 @@ class MapSearch:
             in_vain_m = self._still_wanted(shown_by(view, room, sight, cfg.view), room)
             self._in_vain_m = np.vstack([self._in_vain_m, in_vain_m])
             self.pause()
-            return Decision(forward_m=0.1, speed_mps=0.0, reason="looked")
+            return Rotate(yaw_rad=0.0, reason="looked")
         self._facing_s = None
         leg = room.leg(room.fastest.to(cell), time_s=float(room.fastest.time_s[cell]))
         return self._follow(leg, room, corridor, reason)
 
     def _follow(
         self, leg: Leg, room: Room, corridor: Corridor | None, reason: str
-    ) -> Decision | None:
+    ) -> Course | None:
         margins = self.config.margins.by(room.map.residual_m)
         config = self.config.follow
         return follow(leg, room.map, corridor, margins=margins, config=config, reason=reason)
@@ -212,7 +215,7 @@ class MapSearch:
         apart_m = math.hypot(view.x_m - site_map.pose.x_m, view.y_m - site_map.pose.y_m)
         return apart_m <= self.config.at_view_m
 
-    def _looked(self, turn_rad: float, now_s: float, reason: str = "looks") -> Decision | None:
+    def _looked(self, turn_rad: float, now_s: float, reason: str = "looks") -> Rotate | None:
         """Return the turn that is left; None once what lies there was faced for long enough."""
         cfg = self.config
         if abs(turn_rad) > cfg.facing_rad:
@@ -221,7 +224,7 @@ class MapSearch:
             self._facing_s = now_s
         elif now_s - self._facing_s >= cfg.look_s:
             return None
-        return Decision(forward_m=0.1, yaw_rad=turn_rad, speed_mps=0.0, reason=reason)
+        return Rotate(yaw_rad=turn_rad, reason=reason)
 
     def _wanted(self, room: Room) -> Flags:
         wanted = unseen(room, self._round_s, self.config.view)

@@ -12,7 +12,7 @@ from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.room import Lately, Margins, Room
 from behaviours.path.survey import best_leg
 from tests.behaviours.path.test_survey import drawn_map, where
-from uav_bt.protocols import Decision
+from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints
 
 MARGINS = Margins()
@@ -85,7 +85,7 @@ def test_in_the_open_it_looks_far_ahead() -> None:
     assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)
 
 
-def past(obstacles: np.ndarray, free_m: float = 0.3) -> Decision | None:
+def past(obstacles: np.ndarray, free_m: float = 0.3) -> FollowLeg | Rotate | None:
     """Return the course straight ahead with a corridor that is blocked so near."""
     room = Room(drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), Lately())
     path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
@@ -104,7 +104,7 @@ def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
     """The corridor is wider than the way there."""
     beside = np.array([[x_m, -0.45] for x_m in (0.3, 0.4, 0.5)])
     way = past(beside)
-    assert way is not None
+    assert isinstance(way, FollowLeg)
     assert way.speed_mps == pytest.approx(FollowConfig().past_mps)
 
 

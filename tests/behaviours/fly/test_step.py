@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from behaviours.fly.mover import MovementConfig, Mover, Progress
+from behaviours.fly.step import MovementConfig, Progress, StepInHand
 from uav_bt.board.context import Proposals
 from uav_bt.types import (
     Attitude,
@@ -40,11 +40,11 @@ def state(
     )
 
 
-def mover_of(**settings: bool) -> Mover:
-    return Mover(Proposals(), **settings)
+def mover_of(**settings: bool) -> StepInHand:
+    return StepInHand(Proposals(), **settings)
 
 
-def proposed(mover: Mover) -> MoveBy:
+def proposed(mover: StepInHand) -> MoveBy:
     assert mover.proposal is not None
     return mover.proposal
 
