@@ -1,4 +1,4 @@
-"""What a leaf policy answers about a view: advance, follow a leg, rotate, blocked or done."""
+"""The answers of a leaf policy to a view: advance, follow a leg, rotate, blocked or done."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class Done:
 
 
 Answer = Advance | FollowLeg | Rotate | Blocked | Done
-"""What `LeafPolicy.decide` returns."""
+"""The result of `LeafPolicy.decide`."""
 
 
 def _check_number(answer: object, name: str, value: object) -> None:

@@ -8,7 +8,7 @@ two boxes, and it does not stop for each view: the drone turns while the policy 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -64,7 +64,7 @@ class SteeringConfig:
     interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
     climb_per_s: float = 0.8  # of the error in height, while it flies at a speed
     climb_mps: float = 0.25  # at most
-    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
+    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends further on by this
 
 
 class SteeringLeaf(MovingLeaf):
@@ -186,7 +186,7 @@ class SteeringLeaf(MovingLeaf):
         """Judge the view during a step: replace it by one that leads further, or break it off.
 
         Returns:
-            True when that was done; False when the step goes on, or there is none.
+            True when one of both was done; False when the step goes on, or no step is under way.
         """
         if not (self._step.busy and self._advancing and self.port_value("flowing")):
             return False
@@ -276,7 +276,7 @@ class SteeringLeaf(MovingLeaf):
         if direction == 0 and away_rad is not None:
             direction = 1 if away_rad > 0.0 else -1
         turned_rad = held.turned_rad + abs(self._rotation.go_on(yaw_rad, direction))
-        self.write(HELD_TURN, HeldTurn(direction=direction, turned_rad=turned_rad))
+        self.write(HELD_TURN, replace(held, direction=direction, turned_rad=turned_rad))
         # Views captured while turning count at once: the direction is the same for all of them.
         self._view_from_s = -math.inf
         self.propose(self.turn_keeping_away(direction * self.steering.yaw_rate_radps))

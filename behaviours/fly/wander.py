@@ -1,4 +1,4 @@
-"""Advance or turn under a leaf policy: what a search and a detour have in common."""
+"""Advance or turn under a leaf policy, in a search and in a detour."""
 
 from __future__ import annotations
 

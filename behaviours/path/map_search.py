@@ -25,7 +25,7 @@ from uav_bt.types import Corridor, ObstaclePoints
 from uav_bt.types.site_map import MapMark, SiteMap
 
 Course = FollowLeg | Rotate | Done
-"""What `MapSearch` decides."""
+"""The answers of `MapSearch`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from uav_bt.types import HeldTurn
 
 
 class Advise(Leaf):
-    """Ask a leaf policy about each new view, and write what it says; SUCCESS always.
+    """Ask a leaf policy about each new view, and write its answer; SUCCESS always.
 
     It comes after the perception leaves, `RememberViews` among them. No leaf follows the advice.
     """

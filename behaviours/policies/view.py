@@ -1,4 +1,4 @@
-"""What a leaf policy is shown: the board's values that belong to one frame, put together."""
+"""The view that a leaf policy answers: the board's values that belong to one frame."""
 
 from __future__ import annotations
 

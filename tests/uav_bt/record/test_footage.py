@@ -17,7 +17,9 @@ from uav_bt.record.footage import footage
 from uav_bt.record.reader import RecordReader
 from uav_bt.record.record_file import RecordFile
 from uav_bt.record.values import dump, encode
+from uav_bt.types import CameraModel
 
+CAMERA = CameraModel(width_px=32, height_px=18, fx_px=25.0, fy_px=25.0, cx_px=15.5, cy_px=8.5)
 SEEN = {
     "frame_index": 3,
     "captured_s": 0.3,
@@ -34,8 +36,15 @@ SEEN = {
 def record_of(path: Path, advice: dict[str, Any], *, version: int) -> RecordReader:
     """Return a record with one message of advice."""
     file = RecordFile(path)
-    start = {"schema_version": str(version), "start_ns": "0", "start_s": "0.0"}
-    file.metadata(START, start)
+    file.metadata(
+        START,
+        {
+            "schema_version": str(version),
+            "start_ns": "0",
+            "start_s": "0.0",
+            "camera_model": dump(encode(CAMERA)).decode(),
+        },
+    )
     file.write(channels.STATE, 0, dump(encode(state(0.0))))
     file.write(channels.ADVICE, 300_000_000, dump(advice))
     file.finish()
