@@ -45,7 +45,7 @@ _FLYING: Final = ("Explore", "Avoid", "ReturnToBase")  # leaves that fly under a
 @click.option(
     "--profile",
     "profiles",
-    type=click.Choice(["ideal", "lab", "harsh"]),
+    type=click.Choice(["ideal", "lab", "harsh", "lab-instant", "harsh-instant"]),
     multiple=True,
     help="How imperfect the twin is. Repeatable; default: lab and harsh.",
 )

@@ -58,9 +58,9 @@ class CarpetHeightConfig:
 
 
 class CarpetHeight:
-    """Corrects the height above the carpet in what a drone reports.
+    """Corrects the height above the carpet in telemetry and frames.
 
-    Altitude, rangefinder and vertical velocity are each taken at their own time. The height of a
+    Altitude, rangefinder and vertical velocity each count at their time. The height of a
     moment after the newest velocity is carried on by it for at most `CARRY_S`.
 
     Args:
@@ -75,7 +75,7 @@ class CarpetHeight:
         self._ranges = False  # whether that difference has ever changed: there is a rangefinder
         self._sunk_m: deque[tuple[float, float]] = deque()  # time, and sum of the velocity
         self._down_mps = 0.0  # the newest vertical velocity
-        self._mean_m = np.zeros(2)  # the height less what the drone has sunk, the altimeter's error
+        self._mean_m = np.zeros(2)  # the height plus the way sunk, and the altimeter's error
         self._covariance = np.zeros((2, 2))
         self._frame: tuple[Frame, Frame] | None = None  # the newest, as it came and corrected
 

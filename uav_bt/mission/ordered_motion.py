@@ -107,7 +107,7 @@ class OrderedMotion:
     def at(self, time_s: float) -> Vector:
         """Return the velocity of a moment of the last second, for telemetry that is older than now.
 
-        Before anything was ordered, and since it began anew, it is the velocity of now.
+        It is the present velocity where none is kept: at first, and after `reset`.
         """
         return next((mps for past_s, mps in self._past if past_s >= time_s), self.mps)
 
