@@ -142,7 +142,7 @@ class SteeringLeaf(MovingLeaf):
             state: of the drone.
             decision: with a speed; without a new view the last is flown on for a while.
         """
-        cfg, yaw_rad = self.steering, state.attitude.yaw_rad
+        cfg, yaw_rad = self.steering, self._yaw_rad(state)
         if decision is not None and decision.speed_mps:
             self.write(HELD_TURN, HeldTurn())
         course = self._course.follow(decision, yaw_rad=yaw_rad, now_s=self.clock.now())
@@ -272,11 +272,16 @@ class SteeringLeaf(MovingLeaf):
         self.restart_view()
         if frame is None:
             return
-        ends_rad = state.attitude.yaw_rad + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
+        ends_rad = self._yaw_rad(state) + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
         back_rad = math.remainder(frame.attitude.yaw_rad - ends_rad, 2.0 * math.pi)
         if abs(back_rad) > cfg.turn_back_rad:
             self._advancing = False
             self.start_move(yaw_rad=back_rad)
+
+    def _yaw_rad(self, state: DroneState) -> float:
+        """Return telemetry's heading as it is now, as far as the odometry knows it."""
+        motion = self.read(ODOMETRY).value
+        return state.attitude.yaw_rad if motion is None else motion.reported_yaw_rad
 
     # --- viewing ----------------------------------------------------------------------------------
 

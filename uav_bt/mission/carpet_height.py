@@ -34,7 +34,8 @@ class CarpetHeightConfig:
         rangefinder_m: standard deviation of the white noise of the height above the surface, m.
         wander_m: standard deviation of the altimeter's slow error, m; it is 0 at the take-off.
         wander_s: correlation time of that error, s.
-        walk_m: standard deviation of the integrated vertical velocity after one second, m.
+        walk_m: standard deviation of the integrated vertical velocity after one second, m. Least
+            error of three flights of 100 s in each profile, against 0.02 and 0.04.
         gate_stds: A rangefinder further from its expected value sees another surface. An altitude
             further off means that the vertical velocity is wrong: the height begins anew.
         gap_s: The height begins anew, too, after a longer time without velocity or altitude, s.
@@ -49,7 +50,7 @@ class CarpetHeightConfig:
     rangefinder_m: float = 0.03
     wander_m: float = 0.05
     wander_s: float = 20.0
-    walk_m: float = 0.02
+    walk_m: float = 0.03
     gate_stds: float = 4.0
     gap_s: float = 1.0
     agree_m: float = 0.1

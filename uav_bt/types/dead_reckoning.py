@@ -91,6 +91,11 @@ class MotionEstimate:
         """For how long telemetry alone has been flown by; inf before ground was followed."""
         return self.pose.time_s - self.tracked_s
 
+    @property
+    def reported_yaw_rad(self) -> float:
+        """Telemetry's heading, carried on to the time of the pose; clockwise."""
+        return wrap_angle(self.pose.yaw_rad - self.turn_rad)
+
     def over_ground(self, state: DroneState) -> DroneState:
         """Return telemetry with the velocity over the ground and the corrected heading."""
         reported = state.velocity
