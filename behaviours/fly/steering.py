@@ -160,7 +160,7 @@ class SteeringLeaf(MovingLeaf):
             state: of the drone.
             answer: the new one; None to fly on the last for a while.
         """
-        cfg, yaw_rad = self.steering, state.attitude.yaw_rad
+        cfg, yaw_rad = self.steering, self._yaw_rad(state)
         if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
             self.write(HELD_TURN, HeldTurn())
         course = self._course.follow(answer, yaw_rad=yaw_rad, now_s=self.clock.now())
@@ -292,11 +292,16 @@ class SteeringLeaf(MovingLeaf):
         self.restart_view()
         if frame is None:
             return
-        ends_rad = state.attitude.yaw_rad + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
+        ends_rad = self._yaw_rad(state) + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
         back_rad = math.remainder(frame.attitude.yaw_rad - ends_rad, 2.0 * math.pi)
         if abs(back_rad) > cfg.turn_back_rad:
             self._advancing = False
             self.start_move(yaw_rad=back_rad)
+
+    def _yaw_rad(self, state: DroneState) -> float:
+        """Return telemetry's heading as it is now, as far as the odometry knows it."""
+        motion = self.read(ODOMETRY).value
+        return state.attitude.yaw_rad if motion is None else motion.reported_yaw_rad
 
     # --- viewing ----------------------------------------------------------------------------------
 

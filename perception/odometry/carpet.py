@@ -36,10 +36,10 @@ from uav_bt.types.dead_reckoning import MotionEstimate, Odometry, OdometryPose
 class CarpetOdometryConfig:
     """Which frames are compared, and how. Numbers without another origin are chosen."""
 
-    width_px: int = 320  # of the images that points are followed in; a larger one only costs time
-    border_px: int = 2  # carpet so near to something else is left out: its corners are the other's
-    max_gap_s: float = 0.5  # between two frames; telemetry alone after a longer one
-    min_height_m: float = 0.5  # of the camera; lower the carpet rushes by
+    width_px: int = 320  # width of the images in which points are followed
+    border_px: int = 2  # carpet this near to something else is left out, with the other's corners
+    max_gap_s: float = 0.5  # s between two frames; after a longer gap telemetry counts alone
+    min_height_m: float = 0.5  # m of the camera; below, points move too far from frame to frame
     following: OdometryConfig = field(default_factory=OdometryConfig)
     heading: HeadingConfig = field(default_factory=HeadingConfig)
     error: VelocityErrorConfig = field(default_factory=VelocityErrorConfig)
@@ -132,7 +132,7 @@ class CarpetOdometry:
         return self.now
 
     def see(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> None:
-        """Correct the pose by what a frame shows of the carpet.
+        """Correct the pose by the carpet in a frame.
 
         Args:
             class_map: made from `frame`.
@@ -262,7 +262,7 @@ class CarpetOdometry:
 
 
 def _of_lens(motion: Pose2D, offset_m: float) -> Pose2D:
-    """Return the motion of a point that lies so far ahead of another whose motion is known."""
+    """Return the motion of a point `offset_m` ahead of the one whose motion is given."""
     x_m, y_m = motion.to_world(offset_m, 0.0)
     return Pose2D(x_m=x_m - offset_m, y_m=y_m, yaw_rad=motion.yaw_rad)
 

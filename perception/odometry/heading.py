@@ -1,8 +1,8 @@
-"""The heading by how the ground turns in the image, and by what telemetry says of it.
+"""The heading, from the turn of the ground in the image and from telemetry.
 
-Two images of the ground tell a turn to less than a milliradian; added up, they wander by less than
-telemetry does in half a minute. A Kalman filter estimates the heading and what telemetry's is off.
-Telemetry leads where no ground is seen, and a leap of it leaves the heading as it was.
+Two images of the ground show a turn to less than a milliradian. Their sum wanders less than
+telemetry does in half a minute. A Kalman filter estimates the heading and telemetry's error of it.
+Telemetry leads where no ground is seen; a leap of telemetry leaves the heading unchanged.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Final
 
 import numpy as np
 
-_REPORTED: Final = np.array([1.0, 1.0])  # telemetry measures the heading and its own error together
+_REPORTED: Final = np.array([1.0, 1.0])  # telemetry measures the heading plus its error
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingConfig:
-    """How the two err; standard deviations.
+    """Standard deviations of the two sources. All are chosen for the profiles `lab` and `harsh`.
 
     Attributes:
         seen_rad: of the turns that the ground shows, added up for a second.

@@ -1,4 +1,4 @@
-"""What telemetry's velocity misses of the drone's motion over the ground."""
+"""The error of telemetry's velocity against the motion over the ground."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, kw_only=True)
 class VelocityErrorConfig:
-    """How the error varies, and how well two frames show it.
+    """How the error varies, and how well two frames show it. All numbers are chosen.
 
     Attributes:
-        wander_mps: how far the error wanders in a second, standard deviation.
-        first_mps: how large it may be at first, standard deviation.
-        forget_s: unseen, the error is less and less likely the old one.
-        doubt_mps: an error of this size may as well be none, and is taken for none.
-        seen_m: standard deviation of what two frames, and telemetry's noise, say of the way
-            between them, when the points of the ground spread by `wide_m`; it grows with the
-            square of what they are closer together.
+        wander_mps: standard deviation of the error's change in one second, m/s.
+        first_mps: standard deviation of the error at first, m/s.
+        forget_s: time constant with which an unseen error decays, s.
+        doubt_mps: an error up to this size counts as none, m/s.
+        seen_m: standard deviation of the way between two frames, m, when the points of the ground
+            spread by `wide_m`. It grows with the inverse square of the spread.
+        wide_m: that spread, root mean square around the points' middle, m.
     """
 
     wander_mps: float = 0.015
@@ -45,7 +45,7 @@ class VelocityError:
 
     @property
     def mps(self) -> NDArray[np.float64]:
-        """The error in the odometry's frame, (2,), less what it may as well not be."""
+        """The error in the odometry's frame, (2,), shrunk towards zero by its uncertainty."""
         size_mps = max(float(np.hypot(*self._mean_mps)), self._config.doubt_mps)
         return self._mean_mps * (1.0 - (self._config.doubt_mps / size_mps) ** 2)
 

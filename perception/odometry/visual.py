@@ -1,4 +1,4 @@
-"""Ground-plane visual odometry: dead reckoning, corrected by what the camera sees of the carpet.
+"""Ground-plane visual odometry: dead reckoning, corrected by the carpet in view.
 
 The drone's own velocity is off by a centimetre a second for seconds on end, which adds up to a
 quarter of a metre in half a minute. The carpet stands still, and its points lie in a known plane:
@@ -134,7 +134,7 @@ def _moved(points: Floats, motion: Pose2D) -> Floats:
 def _fitted(
     here: Floats, there: Floats, guess: Pose2D, config: OdometryConfig, max_scale: float
 ) -> GroundMotion | None:
-    """Fit a movement of the plane, reweighted so that what is no carpet loses its weight."""
+    """Fit a movement of the plane, reweighted so that other points lose their weight."""
     if len(here) < config.min_points:
         return None
     # Far points are measured worse: an error of a pixel grows with the square of the distance.

@@ -22,7 +22,7 @@ from uav_bt.types import (
     rotate,
 )
 
-STANDING_M: Final = 0.05  # the body's centre above what the drone stands on
+STANDING_M: Final = 0.05  # m, the body's centre above the surface that it stands on
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -79,8 +79,8 @@ class Telemetry:
 
     Args:
         now: the clock.
-        take_off_surface_m: height of what it takes off from above the carpet, m.
-        return_home: whether its automatic return home is wanted; None where that does not matter.
+        take_off_surface_m: height of the take-off surface above the carpet, m.
+        return_home: whether its automatic return home is wanted; None accepts both.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ class TwinConfig:
     Attributes:
         scene: a shipped scene's name, or a scene file.
         seed: of everything random, 0 or more.
-        profile: limits and imperfections: ideal, lab or harsh.
+        profile: limits and imperfections: ideal, lab, harsh, lab-instant or harsh-instant.
         image_size_px: width and height of the video, 16:9.
         realtime: keep pace with the wall clock instead of running as fast as it can.
         movers: how many people and carts, drawn from the seed, move in the scene beside its own.

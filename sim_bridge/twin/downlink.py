@@ -1,4 +1,4 @@
-"""When the twin's telemetry is heard: each quantity at its own rate and after its own delay."""
+"""The radio link of the twin's telemetry: a rate and a delay for each quantity."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Stream(Generic[Value]):
         self._heard: tuple[float, Value] | None = None
 
     def take(self, value: Value, now_s: float) -> None:
-        """Measure, send what is due, and let arrive what was sent long enough ago."""
+        """Send a measurement if one is due, and receive those that were sent a delay ago."""
         if now_s >= self._due_s - _TIME_SLACK_S:
             self._due_s += self._period_s
             self._sent.append((now_s, value))
@@ -53,7 +53,7 @@ class _Stream(Generic[Value]):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Events:
-    """What a drone reports when it changes."""
+    """Reports that are sent when they change."""
 
     flying: FlyingState
     movement: MovementStatus | None
@@ -76,7 +76,7 @@ class Heard:
 class Downlink:
     """Carries telemetry from the drone to the mission.
 
-    All quantities are known at the start, as a drone that is connected reports its whole state.
+    All quantities are known at the first step: a drone reports its whole state on connecting.
 
     Args:
         profile: rates and delays.
@@ -100,7 +100,7 @@ class Downlink:
     def take(
         self, telemetry: Telemetry, gimbal_pitch_rad: float, events: Events, now_s: float
     ) -> None:
-        """Take what the drone measures in one control step.
+        """Take the measurements of one control step.
 
         Args:
             telemetry: its motion.
@@ -116,7 +116,7 @@ class Downlink:
 
     @property
     def heard(self) -> Heard:
-        """What has arrived."""
+        """The telemetry that has arrived."""
         attitude_s, attitude = self._attitude.heard
         velocity_s, velocity = self._velocity.heard
         heights_s, heights = self._heights.heard

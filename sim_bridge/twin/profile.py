@@ -12,8 +12,8 @@ from uav_bt.errors import UnknownNameError, ValueRangeError
 class Profile:
     """Limits and imperfections of the simulated drone; the defaults are the ``lab`` profile.
 
-    The limits are those of an ANAFI set up for indoor flight. The imperfections are estimates of
-    what a lab shows (nothing here was fitted to a real drone), which is why they are all fields.
+    The limits are those of an ANAFI set up for indoor flight. The imperfections are estimates for
+    a lab. None of them was fitted to a real drone, so every one is a field.
 
     Raises:
         ValueRangeError: a field is negative, not finite, or a limit is zero.
@@ -62,7 +62,7 @@ class Profile:
     climb_error_time_s: float = 2.0  # s, its correlation time; chosen
     yaw_rate_noise_std_radps: float = 0.005  # rad/s, white, of the estimated yaw rate; chosen
 
-    # What its telemetry shows besides.
+    # Errors of its telemetry.
     altimeter_bias_std_m: float = 0.02  # m, slow error of the altitude (pressure, air flow)
     altimeter_bias_time_s: float = 20.0  # s, its correlation time
     altimeter_noise_std_m: float = 0.01  # m, white, of the altitude
@@ -72,7 +72,7 @@ class Profile:
     yaw_noise_std_rad: float = 0.005  # rad, white
     battery_life_s: float = 1500.0  # s from full to empty, as the ANAFI's 25 minutes
 
-    # What its images show besides.
+    # Errors of its images.
     image_noise_std: float = 3.0  # grey levels, white, each channel
     blur_sigma_px: float = 0.5  # pixels at 640 wide, scaled with the size; 0 is none
     exposure_std: float = 0.03  # relative brightness error of the automatic exposure

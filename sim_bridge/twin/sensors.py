@@ -1,4 +1,4 @@
-"""What the drone believes about itself, and what it reports."""
+"""The twin's sensors: the autopilot's estimate of its motion, and the telemetry made of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Estimate(Pose):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Telemetry:
-    """What the drone reports, in Parrot's conventions."""
+    """Measurements of one moment, in Parrot's conventions."""
 
     attitude: Attitude
     velocity: BodyVelocity
@@ -32,7 +32,7 @@ class Telemetry:
 
 
 class Sensors:
-    """Adds to the true motion what an ANAFI's sensors would get wrong.
+    """Adds the errors of an ANAFI's sensors to the true motion.
 
     Args:
         profile: how wrong they are.
@@ -68,7 +68,7 @@ class Sensors:
         self.drift_mps = (0.0, 0.0)  # steady error of the optical flow, world x and y
 
     def estimate(self, motion: Motion, *, airborne: bool) -> Estimate:
-        """Move the errors on by one control step and return what the autopilot believes.
+        """Move the errors on by one control step and return the autopilot's estimate.
 
         Args:
             motion: the true motion.
@@ -99,7 +99,7 @@ class Sensors:
 
         Args:
             motion: the true motion.
-            estimate: what the autopilot believes.
+            estimate: the autopilot's estimate.
             surface_m: height of what lies below the body's centre.
         """
         profile, draw = self._profile, self._white.draw

@@ -27,7 +27,7 @@ _TIME_SLACK_S = 1e-6
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Capture:
-    """What it takes to draw a frame later: where the camera was, and the telemetry of then."""
+    """The camera, the movers and the telemetry of a moment, to draw its frame later."""
 
     index: int
     time_s: float
@@ -155,7 +155,7 @@ class Simulation:
         )
 
     def contacts(self) -> tuple[str, ...]:
-        """Return what the hull touches now or did in the last 0.1 s, while the motors turn."""
+        """Return the names of everything the hull touched in the last 0.1 s with motors on."""
         since = self.now_s - _CONTACT_MEMORY_S - _TIME_SLACK_S
         return tuple(sorted(name for name, at in self._touched_s.items() if at >= since))
 

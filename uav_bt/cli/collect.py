@@ -42,7 +42,7 @@ from uav_bt.plugins import need
 @click.option(
     "--profile",
     "profiles",
-    type=click.Choice(["ideal", "lab", "harsh"]),
+    type=click.Choice(["ideal", "lab", "harsh", "lab-instant", "harsh-instant"]),
     multiple=True,
     help="How imperfect the twin is. Repeatable; default: lab and harsh.",
 )

@@ -83,7 +83,8 @@ profile_option = click.option(
     metavar="NAME",
     default="lab",
     show_default=True,
-    help="How imperfect the twin is: ideal, lab or harsh.",
+    help="How imperfect the twin is: ideal, lab or harsh; lab-instant and harsh-instant have "
+    "telemetry without delay.",
 )
 movers_option = click.option(
     "--movers",

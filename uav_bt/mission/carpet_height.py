@@ -34,7 +34,8 @@ class CarpetHeightConfig:
         rangefinder_m: standard deviation of the white noise of the height above the surface, m.
         wander_m: standard deviation of the altimeter's slow error, m; it is 0 at the take-off.
         wander_s: correlation time of that error, s.
-        walk_m: standard deviation of the integrated vertical velocity after one second, m.
+        walk_m: standard deviation of the integrated vertical velocity after one second, m. Least
+            error of three flights of 100 s in each profile, against 0.02 and 0.04.
         gate_stds: A rangefinder further from its expected value sees another surface. An altitude
             further off means that the vertical velocity is wrong: the height begins anew.
         gap_s: The height begins anew, too, after a longer time without velocity or altitude, s.
@@ -49,7 +50,7 @@ class CarpetHeightConfig:
     rangefinder_m: float = 0.03
     wander_m: float = 0.05
     wander_s: float = 20.0
-    walk_m: float = 0.02
+    walk_m: float = 0.03
     gate_stds: float = 4.0
     gap_s: float = 1.0
     agree_m: float = 0.1
@@ -58,9 +59,9 @@ class CarpetHeightConfig:
 
 
 class CarpetHeight:
-    """Corrects the height above the carpet in what a drone reports.
+    """Corrects the height above the carpet in telemetry and frames.
 
-    Altitude, rangefinder and vertical velocity are each taken at their own time. The height of a
+    Altitude, rangefinder and vertical velocity each count at their time. The height of a
     moment after the newest velocity is carried on by it for at most `CARRY_S`.
 
     Args:
@@ -75,7 +76,7 @@ class CarpetHeight:
         self._ranges = False  # whether that difference has ever changed: there is a rangefinder
         self._sunk_m: deque[tuple[float, float]] = deque()  # time, and sum of the velocity
         self._down_mps = 0.0  # the newest vertical velocity
-        self._mean_m = np.zeros(2)  # the height less what the drone has sunk, the altimeter's error
+        self._mean_m = np.zeros(2)  # the height plus the way sunk, and the altimeter's error
         self._covariance = np.zeros((2, 2))
         self._frame: tuple[Frame, Frame] | None = None  # the newest, as it came and corrected
 

@@ -1,4 +1,4 @@
-"""Drops impossible measurements: the mission sees the last plausible ones, with their own times.
+"""Drops impossible measurements: the mission sees the last plausible ones, with their times.
 
 The rules about old telemetry and old frames (`uav_bt.mission.safety`) therefore treat an impossible
 measurement as a missing one.
@@ -19,7 +19,7 @@ FrameJudge = Callable[[Frame, DroneState], str | None]
 
 @dataclass(frozen=True, kw_only=True)
 class ScreeningConfig:
-    """Bounds of what a small camera drone can report. All are chosen, far beyond an ANAFI's flight.
+    """Bounds of a small camera drone's reports. All are chosen, far beyond an ANAFI's flight.
 
     Attributes:
         tilt_rad: largest roll and pitch, rad: a right angle.

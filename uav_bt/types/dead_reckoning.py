@@ -66,15 +66,15 @@ class OdometryPose(Pose2D):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionEstimate:
-    """Where the drone is and how it moves over the ground, by telemetry and by what it saw of it.
+    """Pose and motion of the drone over the ground, by telemetry and by the frames.
 
     Attributes:
         pose: now, dead-reckoned and corrected by the ground.
         seen: at the capture of the newest frame that went in.
         velocity: over the ground: telemetry's newest with `error` added.
-        error: what the ground shows beyond telemetry's velocity, slowly varying.
+        error: velocity over the ground less telemetry's; it varies slowly.
         tracked_s: capture time of the last frame whose ground was followed; -inf before the first.
-        turn_rad: the heading less telemetry's, slowly varying.
+        turn_rad: heading less telemetry's; it varies slowly.
         velocity_s: when `velocity` was measured; None for the time of the pose.
     """
 
@@ -90,6 +90,11 @@ class MotionEstimate:
     def untracked_s(self) -> float:
         """For how long telemetry alone has been flown by; inf before ground was followed."""
         return self.pose.time_s - self.tracked_s
+
+    @property
+    def reported_yaw_rad(self) -> float:
+        """Telemetry's heading, carried on to the time of the pose; clockwise."""
+        return wrap_angle(self.pose.yaw_rad - self.turn_rad)
 
     def over_ground(self, state: DroneState) -> DroneState:
         """Return telemetry with the velocity over the ground and the corrected heading."""
@@ -107,7 +112,7 @@ class MotionEstimate:
 class Odometry:
     """Integrates telemetry into poses and remembers the last few seconds of them.
 
-    Velocity and heading are each taken at the time of their own measurement. Between two
+    Velocity and heading are each taken at the time of their measurement. Between two
     measurements they are interpolated, and after the newest one both go on as they were for
     `CARRY_S`: a frame or a command between two reports has its place. Later the velocity is
     unknown, and the newest pose stays where it is and grows old.

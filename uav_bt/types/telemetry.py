@@ -1,4 +1,4 @@
-"""What a drone reports about itself."""
+"""The telemetry of a drone."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class MeasurementTimes:
 
     @property
     def oldest_s(self) -> float:
-        """The oldest time of what the drone is flown by: attitude, velocity and altitude.
+        """The oldest time of attitude, velocity and altitude, by which the drone is flown.
 
         NaN if one of the three is NaN.
         """

@@ -92,7 +92,7 @@ def test_however_a_step_ended_it_looks_again(word: MovementState) -> None:
     bench.tick(advance_s=0.1)
     assert bench.proposed is None  # the class map on the board shows the view before the step
     if word is not MovementState.DONE:
-        live(bench, seconds=0.8)
+        live(bench, seconds=0.9)
         assert bench.proposed is None
 
     assert live(bench) is Status.RUNNING

@@ -1,4 +1,4 @@
-"""Telemetry of the twin comes at its rate and late, each quantity by its own."""
+"""The twin's telemetry: each quantity comes at its rate and after its delay."""
 
 from __future__ import annotations
 

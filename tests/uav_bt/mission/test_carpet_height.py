@@ -162,23 +162,23 @@ def test_before_any_telemetry_the_report_stays_as_it_is() -> None:
     assert CarpetHeight().corrected(report) == Observation(frame=report.frame, state=report.state)
 
 
-# --- quantities at their own times ----------------------------------------------------------------
+# --- quantities with different times --------------------------------------------------------------
 
 
 def test_between_two_reports_the_height_follows_the_vertical_velocity_to_now() -> None:
     """It climbs at 0.5 m/s; the report is 0.2 s old."""
     height = CarpetHeight()
     for tick in range(11):
-        told = observed(0.2 * tick, FLYING_M + 0.1 * tick, down_mps=-0.5)
-        seen = height.corrected(told, 0.2 * tick + 0.2)
+        report = observed(0.2 * tick, FLYING_M + 0.1 * tick, down_mps=-0.5)
+        seen = height.corrected(report, 0.2 * tick + 0.2)
     assert seen.state.height_above_carpet_m == pytest.approx(FLYING_M + 1.1, abs=0.02)
 
 
 def test_a_dead_vertical_velocity_is_carried_on_for_half_a_second_only() -> None:
     height = CarpetHeight()
-    told = observed(0.0, down_mps=-0.6)
-    height.corrected(told, 0.0)
-    late = height.corrected(told, 9.0)
+    report = observed(0.0, down_mps=-0.6)
+    height.corrected(report, 0.0)
+    late = height.corrected(report, 9.0)
     assert late.state.height_above_carpet_m == pytest.approx(FLYING_M + 0.3)
 
 
@@ -187,10 +187,10 @@ def test_an_altitude_counts_at_its_own_time() -> None:
     height = CarpetHeight()
     for tick in range(100):
         now_s, true_m = 0.1 * tick, 6.0 - 0.05 * tick
-        told = observed(now_s, true_m + 0.1, down_mps=0.5)
+        report = observed(now_s, true_m + 0.1, down_mps=0.5)
         times = replace(
             MeasurementTimes.all_at(now_s), altitude_s=now_s - 0.2, height_s=now_s - 0.2
         )
-        state = replace(told.state, captured_s=now_s - 0.2, measured=times)
+        state = replace(report.state, captured_s=now_s - 0.2, measured=times)
         seen = height.corrected(Observation(frame=None, state=state), now_s)
     assert seen.state.height_above_carpet_m == pytest.approx(true_m, abs=0.02)

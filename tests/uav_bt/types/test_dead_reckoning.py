@@ -105,7 +105,7 @@ def test_odometry_beyond_its_memory() -> None:
     assert newest == odometry.now
 
 
-# --- quantities at their own times ----------------------------------------------------------------
+# --- quantities with different times --------------------------------------------------------------
 
 
 def reported(
@@ -115,8 +115,8 @@ def reported(
     times = replace(
         MeasurementTimes.all_at(velocity_s), attitude_s=attitude_s, altitude_s=attitude_s
     )
-    told = state(0.0, yaw_rad, forward_mps)
-    return replace(told, captured_s=times.oldest_s, measured=times)
+    report = state(0.0, yaw_rad, forward_mps)
+    return replace(report, captured_s=times.oldest_s, measured=times)
 
 
 def test_a_velocity_is_carried_on_to_now() -> None:
