@@ -160,7 +160,7 @@ class Checker:
         trees = self._document.trees
         tree_id = element.attributes.get("ID", "")
         if tree_id and tree_id not in trees and tree_id not in self._registry:
-            hint = f"{did_you_mean(tree_id, trees)}{self._document.unread}"
+            hint = self._hint(tree_id)
             message = f"there is no tree '{tree_id}'{hint}"
             self._note(element, message, "ID", Rule.UNKNOWN_TREE)
         if "_autoremap" in element.attributes:
@@ -174,6 +174,10 @@ class Checker:
         if described is not None and not autoremaps(element):
             self._check_missing_entries(element, described)
 
+    def _hint(self, tree_id: str) -> str:
+        known = [*self._document.trees, *self._document.elsewhere]
+        return f"{did_you_mean(tree_id, known)}{self._document.unread}"
+
     def _check_expanded(self, element: Element, node: type[ExpandedNode]) -> None:
         self._check_ports(element, node)
         for name, _ in node.variants:
@@ -185,7 +189,7 @@ class Checker:
             self._note(element, message, "_autoremap")
         tree_id = node.tree_of(element.attributes)
         if tree_id not in self._document.trees:
-            hint = f"{did_you_mean(tree_id, self._document.trees)}{self._document.unread}"
+            hint = self._hint(tree_id)
             message = f"the node is made of tree '{tree_id}', and there is no such tree{hint}"
             self._note(element, message, rule=Rule.UNKNOWN_TREE)
 
