@@ -34,7 +34,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def hint_for(name: str, known: Iterable[str], successors: Sequence[str] = ()) -> str:
-    """Return what a message adds to an unknown name: its successors, or the closest known name.
+    """Return the hint at an unknown name for a message: its successors, or the closest known name.
 
     Args:
         name: the unknown name.

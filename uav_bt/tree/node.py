@@ -286,7 +286,7 @@ class Node(Surroundings, Behaviour):
     def tick(self) -> Iterator[Behaviour]:
         """Tick as py_trees does, and yield every node that was ticked, children first.
 
-        While a visitor of py_trees looks at a node, the node shows what its tick answered.
+        While a visitor of py_trees looks at a node, the node shows the answer of its tick.
         """
         if self.node_status is SUCCESS or self.node_status is FAILURE:
             self.reset()

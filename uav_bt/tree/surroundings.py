@@ -160,7 +160,7 @@ class Surroundings:
     def initial_value(self, port: Port[T]) -> T | None:
         """Return a port's value before the tree runs.
 
-        It is the literal, or what an entry of a subtree gives the variable at the port.
+        It is the literal, or the entry of a subtree that is the variable's first value.
 
         Args:
             port: one of the node's.

@@ -28,7 +28,7 @@ POLICY = Port("policy", str, default="left", doc="where to go")
 
 
 class Steer(Leaf):
-    """Steers under a policy, and notes what it was given."""
+    """Steers under a policy, and notes the values of its ports."""
 
     ports = (
         POLICY,
