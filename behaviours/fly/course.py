@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from behaviours.fly.heading import HeadingController
+from behaviours.fly.heading_control import HeadingController
 from uav_bt.protocols import Decision
 
 _LASTS_S: Final = 0.5  # for so long a course is flown without a new decision

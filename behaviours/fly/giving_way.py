@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from behaviours.path.following import around
-from behaviours.path.giving_way import (
+from behaviours.path.ways_out import (
     GiveWayConfig,
-    Way,
+    WayOut,
     is_of_movers,
     is_threatened,
     runs_into,
     standing_alone,
     way_out,
 )
-from behaviours.path.room import Margins, Room
+from behaviours.path.clearance import Margins, ClearanceMap
 from uav_bt.board import OBSTACLES, ODOMETRY, SITE_MAP
 from uav_bt.tree import Port
 from uav_bt.types import Velocity
@@ -52,7 +52,7 @@ class GivingWay:
         self._leaf, self._config = leaf, config or GiveWayConfig()
         self._margins = Margins(touch_m=_TOUCH_M, min_start_m=_TOUCH_M, edge_m=_EDGE_M)
         self._decided_s = -math.inf  # on the map of then
-        self._way: Way | None = None
+        self._way: WayOut | None = None
 
     @property
     def active(self) -> bool:
@@ -70,7 +70,7 @@ class GivingWay:
             self._decided_s = site_map.captured_s
             self._way = self._decide(site_map)
         elif self._way is not None and leaf.clock.now() - self._decided_s > _STALE_S:
-            self._way = Way()  # nothing was seen since: the way may have ended
+            self._way = WayOut()  # nothing was seen since: the way may have ended
         if self._way is None:
             return False
         leaf.restart_view()
@@ -95,13 +95,13 @@ class GivingWay:
             return 0.0
         return max(-_WATCH_RADPS, min(_WATCH_RADPS, _WATCH_PER_S * bearing_rad))
 
-    def _decide(self, site_map: SiteMap) -> Way | None:
+    def _decide(self, site_map: SiteMap) -> WayOut | None:
         leaf, cfg = self._leaf, self._config
         if is_threatened(site_map, cfg):
             near = around(leaf.read(OBSTACLES).value, site_map)
             standing_m = near.seen_m[~is_of_movers(site_map.movers, near.seen_m)]
             near = replace(near, seen_m=standing_m)
-            room = Room(standing_alone(site_map), near, self._margins)
+            room = ClearanceMap(standing_alone(site_map), near, self._margins)
             return way_out(room, site_map.movers, cfg, before=self._way)
         motion = leaf.read(ODOMETRY).value
         if motion is None:
@@ -111,4 +111,4 @@ class GivingWay:
         over_ground_mps = np.array(
             [cos * forward_mps - sin * right_mps, sin * forward_mps + cos * right_mps]
         )
-        return Way() if runs_into(site_map, over_ground_mps, cfg) else None
+        return WayOut() if runs_into(site_map, over_ground_mps, cfg) else None

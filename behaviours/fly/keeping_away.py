@@ -93,12 +93,12 @@ def push_away_mps(obstacles: ObstaclePoints | None, config: KeepAwayConfig) -> t
         return 0.0, 0.0
     points_m = np.vstack([obstacles.points_m, obstacles.edges_m])
     ranges_m = np.maximum(np.linalg.norm(points_m, axis=1), config.min_range_m)
-    room_m = ranges_m.copy()
-    room_m[len(obstacles.points_m) :] += config.edge_nearer_m
-    weights = np.clip(config.keep_away_m / room_m - 1.0, 0.0, None)
+    gap_m = ranges_m.copy()
+    gap_m[len(obstacles.points_m) :] += config.edge_nearer_m
+    weights = np.clip(config.keep_away_m / gap_m - 1.0, 0.0, None)
     if not weights.any():
         return 0.0, 0.0
-    intrusion_m = config.keep_away_m - float(room_m.min())
+    intrusion_m = config.keep_away_m - float(gap_m.min())
     speed_mps = min(config.keep_away_per_s * intrusion_m, config.keep_away_mps)
     forward_mps, right_mps = -speed_mps * (weights / ranges_m) @ points_m / weights.sum()
     return float(forward_mps), float(right_mps)

@@ -6,7 +6,7 @@ import enum
 import math
 from dataclasses import dataclass
 
-from behaviours.fly.heading import HeadingController
+from behaviours.fly.heading_control import HeadingController
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.fly.tried_sides import TriedSides
 from behaviours.fly.wander import wander

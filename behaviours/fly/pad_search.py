@@ -9,7 +9,7 @@ from behaviours.fly.ground_pointing import pitch_showing_ground
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.fly.wander import wander
 from behaviours.path.map_search import Aim, MapSearch
-from behaviours.path.next_view import Sight
+from behaviours.path.next_viewpoint import GroundInView
 from uav_bt.board import CAMERA, CORRIDOR, HELIPAD, OBSTACLES, PHASE, SITE_MAP
 from uav_bt.protocols import Decision
 from uav_bt.tree import Status
@@ -179,7 +179,7 @@ class PadSearch:
         if camera is None:
             return None
         far_m = self._map.config.view.far_m
-        sight = Sight.of(camera, self._flight_rad, state.height_above_carpet_m, far_m)
+        sight = GroundInView.of(camera, self._flight_rad, state.height_above_carpet_m, far_m)
         obstacles, corridor = self._leaf.read(OBSTACLES).value, self._leaf.read(CORRIDOR).value
         return self._map.decide(site_map, obstacles, corridor, sight)
 

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from behaviours.path.moving import MovingConfig, yielding_mps
-from behaviours.path.room import Floats, Lately, Leg, Margins
+from behaviours.path.movers_ahead import MoversAheadConfig, yielding_mps
+from behaviours.path.clearance import Floats, RecentObstacles, Route, Margins
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import SiteMap
@@ -38,7 +38,7 @@ class FollowConfig:
     # What was seen so long ago, on the map's ground, and is not on the map since bars no way: seen
     # from where a drone that had lost the ground believed to be, it would bar one for ever.
     unmapped_s: float = 3.0
-    moving: MovingConfig = field(default_factory=MovingConfig)
+    moving: MoversAheadConfig = field(default_factory=MoversAheadConfig)
 
 
 def around(
@@ -48,7 +48,7 @@ def around(
     same_m: float = 0.25,
     least: int = 3,
     unmapped_s: float = math.inf,
-) -> Lately:
+) -> RecentObstacles:
     """Return what was seen lately around the drone and is not on the map.
 
     The map places what stands by many views, and corrects the drone's drift; what was seen lately
@@ -63,13 +63,13 @@ def around(
             being on the map since, does not count.
     """
     if obstacles is None:
-        return Lately()
+        return RecentObstacles()
     to_map = site_map.pose.points_to_world
     points_m = _believed(site_map, to_map(obstacles.points_m), obstacles.points_age_s, unmapped_s)
     edges_m = _believed(site_map, to_map(obstacles.edges_m), obstacles.edges_age_s, unmapped_s)
     new_m = _far_from(site_map.obstacles_m, points_m, same_m)
     alike = np.linalg.norm(new_m[:, None] - new_m, axis=-1) < same_m
-    return Lately(
+    return RecentObstacles(
         seen_m=new_m[alike.sum(axis=1) >= least],
         assumed_m=to_map(obstacles.assumed_m),
         edges_m=_far_from(site_map.edges_m, edges_m, same_m),
@@ -94,7 +94,7 @@ def _far_from(known_m: Floats, points_m: Floats, near_m: float) -> Floats:
 
 
 def follow(
-    leg: Leg,
+    leg: Route,
     site_map: SiteMap,
     corridor: Corridor | None,
     *,
@@ -136,7 +136,7 @@ def follow(
     )
 
 
-def _course(leg: Leg, pose: Pose2D, margins: Margins, config: FollowConfig) -> tuple[float, float]:
+def _course(leg: Route, pose: Pose2D, margins: Margins, config: FollowConfig) -> tuple[float, float]:
     """Return bearing and speed to the furthest place of the path that is reached straight."""
     apart = np.hypot(*(leg.path_m - leg.path_m[0]).T)
     furthest = int(np.argmax(apart >= config.ahead_m)) or len(leg.path_m) - 1
@@ -162,8 +162,8 @@ def _by_corridor(corridor: Corridor | None, config: FollowConfig) -> float:
     if free_m < config.near_m:
         return 0.0
     lag = config.brake_mps2 * config.reaction_s
-    room_m = max(free_m - config.stop_m, 0.0)
-    return max(config.creep_mps, math.sqrt(lag**2 + 2.0 * config.brake_mps2 * room_m) - lag)
+    gap_m = max(free_m - config.stop_m, 0.0)
+    return max(config.creep_mps, math.sqrt(lag**2 + 2.0 * config.brake_mps2 * gap_m) - lag)
 
 
 def _is_mapped(corridor: Corridor | None, site_map: SiteMap, config: FollowConfig) -> bool:

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.next_view import (
-    Sight,
-    View,
-    ViewConfig,
-    best_view,
+from behaviours.path.next_viewpoint import (
+    GroundInView,
+    Viewpoint,
+    ViewpointConfig,
+    best_viewpoint,
     shown_by,
     still_shows_m2,
     unseen,
 )
-from behaviours.path.room import Flags, Floats, Leg, Margins, Room, Rooms, Width
+from behaviours.path.clearance import Flags, Floats, Route, Margins, ClearanceMap, ClearanceMaps, Passage
 from uav_bt.protocols import Decision
 from uav_bt.types import Corridor, ObstaclePoints
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -38,7 +38,7 @@ class MapSearchConfig:
     doubted_s: float = 1.0  # a map that the views contradict for so long is not flown by
     margins: Margins = field(default_factory=Margins)
     follow: FollowConfig = field(default_factory=FollowConfig)
-    view: ViewConfig = field(default_factory=ViewConfig)
+    view: ViewpointConfig = field(default_factory=ViewpointConfig)
 
 
 class Aim(enum.Enum):
@@ -62,7 +62,7 @@ class MapSearch:
         self._round_s = -math.inf  # ground seen before is looked at again
         self._in_vain_m = np.empty((0, 2))  # places that stayed unseen from where they should show
         self._restarts = 0
-        self._width = Width.ORDINARY  # of the way to the view
+        self._width = Passage.ORDINARY  # of the way to the view
         self.pause()
 
     @property
@@ -72,7 +72,7 @@ class MapSearch:
 
     def pause(self) -> None:
         """Forget where the drone is flying to; what was searched is remembered."""
-        self._view: View | None = None
+        self._view: Viewpoint | None = None
         self._facing_s: float | None = None
 
     def mark_is_gone(self, site_map: SiteMap) -> None:
@@ -91,7 +91,7 @@ class MapSearch:
         site_map: SiteMap,
         obstacles: ObstaclePoints | None,
         corridor: Corridor | None,
-        sight: Sight,
+        sight: GroundInView,
     ) -> Decision | None:
         """Return the next course.
 
@@ -113,18 +113,18 @@ class MapSearch:
             self.pause()
         # Where there is no other way, it leads through where something moved, too.
         lately = around(obstacles, site_map, unmapped_s=self.config.follow.unmapped_s)
-        rooms = Rooms(site_map, lately, self.config.margins, crossing=True)
+        rooms = ClearanceMaps(site_map, lately, self.config.margins, crossing=True)
         mark = self.mark_of(site_map)
         if mark is not None:
             self.aim = Aim.MARK
-            for width in Width:
+            for width in Passage:
                 decision = self._to_mark(rooms[width], mark, corridor)
                 if decision is not None:
                     return decision
         self.aim = Aim.GROUND
         return self._to_ground(rooms, site_map.captured_s, corridor, sight)
 
-    def _to_mark(self, room: Room, mark: MapMark, corridor: Corridor | None) -> Decision | None:
+    def _to_mark(self, room: ClearanceMap, mark: MapMark, corridor: Corridor | None) -> Decision | None:
         cfg, site_map, time_s = self.config, room.map, room.fastest.time_s
         apart_m = np.linalg.norm(site_map.places_m() - (mark.x_m, mark.y_m), axis=-1)
         apart_m = np.where(np.isfinite(time_s), apart_m, math.inf)
@@ -144,7 +144,7 @@ class MapSearch:
         return self._follow(leg, room, corridor, reason)
 
     def _to_ground(
-        self, rooms: Rooms, now_s: float, corridor: Corridor | None, sight: Sight
+        self, rooms: ClearanceMaps, now_s: float, corridor: Corridor | None, sight: GroundInView
     ) -> Decision | None:
         if self._view is not None and not self._is_settled(self._view, rooms[self._width], sight):
             return self._to_view(self._view, rooms[self._width], corridor, sight)
@@ -159,19 +159,19 @@ class MapSearch:
             return None
         return self._to_view(self._view, rooms[self._width], corridor, sight)
 
-    def _choose(self, rooms: Rooms, sight: Sight) -> bool:
+    def _choose(self, rooms: ClearanceMaps, sight: GroundInView) -> bool:
         """Choose the next view, with as much room as there is; False when none is worth it."""
         self.pause()
-        for width in Width:
+        for width in Passage:
             room = rooms[width]
-            view = best_view(room, self._wanted(room), sight, self.config.view)
+            view = best_viewpoint(room, self._wanted(room), sight, self.config.view)
             if view is not None:
                 self._view, self._width = view, width
                 return True
         return False
 
     def _to_view(
-        self, view: View, room: Room, corridor: Corridor | None, sight: Sight
+        self, view: Viewpoint, room: ClearanceMap, corridor: Corridor | None, sight: GroundInView
     ) -> Decision | None:
         cfg, site_map = self.config, room.map
         cell = site_map.cell_of(view.x_m, view.y_m)
@@ -190,13 +190,13 @@ class MapSearch:
         return self._follow(leg, room, corridor, reason)
 
     def _follow(
-        self, leg: Leg, room: Room, corridor: Corridor | None, reason: str
+        self, leg: Route, room: ClearanceMap, corridor: Corridor | None, reason: str
     ) -> Decision | None:
         margins = self.config.margins.by(room.map.residual_m)
         config = self.config.follow
         return follow(leg, room.map, corridor, margins=margins, config=config, reason=reason)
 
-    def _is_settled(self, view: View, room: Room, sight: Sight) -> bool:
+    def _is_settled(self, view: Viewpoint, room: ClearanceMap, sight: GroundInView) -> bool:
         """Return whether a view has shown most of what it can, or cannot be reached any more."""
         cfg, time_s = self.config, room.fastest.time_s
         row, column = room.map.cell_of(view.x_m, view.y_m)
@@ -208,7 +208,7 @@ class MapSearch:
         left_m2 = still_shows_m2(view, room, self._wanted(room), sight, cfg.view)
         return left_m2 < max(cfg.kept * view.shows_m2, cfg.view.min_view_m2)
 
-    def _is_at(self, view: View, site_map: SiteMap) -> bool:
+    def _is_at(self, view: Viewpoint, site_map: SiteMap) -> bool:
         apart_m = math.hypot(view.x_m - site_map.pose.x_m, view.y_m - site_map.pose.y_m)
         return apart_m <= self.config.at_view_m
 
@@ -223,13 +223,13 @@ class MapSearch:
             return None
         return Decision(forward_m=0.1, yaw_rad=turn_rad, speed_mps=0.0, reason=reason)
 
-    def _wanted(self, room: Room) -> Flags:
+    def _wanted(self, room: ClearanceMap) -> Flags:
         wanted = unseen(room, self._round_s, self.config.view)
         cells, inside = self._cells(self._in_vain_m, room.map, wanted)
         wanted[tuple(cells[inside].T)] = False
         return wanted
 
-    def _still_wanted(self, places_m: Floats, room: Room) -> Floats:
+    def _still_wanted(self, places_m: Floats, room: ClearanceMap) -> Floats:
         wanted = self._wanted(room)
         cells, inside = self._cells(places_m, room.map, wanted)
         return np.asarray(places_m[inside][wanted[tuple(cells[inside].T)]])

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from behaviours.path.new_ground import passed_for_the_first_time
-from behaviours.path.room import Floats, Leg, Room
+from behaviours.path.clearance import Floats, Route, ClearanceMap
 
 _AHEAD_CELLS: Final = 4  # on a path: where it leads to at first
 
@@ -38,10 +38,10 @@ def new_ground_per_second(new_m2: Floats, time_s: Floats) -> Floats:
 
 
 def best_leg(
-    room: Room,
+    room: ClearanceMap,
     config: SurveyConfig | None = None,
     value: Callable[[Floats, Floats], Floats] = new_ground_per_second,
-) -> Leg | None:
+) -> Route | None:
     """Return the leg of the greatest value; None when none is worth it.
 
     Args:
@@ -68,7 +68,7 @@ def best_leg(
     return room.leg(path, time_s=float(spent_s[best]), new_m2=float(new_m2[best]))
 
 
-def _worth(room: Room, unseen_worth: float) -> Floats:
+def _worth(room: ClearanceMap, unseen_worth: float) -> Floats:
     """Return what it is worth to pass each cell: ground that was not passed, or may be."""
     import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
@@ -83,7 +83,7 @@ def _worth(room: Room, unseen_worth: float) -> Floats:
     return np.asarray(np.where(found.passed, 0.0, worth))
 
 
-def _first_turns_s(room: Room, yaw_rate_radps: float) -> Floats:
+def _first_turns_s(room: ClearanceMap, yaw_rate_radps: float) -> Floats:
     """Return how long the drone turns before it can fly along the path to each reached cell."""
     apart = room.fastest.after(_AHEAD_CELLS) - np.array(room.start)
     azimuth = np.arctan2(apart[:, 1], apart[:, 0])

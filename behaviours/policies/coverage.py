@@ -10,7 +10,7 @@ import numpy as np
 
 from behaviours.path.following import FollowConfig, around, follow
 from behaviours.path.gimbal_pointing import GroundPointingConfig, ground_share
-from behaviours.path.room import Floats, Margins, Rooms, Width
+from behaviours.path.clearance import Floats, Margins, ClearanceMaps, Passage
 from behaviours.path.survey import SurveyConfig, best_leg, new_ground_per_second
 from uav_bt.errors import MissionError
 from uav_bt.protocols import Decision, PolicyView
@@ -77,14 +77,14 @@ class Coverage:
                 forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
             )
         lately = around(view.obstacles, site_map, unmapped_s=cfg.follow.unmapped_s)
-        rooms = Rooms(site_map, lately, cfg.margins, past_assumed=True)
-        room = rooms[Width.ORDINARY]
+        rooms = ClearanceMaps(site_map, lately, cfg.margins, past_assumed=True)
+        room = rooms[Passage.ORDINARY]
         leg = best_leg(room, cfg.survey, self._value)
         if leg is None or leg.new_m2 < cfg.little_m2ps * leg.time_s:
-            room = rooms[Width.TIGHT]
+            room = rooms[Passage.TIGHT]
             leg = best_leg(room, cfg.survey, self._value) or leg
         if leg is None and (room.shut_in or room.too_narrow):
-            room = rooms[Width.TIGHTEST]
+            room = rooms[Passage.TIGHTEST]
             leg = best_leg(room, cfg.survey, self._value)
         if leg is None:
             # What moves is in the way of ground for a while only.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.path.following import FollowConfig, around, follow
-from behaviours.path.room import Lately, Margins, Room
+from behaviours.path.clearance import RecentObstacles, Margins, ClearanceMap
 from behaviours.path.survey import best_leg
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.protocols import Decision
@@ -68,7 +68,7 @@ def test_nothing_seen_is_nothing_lately() -> None:
 def test_it_steers_around_a_corner_not_across_it() -> None:
     """Beside the corner of a block; 0.6 m further the path has gone round it."""
     block = np.array([(x, y) for x in np.arange(-1.0, 0.5, 0.05) for y in np.arange(0.4, 1.5, 0.1)])
-    room = Room(drawn_map(pose=(0.45, 0.0, 0.0), obstacles=block), Lately())
+    room = ClearanceMap(drawn_map(pose=(0.45, 0.0, 0.0), obstacles=block), RecentObstacles())
     ahead = [(x_m, 0.0) for x_m in (0.5, 0.6, 0.7, 0.8, 0.9)]
     path_m = ahead + [(0.9, y_m) for y_m in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)]
     leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
@@ -80,14 +80,14 @@ def test_it_steers_around_a_corner_not_across_it() -> None:
 
 
 def test_in_the_open_it_looks_far_ahead() -> None:
-    leg = best_leg(Room(drawn_map(passed=where("left")), Lately()))
+    leg = best_leg(ClearanceMap(drawn_map(passed=where("left")), RecentObstacles()))
     assert leg is not None
     assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)
 
 
 def past(obstacles: np.ndarray, free_m: float = 0.3) -> Decision | None:
     """Return the course straight ahead with a corridor that is blocked so near."""
-    room = Room(drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), Lately())
+    room = ClearanceMap(drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), RecentObstacles())
     path_m = [(x_m, 0.0) for x_m in np.arange(0.0, 1.0, 0.1)]
     leg = room.leg([room.map.cell_of(*place_m) for place_m in path_m], time_s=3.0)
     corridor = Corridor(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
-from behaviours.path.moving import taken_m
+from behaviours.path.movers_ahead import outlines_m
 from uav_bt.errors import ValueRangeError
 from uav_bt.types.site_map import SiteMap
 
@@ -22,7 +22,7 @@ Flags = NDArray[np.bool_]
 _LINE_SAMPLES: Final = 10  # on a line as long as the drone looks ahead
 
 
-class Width(enum.Enum):
+class Passage(enum.Enum):
     """How much room the legs of a map leave beside them."""
 
     ORDINARY = "ordinary"
@@ -97,7 +97,7 @@ def _nothing() -> Floats:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leg:
+class Route:
     """A path to fly, and what it is worth."""
 
     path_m: Floats  # (N, 2) from the drone to the end, in the map's frame
@@ -108,7 +108,7 @@ class Leg:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Lately:
+class RecentObstacles:
     """What was seen lately around the drone, in the map's frame."""
 
     seen_m: Floats = field(default_factory=_nothing)  # (N, 2) obstacles
@@ -116,7 +116,7 @@ class Lately:
     edges_m: Floats = field(default_factory=_nothing)  # (K, 2) where the ground ends
 
 
-class Room:
+class ClearanceMap:
     """What of a map can be flown, and how far everything is from obstacles and edges.
 
     Args:
@@ -128,13 +128,13 @@ class Room:
     def __init__(
         self,
         site_map: SiteMap,
-        lately: Lately,
+        lately: RecentObstacles,
         margins: Margins | None = None,
     ) -> None:
         margins = (margins or Margins()).by(site_map.residual_m)
         self.map, self.margins = site_map, margins
         standing = self._marked(
-            np.vstack([site_map.obstacles_m, taken_m(site_map.movers), lately.seen_m])
+            np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), lately.seen_m])
         )
         self.obstacle_m = self._distance_of(standing | self._filled())
         ends_m = self._distance_m(np.vstack([site_map.edges_m, lately.edges_m]))
@@ -165,10 +165,10 @@ class Room:
         cell_s = self.map.cell_m / self.margins.speed_mps(self.clear_m)
         return fastest_paths(self.open, cell_s, self.start)
 
-    def leg(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Leg:
+    def leg(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
         """Return a path as it is flown."""
         cells = np.array(path)
-        return Leg(
+        return Route(
             path_m=np.array(self.map.corner_m) + self.map.cell_m * cells,
             clear_m=self.clear_m[tuple(cells.T)],
             straight_m=self._straight_m(cells),
@@ -256,7 +256,7 @@ class Room:
         return self.map.cell_m * cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64)
 
 
-class Rooms:
+class ClearanceMaps:
     """What of a map can be flown with each width of legs, worked out when it is asked for.
 
     Args:
@@ -270,7 +270,7 @@ class Rooms:
     def __init__(
         self,
         site_map: SiteMap,
-        lately: Lately,
+        lately: RecentObstacles,
         margins: Margins,
         *,
         crossing: bool = False,
@@ -278,15 +278,15 @@ class Rooms:
     ) -> None:
         narrow = replace(site_map, lanes_m=_nothing()) if crossing else site_map
         self._parts = {
-            Width.ORDINARY: (site_map, margins),
-            Width.TIGHT: (narrow, margins.tight()),
-            Width.TIGHTEST: (narrow, replace(margins.tightest(), past_assumed=past_assumed)),
+            Passage.ORDINARY: (site_map, margins),
+            Passage.TIGHT: (narrow, margins.tight()),
+            Passage.TIGHTEST: (narrow, replace(margins.tightest(), past_assumed=past_assumed)),
         }
         self._lately = lately
-        self._rooms: dict[Width, Room] = {}
+        self._rooms: dict[Passage, ClearanceMap] = {}
 
-    def __getitem__(self, width: Width) -> Room:
+    def __getitem__(self, width: Passage) -> ClearanceMap:
         if width not in self._rooms:
             site_map, margins = self._parts[width]
-            self._rooms[width] = Room(site_map, self._lately, margins)
+            self._rooms[width] = ClearanceMap(site_map, self._lately, margins)
         return self._rooms[width]

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.room import Flags, Floats, Room
+from behaviours.path.clearance import Flags, Floats, ClearanceMap
 from uav_bt.types import CameraModel
 
 _SOLID_CELLS = 1.5  # so near to a point of an obstacle nothing is seen through
 
 
 @dataclass(frozen=True, kw_only=True)
-class ViewConfig:
+class ViewpointConfig:
     """How views are tried, and what they must show."""
 
     far_m: float = 3.5  # the map takes in hardly more, and the mark is small there
@@ -36,7 +36,7 @@ class ViewConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sight:
+class GroundInView:
     """The ground that the camera shows in level flight: a sector of a ring."""
 
     near_m: float
@@ -44,7 +44,7 @@ class Sight:
     half_rad: float
 
     @classmethod
-    def of(cls, camera: CameraModel, pitch_rad: float, height_m: float, far_m: float) -> Sight:
+    def of(cls, camera: CameraModel, pitch_rad: float, height_m: float, far_m: float) -> GroundInView:
         """Return what a camera shows.
 
         Args:
@@ -65,7 +65,7 @@ class Sight:
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class Viewpoint:
     """Where to look from, and where to, in the map's frame."""
 
     x_m: float
@@ -74,7 +74,7 @@ class View:
     shows_m2: float  # of what was not seen
 
 
-def unseen(room: Room, since_s: float, config: ViewConfig) -> Flags:
+def unseen(room: ClearanceMap, since_s: float, config: ViewpointConfig) -> Flags:
     """Return the cells that may be ground, or a landing mark on it, and were not seen since.
 
     Args:
@@ -91,7 +91,7 @@ def unseen(room: Room, since_s: float, config: ViewConfig) -> Flags:
     return np.pad(~seen & ~room.map.outside & ~solid, around, constant_values=True)
 
 
-def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> View | None:
+def best_viewpoint(room: ClearanceMap, wanted: Flags, sight: GroundInView, config: ViewpointConfig) -> Viewpoint | None:
     """Return the view that shows the most of what is wanted in a second; None: none does.
 
     Args:
@@ -112,7 +112,7 @@ def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> Vi
     if worth[place, bearing] <= 0.0:
         return None
     x_m, y_m = np.array(room.map.corner_m) + room.map.cell_m * places[place]
-    return View(
+    return Viewpoint(
         x_m=float(x_m),
         y_m=float(y_m),
         yaw_rad=2.0 * math.pi * float(bearing) / config.bearings,
@@ -121,14 +121,14 @@ def best_view(room: Room, wanted: Flags, sight: Sight, config: ViewConfig) -> Vi
 
 
 def still_shows_m2(
-    view: View, room: Room, wanted: Flags, sight: Sight, config: ViewConfig
+    view: Viewpoint, room: ClearanceMap, wanted: Flags, sight: GroundInView, config: ViewpointConfig
 ) -> float:
     """Return how much of what is wanted a view shows now."""
     place = np.array([room.map.cell_of(view.x_m, view.y_m)])
     return float(_shown_m2(room, wanted, place, sight, config)[0, _bearing(view, config)])
 
 
-def shown_by(view: View, room: Room, sight: Sight, config: ViewConfig) -> Floats:
+def shown_by(view: Viewpoint, room: ClearanceMap, sight: GroundInView, config: ViewpointConfig) -> Floats:
     """Return the places that a view shows, (N, 2) in the map's frame."""
     rows, columns, ranges_m, clear = _rays(
         room, np.array([room.map.cell_of(view.x_m, view.y_m)]), sight, config
@@ -140,7 +140,7 @@ def shown_by(view: View, room: Room, sight: Sight, config: ViewConfig) -> Floats
 
 
 def _shown_m2(
-    room: Room, wanted: Flags, places: NDArray[np.intp], sight: Sight, config: ViewConfig
+    room: ClearanceMap, wanted: Flags, places: NDArray[np.intp], sight: GroundInView, config: ViewpointConfig
 ) -> Floats:
     """Return how much of what is wanted each place shows along each heading, (K, bearings)."""
     rows, columns, ranges_m, clear = _rays(room, places, sight, config)
@@ -154,7 +154,7 @@ def _shown_m2(
 
 
 def _rays(
-    room: Room, places: NDArray[np.intp], sight: Sight, config: ViewConfig
+    room: ClearanceMap, places: NDArray[np.intp], sight: GroundInView, config: ViewpointConfig
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Flags]:
     """Return the cells on the rays round each place, (K, bearings, S) rows and columns.
 
@@ -171,11 +171,11 @@ def _rays(
     return rows, columns, ranges_m, ~np.logical_or.accumulate(ends, axis=2)
 
 
-def _bearing(view: View, config: ViewConfig) -> int:
+def _bearing(view: Viewpoint, config: ViewpointConfig) -> int:
     return round(view.yaw_rad / (2.0 * math.pi) * config.bearings) % config.bearings
 
 
-def _fan(sight: Sight, config: ViewConfig) -> NDArray[np.intp]:
+def _fan(sight: GroundInView, config: ViewpointConfig) -> NDArray[np.intp]:
     """Return the bearings of a view, counted from its middle."""
     width = math.floor(sight.half_rad / (2.0 * math.pi) * config.bearings)
     return np.arange(-width, width + 1)
@@ -189,7 +189,7 @@ def _looked_up(grid: Flags, rows: NDArray[np.intp], columns: NDArray[np.intp]) -
     return np.asarray(inside & found)
 
 
-def _times_s(room: Room, places: NDArray[np.intp], config: ViewConfig) -> Floats:
+def _times_s(room: ClearanceMap, places: NDArray[np.intp], config: ViewpointConfig) -> Floats:
     """Return how long flying to each place and turning to each bearing takes, (K, bearings)."""
     start, before = np.array(room.start), room.fastest.before
     yaw_rad = room.map.pose.yaw_rad
