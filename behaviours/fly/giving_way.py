@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from behaviours.path.following import around
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import recent_obstacles
 from behaviours.path.ways_out import (
     GiveWayConfig,
     WayOut,
@@ -18,7 +20,6 @@ from behaviours.path.ways_out import (
     standing_alone,
     way_out,
 )
-from behaviours.path.clearance import Margins, ClearanceMap
 from uav_bt.board import OBSTACLES, ODOMETRY, SITE_MAP
 from uav_bt.tree import Port
 from uav_bt.types import Velocity
@@ -98,7 +99,7 @@ class GivingWay:
     def _decide(self, site_map: SiteMap) -> WayOut | None:
         leaf, cfg = self._leaf, self._config
         if is_threatened(site_map, cfg):
-            near = around(leaf.read(OBSTACLES).value, site_map)
+            near = recent_obstacles(leaf.read(OBSTACLES).value, site_map)
             standing_m = near.seen_m[~is_of_movers(site_map.movers, near.seen_m)]
             near = replace(near, seen_m=standing_m)
             room = ClearanceMap(standing_alone(site_map), near, self._margins)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from behaviours.path.following import around
+from behaviours.path.nearby import recent_obstacles
 from uav_bt.types import ObstaclePoints
 from uav_bt.types.site_map import SiteMap
 
@@ -46,7 +46,7 @@ def by_the_map(
         return obstacles
 
     seen = obstacles.within(config.keep_away_m + config.alike_m)
-    lately, to_body = around(seen, site_map), site_map.pose.points_to_body
+    lately, to_body = recent_obstacles(seen, site_map), site_map.pose.points_to_body
     found = ObstaclePoints(
         points_m=to_body(np.vstack([site_map.obstacles_m, lately.seen_m])),
         edges_m=to_body(np.vstack([site_map.edges_m, lately.edges_m])),

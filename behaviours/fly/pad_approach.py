@@ -10,7 +10,7 @@ from behaviours.fly.heading_control import HeadingController
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.fly.tried_sides import TriedSides
 from behaviours.fly.wander import wander
-from behaviours.path.gimbal_pointing import GimbalPointing, shows_unplaced
+from behaviours.path.gimbal_pointing import LookingDown, mark_pitch_rad, shows_unplaced
 from behaviours.path.planner import PathToPad
 from uav_bt.board import HELD_TURN, HELIPAD, OBSTACLES, PHASE
 from uav_bt.protocols import Decision
@@ -97,7 +97,7 @@ class PadApproach:
     def reset(self) -> None:
         """Forget earlier approaches."""
         self._detour_steps = 0
-        self._pointing = GimbalPointing()
+        self._pointing = LookingDown()
         self._sides.forget()
 
     def begin(self) -> None:
@@ -123,9 +123,9 @@ class PadApproach:
         if self._phase is _Phase.DETOUR or self._by_policy or fix is None or state is None:
             return self._flight_rad
         obstacles, now_s = self._leaf.read(OBSTACLES).value, self._leaf.clock.now()
-        return self._pointing.pitch_rad(
-            fix, obstacles, state, flight_rad=self._flight_rad, now_s=now_s
-        )
+        height_m = state.height_above_carpet_m
+        looks_rad = self._pointing.pitch_rad(obstacles, now_s)
+        return looks_rad or mark_pitch_rad(fix.range_m, height_m, self._flight_rad)
 
     def _is_at_pad(self) -> bool:
         """Return whether it is almost above the pad, with nothing that is remembered in between."""

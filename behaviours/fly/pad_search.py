@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from behaviours.fly.ground_pointing import pitch_showing_ground
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.fly.wander import wander
+from behaviours.path.gimbal_pointing import mark_pitch_rad
 from behaviours.path.map_search import Aim, MapSearch
 from behaviours.path.next_viewpoint import GroundInView
 from uav_bt.board import CAMERA, CORRIDOR, HELIPAD, OBSTACLES, PHASE, SITE_MAP
 from uav_bt.protocols import Decision
 from uav_bt.tree import Status
-from uav_bt.types import PAD_HEIGHT_M, DroneState, HelipadFix, MissionPhase, Velocity
-from uav_bt.types.site_map import SiteMap
+from uav_bt.types import DroneState, HelipadFix, MissionPhase, Velocity
+from uav_bt.types.site_map import MapMark, SiteMap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +32,6 @@ class PadSearchConfig:
     track_std_m: float = 0.3  # a pad that is carried this well is flown to without a search
     by_map_m: float = 1.5  # further away, that goes by the map where it knows a way
     agrees_m: float = 0.7  # a pad further from the map's mark is another thing
-    mark_pitch_rad: float = math.radians(-50)  # the camera follows the mark down to this
 
 
 class PadSearch:
@@ -55,6 +55,7 @@ class PadSearch:
         self._leaf, self._flight_rad, self._by_map = leaf, flight_rad, by_map
         self._config = config or PadSearchConfig()
         self._map = MapSearch()
+        self._gone_s = -math.inf  # the mark was not where the map had it up to then
         self._planned_s = -math.inf  # the newest map that was planned on
         self._led = False  # the map knew a way
         self._tried_s = -math.inf  # a track that was last seen then did not lead to the pad
@@ -86,7 +87,7 @@ class PadSearch:
         if site_map is None:
             return True
         x_m, y_m = site_map.pose.to_world(fix.forward_m, fix.right_m)
-        mark = self._map.mark_of(site_map)
+        mark = self._mark_of(site_map)
         if mark is None:
             return not site_map.is_beyond_edge(x_m, y_m)
         return math.hypot(x_m - mark.x_m, y_m - mark.y_m) <= self._config.agrees_m
@@ -116,16 +117,14 @@ class PadSearch:
         site_map, state = self._site_map(), self._leaf.state()
         if site_map is None or state is None:
             return self._flight_rad
-        mark = self._map.mark_of(site_map)
+        mark = self._mark_of(site_map)
         if mark is None or self._map.aim is not Aim.MARK:
             # A policy knows views of one pitch, and a view was chosen for what it shows at that.
             if not self._led or self._map.looks:
                 return self._flight_rad
             return pitch_showing_ground(self._leaf, self._flight_rad)
         range_m = math.hypot(mark.x_m - site_map.pose.x_m, mark.y_m - site_map.pose.y_m)
-        above_m = max(state.height_above_carpet_m - PAD_HEIGHT_M, 0.0)
-        mark_rad = -math.atan2(above_m, max(range_m, 0.05))
-        return min(self._flight_rad, max(mark_rad, self._config.mark_pitch_rad))
+        return mark_pitch_rad(range_m, state.height_above_carpet_m, self._flight_rad)
 
     def _found(self) -> HelipadFix | None:
         """Return the pad that can be flown to."""
@@ -134,6 +133,10 @@ class PadSearch:
             return None
         carried = fix.std_m <= self._config.track_std_m and fix.captured_s > self._tried_s
         return fix if fix.detected or (self._by_map and carried) else None
+
+    def _mark_of(self, site_map: SiteMap) -> MapMark | None:
+        mark = site_map.mark
+        return mark if mark is not None and mark.seen_s > self._gone_s else None
 
     def _site_map(self) -> SiteMap | None:
         return self._leaf.read(SITE_MAP).value if self._by_map else None
@@ -168,7 +171,9 @@ class PadSearch:
         if self._leaf.turning:
             self._leaf.restart_view()
         if decision.done:
-            self._map.mark_is_gone(site_map)
+            self._map.pause()
+            if site_map.mark is not None:
+                self._gone_s = site_map.mark.seen_s
             self._begin_scan(state)
             return
         self._leaf.feedback_message = decision.reason
@@ -181,7 +186,7 @@ class PadSearch:
         far_m = self._map.config.view.far_m
         sight = GroundInView.of(camera, self._flight_rad, state.height_above_carpet_m, far_m)
         obstacles, corridor = self._leaf.read(OBSTACLES).value, self._leaf.read(CORRIDOR).value
-        return self._map.decide(site_map, obstacles, corridor, sight)
+        return self._map.decide(site_map, self._mark_of(site_map), obstacles, corridor, sight)
 
     def _search_under_policy(self, state: DroneState) -> None:
         if self._leaf.leaf_clock.now() >= self._next_scan_s and not self._leaf.busy:

@@ -1,10 +1,9 @@
-"""What of a map can be flown, how near to things, and how fast there."""
+"""Where a drone can fly on a map, and how far each place is from obstacles and edges."""
 
 from __future__ import annotations
 
-import enum
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -12,152 +11,103 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.path.fastest import Cell, FastestPaths, fastest_paths
+from behaviours.path.margins import Margins, Passage
 from behaviours.path.movers_ahead import outlines_m
-from uav_bt.errors import ValueRangeError
+from behaviours.path.nearby import RecentObstacles
 from uav_bt.types.site_map import SiteMap
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Place = tuple[float, float]
 
-_LINE_SAMPLES: Final = 10  # on a line as long as the drone looks ahead
-
-
-class Passage(enum.Enum):
-    """How much room the legs of a map leave beside them."""
-
-    ORDINARY = "ordinary"
-    TIGHT = "tight"
-    TIGHTEST = "tightest"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Margins:
-    """How near to things a leg may pass, and how fast it is flown there.
-
-    Distances are from the body's centre, half of whose diagonal is 0.2 m.
-    """
-
-    touch_m: float = 0.40  # no leg passes an obstacle nearer: a hull's 0.2 m, drift, and sway
-    wide_m: float = 0.75  # from here on the full speed
-    tight_m: float = 0.34  # where legs with all that room lead nowhere
-    tightest_m: float = 0.30  # where without it there is no way out of where the drone flew in
-    # Views of a drone that knows well where it is, and how high, are off the map by so much. What
-    # they are off more is added, so many times, to the distance from obstacles and edges.
-    sure_m: float = 0.016
-    unsure_times: float = 8.0
-    unsure_m: float = 0.12  # no more is added
-    doubt_m: float = 0.38  # no leg passes nearer to where an obstacle is only assumed,
-    past_assumed: bool = False  # but over open ground that was seen, if this is set
-    unknown_m: float = 0.35  # what was never seen may be the hidden side of a box
-    lane_m: float = 0.7  # where something moved and may come back while nobody looks
-    edge_m: float = 0.30  # no leg passes the edge of the ground nearer
-    slow_mps: float = 0.3  # at the smallest distance
-    fast_mps: float = 0.6
-    away_mps: float = 0.1  # where the drone begins nearer: the shortest way is away
-    # Around the drone, which may be nearer to something already, a leg goes on as near, not nearer.
-    start_m: float = 0.7
-    start_slack_m: float = 0.03
-    min_start_m: float = 0.3  # nearer, it only leads away
-    enough_reached: float = 0.5  # of what can be flown: with less in reach, the drone is shut in
-
-    def __post_init__(self) -> None:
-        speeds_mps = (self.away_mps, self.slow_mps, self.fast_mps)
-        in_order = tuple(sorted(speeds_mps)) == speeds_mps
-        apart = self.min_start_m <= self.touch_m < self.wide_m
-        if self.away_mps <= 0.0 or not in_order or not apart:
-            raise ValueRangeError(f"speeds and distances must be positive and in order, got {self}")
-
-    def by(self, residual_m: float) -> Margins:
-        """Return how near legs may pass with views that are so far off the map."""
-        more_m = min(self.unsure_times * max(residual_m - self.sure_m, 0.0), self.unsure_m)
-        return replace(
-            self,
-            touch_m=self.touch_m + more_m,
-            wide_m=self.wide_m + more_m,
-            doubt_m=self.doubt_m + more_m,
-            edge_m=self.edge_m + more_m,
-        )
-
-    def tight(self) -> Margins:
-        """Return how near legs pass in narrow places."""
-        return replace(self, touch_m=self.tight_m)
-
-    def tightest(self) -> Margins:
-        """Return how near legs pass where the drone is shut in, however well it knows its place."""
-        return replace(self, touch_m=self.tightest_m, unsure_m=0.0)
-
-    def speed_mps(self, clear_m: Floats) -> Floats:
-        """Return how fast the drone flies with so much room around it."""
-        at_m = self.min_start_m, self.touch_m, self.wide_m
-        return np.interp(clear_m, at_m, (self.away_mps, self.slow_mps, self.fast_mps))
-
-
-def _nothing() -> Floats:
-    return np.empty((0, 2))
+_LINE_SAMPLES: Final = 10  # samples of a straight line; it is about 0.6 m long (FollowConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """A path to fly, and what it is worth."""
+    """A path over the map.
 
-    path_m: Floats  # (N, 2) from the drone to the end, in the map's frame
-    clear_m: Floats  # (N,) room around each place
-    straight_m: Floats  # (N,) the least room on the straight line from the drone to each place
+    Attributes:
+        path_m: (N, 2) places from the drone to the end, metres in the map's frame.
+        clear_m: (N,) clearance of each place, as of `ClearanceMap.clearance_at`.
+        straight_m: (N,) least clearance on the straight line from the drone to each place.
+        time_s: Time to fly it.
+        new_m2: Ground that it passes for the first time; 0 where that was not asked for.
+    """
+
+    path_m: Floats
+    clear_m: Floats
+    straight_m: Floats
     time_s: float
-    new_m2: float  # ground that it passes for the first time
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecentObstacles:
-    """What was seen lately around the drone, in the map's frame."""
-
-    seen_m: Floats = field(default_factory=_nothing)  # (N, 2) obstacles
-    assumed_m: Floats = field(default_factory=_nothing)  # (M, 2) where they are assumed
-    edges_m: Floats = field(default_factory=_nothing)  # (K, 2) where the ground ends
+    new_m2: float = 0.0
 
 
 class ClearanceMap:
-    """What of a map can be flown, and how far everything is from obstacles and edges.
+    """The clearance of every cell of a site map, the flyable cells, and the paths over them.
+
+    Attributes:
+        map: The site map.
+        margins: The margins, widened by the map's residual.
+        obstacle_m: (rows, columns) distance to the nearest obstacle, metres; inf without any.
+        clear_m: (rows, columns) clearance, as of `clearance_at`.
+        open: (rows, columns) whether a route may lead over the cell.
+        start: Row and column of the drone.
 
     Args:
-        site_map: as it is known now.
-        lately: what was seen besides.
-        margins: how near legs may pass.
+        site_map: The newest map.
+        recent: What was seen besides.
+        margins: The distances that routes keep.
+        over: Landing mark that routes may lead over, (x, y) metres in the map's frame: ground to
+            `margins.over_m` from there counts as seen and free.
     """
 
     def __init__(
         self,
         site_map: SiteMap,
-        lately: RecentObstacles,
+        recent: RecentObstacles,
         margins: Margins | None = None,
+        *,
+        over: Place | None = None,
     ) -> None:
         margins = (margins or Margins()).by(site_map.residual_m)
         self.map, self.margins = site_map, margins
-        standing = self._marked(
-            np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), lately.seen_m])
-        )
-        self.obstacle_m = self._distance_of(standing | self._filled())
-        ends_m = self._distance_m(np.vstack([site_map.edges_m, lately.edges_m]))
+        self._free = site_map.free | self._around(over)
+        points_m = np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), recent.seen_m])
+        self.obstacle_m = self._distance_of(self._marked(points_m) | self._filled())
+        ends_m = self._distance_m(np.vstack([site_map.edges_m, recent.edges_m]))
         edge_m = np.minimum(ends_m, self._distance_of(site_map.outside))
-        # In one measure: what may be passed nearer counts as so much further away.
-        closing, slowing = self._assumed(lately.assumed_m)
+        # One measure for all: the distances are shifted so that each limit falls on `touch_m`.
+        closing, slowing = self._assumed(recent.assumed_m)
         nearer_m = margins.touch_m - margins.doubt_m
-        room = np.minimum(self.obstacle_m, self._distance_of(closing) + nearer_m)
-        slower = np.maximum(self._distance_of(slowing) + nearer_m, margins.touch_m)
-        room = np.minimum(room, slower)
+        clear_m = np.minimum(self.obstacle_m, self._distance_of(closing) + nearer_m)
+        slower_m = np.maximum(self._distance_of(slowing) + nearer_m, margins.touch_m)
+        clear_m = np.minimum(clear_m, slower_m)
         lane_m = self._distance_m(site_map.lanes_m)
-        room = np.minimum(room, lane_m + margins.touch_m - margins.lane_m)
-        room = np.minimum(room, self._unknown_m() + margins.touch_m - margins.unknown_m)
-        self.clear_m = np.minimum(room, edge_m + margins.touch_m - margins.edge_m)
+        clear_m = np.minimum(clear_m, lane_m + margins.touch_m - margins.lane_m)
+        clear_m = np.minimum(clear_m, self._unknown_m() + margins.touch_m - margins.unknown_m)
+        self.clear_m = np.minimum(clear_m, edge_m + margins.touch_m - margins.edge_m)
         self.start: Cell = self._within(site_map.cell_of(site_map.pose.x_m, site_map.pose.y_m))
         rows, columns = np.indices(self.clear_m.shape)
         from_start_m = site_map.cell_m * np.hypot(rows - self.start[0], columns - self.start[1])
-        flyable = site_map.free & ~site_map.outside
+        flyable = self._free & ~site_map.outside
         self.open = flyable & (self.clear_m >= margins.touch_m)
         here_m = float(self.clear_m[self.start])
         as_near_m = min(here_m, max(margins.min_start_m, here_m - margins.start_slack_m))
         self.open |= flyable & (from_start_m <= margins.start_m) & (self.clear_m >= as_near_m)
         self.open[self.start] = True
+
+    def clearance_at(self, x_m: float, y_m: float) -> float:
+        """Return the clearance of a place, metres.
+
+        The clearance is the distance to the nearest obstacle. Edges, lanes, unknown cells and
+        assumed obstacles count, too, each shifted so that its own margin falls on
+        `margins.touch_m`: a route leads where the clearance is at least that.
+
+        Args:
+            x_m: Place in the map's frame; outside the grid the nearest cell counts.
+            y_m: The same.
+        """
+        return float(self.clear_m[self._within(self.map.cell_of(x_m, y_m))])
 
     @cached_property
     def fastest(self) -> FastestPaths:
@@ -165,8 +115,30 @@ class ClearanceMap:
         cell_s = self.map.cell_m / self.margins.speed_mps(self.clear_m)
         return fastest_paths(self.open, cell_s, self.start)
 
-    def leg(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
-        """Return a path as it is flown."""
+    def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
+        """Return the fastest route to the surroundings of a place; None without one.
+
+        Args:
+            to: Place in the map's frame, metres.
+            near_m: The route that is the fastest to within this distance is returned.
+            far_m: Where no route leads so near, the one that ends nearest is, within this distance.
+        """
+        time_s = self.fastest.time_s
+        apart_m = np.linalg.norm(self.map.places_m() - to, axis=-1)
+        apart_m = np.where(np.isfinite(time_s), apart_m, math.inf)
+        end = int(np.where(apart_m <= near_m, time_s, math.inf).argmin())
+        if apart_m.min() > near_m:
+            end = int(apart_m.argmin())
+        if apart_m.reshape(-1)[end] > max(near_m, far_m):
+            return None
+        return self.route_to_cell(divmod(end, apart_m.shape[1]))
+
+    def route_to_cell(self, cell: Cell) -> Route:
+        """Return the fastest route to a cell that is reached."""
+        return self.route_along(self.fastest.to(cell), time_s=float(self.fastest.time_s[cell]))
+
+    def route_along(self, path: list[Cell], *, time_s: float, new_m2: float = 0.0) -> Route:
+        """Return a path over cells as a route."""
         cells = np.array(path)
         return Route(
             path_m=np.array(self.map.corner_m) + self.map.cell_m * cells,
@@ -176,42 +148,51 @@ class ClearanceMap:
             new_m2=new_m2,
         )
 
-    def _straight_m(self, cells: NDArray[np.intp]) -> Floats:
-        """Return the least room on the straight lines from the first to each of (N, 2) cells."""
-        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
-        lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
-        return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
-
     @cached_property
     def _wide(self) -> Flags:
         return self.open & (self.clear_m >= self.margins.touch_m)
 
     @property
     def shut_in(self) -> bool:
-        """Whether most of what can be flown is out of reach from here."""
+        """Whether most of the flyable cells cannot be reached."""
         reached = np.isfinite(self.fastest.time_s) & self._wide
         return bool(reached.sum() < self.margins.enough_reached * self._wide.sum())
 
     @property
     def too_narrow(self) -> bool:
-        """Whether nowhere is as much room as legs ask for."""
+        """Whether no cell has the clearance that routes ask for."""
         return not self._wide.any()
 
+    def _straight_m(self, cells: NDArray[np.intp]) -> Floats:
+        """Return the least clearance on the straight lines from the first to each of the cells."""
+        shares = np.linspace(0.0, 1.0, _LINE_SAMPLES)[:, None]
+        lines = np.rint(cells[0] + shares * (cells - cells[0])[:, None]).astype(int)
+        return np.asarray(self.clear_m[tuple(np.moveaxis(lines, -1, 0))].min(axis=-1))
+
+    def _around(self, place: Place | None) -> Flags:
+        """Return the cells to `margins.over_m` from a place."""
+        if place is None:
+            return np.zeros(self.map.free.shape, dtype=bool)
+        apart_m = np.linalg.norm(self.map.places_m() - place, axis=-1)
+        return np.asarray(apart_m <= self.margins.over_m)
+
     def _unknown_m(self) -> Floats:
-        """Return how far the unknown is; single cells that no ray has met are none."""
+        """Return the distance to unknown patches; a single cell that no ray has met is none."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
-        unknown = (~(self.map.free | self.map.outside)).astype(np.uint8)
+        unknown = (~(self._free | self.map.outside)).astype(np.uint8)
         square = np.ones((2, 2), np.uint8)
-        # OpenCV anchors an even kernel at its lower right cell; opened by that it would be moved.
+        # OpenCV anchors an even kernel at its lower right cell: without the anchor of the dilation
+        # the opened patches would be moved by a cell.
         patches = cv2.dilate(cv2.erode(unknown, square), square, anchor=(0, 0))
         return self._distance_of(patches.astype(bool))
 
     def _assumed(self, places_m: Floats) -> tuple[Flags, Flags]:
-        """Return the cells where obstacles are assumed: those that no leg passes, and the others.
+        """Return the cells of assumed obstacles: those that close a way, and those that slow it.
 
-        On open ground that was seen nothing stands whose foot is hidden, unless something moves
-        here. Near an obstacle of the map it is that obstacle, and the map is displaced.
+        On open ground that was seen stands nothing whose base is hidden, unless something moves in
+        this place. Near an obstacle of the map the assumed one is that obstacle, and the map is
+        displaced.
         """
         marked, found = self._marked(places_m), self.map
         trusted = self.margins.past_assumed and not found.movers and not len(found.lanes_m)
@@ -237,12 +218,12 @@ class ClearanceMap:
         return marked
 
     def _filled(self) -> Flags:
-        """Return the cells that objects fill, the sides included that were never seen."""
+        """Return the cells that objects fill, with the sides that were never seen."""
         import cv2  # noqa: PLC0415  (`uav-bt check` must answer at once)
 
         filled = np.zeros(self.map.seen_s.shape, dtype=np.uint8)
         for each in self.map.objects:
-            # OpenCV's x is the column; the cells on the border are filled, too.
+            # OpenCV's x is the column. It fills the border's cells, too.
             corners_m = each.corners_m(margin_m=-self.map.cell_m / 2)
             cv2.fillConvexPoly(filled, self._cells(corners_m)[:, ::-1].astype(np.int32), 1)
         return filled.astype(bool)
@@ -257,36 +238,53 @@ class ClearanceMap:
 
 
 class ClearanceMaps:
-    """What of a map can be flown with each width of legs, worked out when it is asked for.
+    """The clearance maps of each passage, made when they are asked for.
+
+    Attributes:
+        map: The site map.
 
     Args:
-        site_map: as it is known now.
-        lately: what was seen besides.
-        margins: of the ordinary width.
-        crossing: whether narrower legs lead through where something moved, too.
-        past_assumed: whether the narrowest lead over open ground where an obstacle is assumed.
+        site_map: The newest map.
+        recent: What was seen besides.
+        margins: Margins of the ordinary passage.
+        crossing: Whether narrower passages lead through where something moved.
+        past_assumed: Whether the tightest passage leads over open ground with assumed obstacles.
+        over: Landing mark that is flown over; the tightest passage is that of the last metres then.
     """
 
     def __init__(
         self,
         site_map: SiteMap,
-        lately: RecentObstacles,
+        recent: RecentObstacles,
         margins: Margins,
         *,
         crossing: bool = False,
         past_assumed: bool = False,
+        over: Place | None = None,
     ) -> None:
-        narrow = replace(site_map, lanes_m=_nothing()) if crossing else site_map
+        narrow = replace(site_map, lanes_m=np.empty((0, 2))) if crossing else site_map
+        tightest = replace(margins.tightest(), past_assumed=past_assumed)
         self._parts = {
             Passage.ORDINARY: (site_map, margins),
             Passage.TIGHT: (narrow, margins.tight()),
-            Passage.TIGHTEST: (narrow, replace(margins.tightest(), past_assumed=past_assumed)),
+            Passage.TIGHTEST: (narrow, tightest if over is None else margins.at_pad()),
         }
-        self._lately = lately
-        self._rooms: dict[Passage, ClearanceMap] = {}
+        self.map, self._recent, self._over = site_map, recent, over
+        self._made: dict[Passage, ClearanceMap] = {}
 
-    def __getitem__(self, width: Passage) -> ClearanceMap:
-        if width not in self._rooms:
-            site_map, margins = self._parts[width]
-            self._rooms[width] = ClearanceMap(site_map, self._lately, margins)
-        return self._rooms[width]
+    def __getitem__(self, passage: Passage) -> ClearanceMap:
+        if passage not in self._made:
+            site_map, margins = self._parts[passage]
+            self._made[passage] = ClearanceMap(site_map, self._recent, margins, over=self._over)
+        return self._made[passage]
+
+    def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
+        """Return the route through the widest passage that leads there; None without one.
+
+        Args:
+            to: Place in the map's frame, metres.
+            near_m: As in `ClearanceMap.route_to`.
+            far_m: The same.
+        """
+        routes = (self[each].route_to(to, near_m=near_m, far_m=far_m) for each in Passage)
+        return next((found for found in routes if found is not None), None)

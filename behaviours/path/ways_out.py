@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from behaviours.path.clearance import ClearanceMap, Flags
 from behaviours.path.movers_ahead import Floats, MoversAheadConfig, gap_m
-from behaviours.path.clearance import Flags, ClearanceMap
 from uav_bt.types.site_map import MapMover, SiteMap
 
 _AROUND_M: Final = 0.15  # of a mover's circle: so far off its points may be
@@ -27,8 +27,8 @@ class GiveWayConfig:
     furthest_m: float = 1.2
     brake_mps2: float = 0.8
     enough_m: float = 0.5  # of room; more is not worth a longer way
-    per_m: float = 0.08  # of room that a metre of way has to bring
-    kept_m: float = 0.1  # of room that another direction than the present one has to bring
+    per_m: float = 0.08  # of clearance that a metre of way has to bring
+    kept_m: float = 0.1  # of clearance that another direction than the present one has to bring
     stop_s: float = 1.0  # for so long the present velocity is predicted; then the drone has stopped
 
 
@@ -81,28 +81,28 @@ def is_of_movers(movers: Sequence[MapMover], points_m: Floats) -> Flags:
 
 
 def way_out(
-    room: ClearanceMap,
+    clearance: ClearanceMap,
     movers: Sequence[MapMover],
     config: GiveWayConfig,
     *,
     before: WayOut | None = None,
 ) -> WayOut:
-    """Return the velocity that leaves the most room to what moves; to stay is one, too.
+    """Return the velocity that leaves the most clearance to what moves; to stay is one, too.
 
     Only ground that is known to be free and away from what stands is flown over, and the drone can
     stop before it ends.
 
     Args:
-        room: what can be flown, of the map of what stands.
+        clearance: what can be flown, of the map of what stands.
         movers: what moves there.
         config: how far and how fast.
         before: the way that is being flown.
     """
-    pose, times_s = room.map.pose, config.moving.times_s
+    pose, times_s = clearance.map.pose, config.moving.times_s
     here_m = np.array([pose.x_m, pose.y_m])
     azimuths = np.arange(config.directions) * 2.0 * math.pi / config.directions
     headings = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=-1)
-    reaches_m = _open_m(room, here_m, headings, config.furthest_m)
+    reaches_m = _open_m(clearance, here_m, headings, config.furthest_m)
     speeds_mps = np.array(config.speeds_mps)
     flown_m = speeds_mps[:, None] * np.maximum(times_s - config.reaction_s, 0.0)
     stops_m = speeds_mps * config.reaction_s + speeds_mps**2 / (2.0 * config.brake_mps2)
@@ -125,13 +125,13 @@ def way_out(
     return WayOut(x_mps=x_mps, y_mps=y_mps)
 
 
-def _open_m(room: ClearanceMap, here_m: Floats, headings: Floats, furthest_m: float) -> Floats:
+def _open_m(clearance: ClearanceMap, here_m: Floats, headings: Floats, furthest_m: float) -> Floats:
     """Return how far the ground is free along each heading, (D,)."""
-    found = room.map
+    found = clearance.map
     ranges_m = np.arange(found.cell_m, furthest_m + found.cell_m / 2, found.cell_m)
     places_m = here_m + ranges_m[:, None] * headings[:, None]
     cells = np.floor((places_m - found.corner_m) / found.cell_m + 0.5).astype(int)
     inside = np.asarray(((cells >= 0) & (cells < found.free.shape)).all(axis=-1))
     rows, columns = np.moveaxis(np.where(np.expand_dims(inside, -1), cells, 0), -1, 0)
-    is_open = np.logical_and(inside, np.asarray(room.open)[rows, columns])
+    is_open = np.logical_and(inside, np.asarray(clearance.open)[rows, columns])
     return np.asarray(found.cell_m * np.logical_and.accumulate(is_open, axis=1).sum(axis=1))

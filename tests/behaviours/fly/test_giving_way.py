@@ -12,8 +12,8 @@ from behaviours.fly.explore import Explore
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.steering import SteeringLeaf
 from tests.behaviours.leaf_world import ADVANCE, TURN_RIGHT, Says, show, steering_bench
-from tests.behaviours.path.test_ways_out import mover
 from tests.behaviours.path.test_survey import drawn_map
+from tests.behaviours.path.test_ways_out import mover
 from uav_bt.board import ODOMETRY, SITE_MAP
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status

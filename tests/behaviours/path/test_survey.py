@@ -11,8 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from behaviours.path.clearance import RecentObstacles, Route, Margins, ClearanceMap
-from behaviours.path.survey import best_leg
+from behaviours.path.clearance import ClearanceMap, Route
+from behaviours.path.margins import Margins
+from behaviours.path.nearby import RecentObstacles
+from behaviours.path.survey import best_route
 from uav_bt.errors import ValueRangeError
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -54,7 +56,7 @@ def where(condition: str) -> NDArray[np.bool_]:
 def leg(
     site_map: SiteMap, assumed: NDArray[np.float64] = NOTHING, margins: Margins = MARGINS
 ) -> Route | None:
-    return best_leg(ClearanceMap(site_map, RecentObstacles(assumed_m=assumed), margins))
+    return best_route(ClearanceMap(site_map, RecentObstacles(assumed_m=assumed), margins))
 
 
 def test_the_leg_leads_to_the_half_that_was_not_passed() -> None:
@@ -165,8 +167,8 @@ def test_a_leg_ends_where_there_is_room() -> None:
     x, y = np.indices((61, 61)) * 0.1 - 3.0
     ahead = (np.abs(y) < 0.3) & (x > 0.55) & (x < 1.2)
     site_map = drawn_map(obstacles=np.array(gap), passed=~ahead)
-    assert best_leg(ClearanceMap(site_map, RecentObstacles())) is None
-    out_of_it = best_leg(ClearanceMap(replace(site_map, passed=where("near")), RecentObstacles()))
+    assert best_route(ClearanceMap(site_map, RecentObstacles())) is None
+    out_of_it = best_route(ClearanceMap(replace(site_map, passed=where("near")), RecentObstacles()))
     assert out_of_it is not None
     assert out_of_it.clear_m[-1] >= MARGINS.touch_m
 
@@ -184,9 +186,11 @@ def test_objects_are_solid() -> None:
         std_m=0.05,
         seen_s=1.0,
     )
-    room = ClearanceMap(replace(site_map, objects=(box,)), RecentObstacles())
+    clearance = ClearanceMap(replace(site_map, objects=(box,)), RecentObstacles())
     for x_m, y_m, distance_m in ((0.0, 0.0, 0.8), (2.0, 0.0, 0.8), (1.0, 1.0, 0.75), (1.0, 0, 0)):
-        assert room.obstacle_m[site_map.cell_of(x_m, y_m)] == pytest.approx(distance_m, abs=0.11)
+        assert clearance.obstacle_m[site_map.cell_of(x_m, y_m)] == pytest.approx(
+            distance_m, abs=0.11
+        )
 
 
 def test_walls_all_round_shut_in() -> None:
@@ -234,14 +238,18 @@ def test_views_that_are_off_the_map_widen_the_distances() -> None:
 def test_the_unknown_is_kept_away_from_on_all_sides_alike() -> None:
     x, y = np.indices((61, 61)) * 0.1 - 3.0
     hidden = (np.abs(x) < 0.25) & (np.abs(y) < 0.25)
-    room = ClearanceMap(drawn_map(known=~hidden, pose=(-1.5, -1.5, 0.0)), RecentObstacles(), MARGINS)
-    assert np.array_equal(room.clear_m, room.clear_m[::-1])
-    assert np.array_equal(room.clear_m, room.clear_m[:, ::-1])
-    assert room.clear_m[30, 30 + 6] == pytest.approx(0.4 + MARGINS.touch_m - MARGINS.unknown_m)
+    clearance = ClearanceMap(
+        drawn_map(known=~hidden, pose=(-1.5, -1.5, 0.0)), RecentObstacles(), MARGINS
+    )
+    assert np.array_equal(clearance.clear_m, clearance.clear_m[::-1])
+    assert np.array_equal(clearance.clear_m, clearance.clear_m[:, ::-1])
+    assert clearance.clear_m[30, 30 + 6] == pytest.approx(0.4 + MARGINS.touch_m - MARGINS.unknown_m)
 
 
 def test_a_single_cell_that_no_ray_has_met_is_not_unknown() -> None:
     x, y = np.indices((61, 61)) * 0.1 - 3.0
     speck = (np.abs(x) < 0.05) & (np.abs(y) < 0.05)
-    room = ClearanceMap(drawn_map(known=~speck, pose=(-1.5, -1.5, 0.0)), RecentObstacles(), MARGINS)
-    assert room.clear_m[30, 31] > MARGINS.wide_m
+    clearance = ClearanceMap(
+        drawn_map(known=~speck, pose=(-1.5, -1.5, 0.0)), RecentObstacles(), MARGINS
+    )
+    assert clearance.clear_m[30, 31] > MARGINS.wide_m

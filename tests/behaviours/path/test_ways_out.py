@@ -10,6 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from behaviours.path.clearance import ClearanceMap
+from behaviours.path.movers_ahead import MoversAheadConfig, gap_m, outlines_m, yielding_mps
+from behaviours.path.nearby import RecentObstacles
+from behaviours.path.survey import best_route
 from behaviours.path.ways_out import (
     GiveWayConfig,
     WayOut,
@@ -18,9 +22,6 @@ from behaviours.path.ways_out import (
     standing_alone,
     way_out,
 )
-from behaviours.path.movers_ahead import MoversAheadConfig, gap_m, outlines_m, yielding_mps
-from behaviours.path.clearance import RecentObstacles, ClearanceMap
-from behaviours.path.survey import best_leg
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types.site_map import MapMover, SiteMap
 
@@ -48,12 +49,12 @@ def with_movers(*movers: MapMover, **drawn: object) -> SiteMap:
 
 
 def escape(site_map: SiteMap, before: WayOut | None = None) -> WayOut:
-    room = ClearanceMap(standing_alone(site_map), RecentObstacles())
-    return way_out(room, site_map.movers, CONFIG, before=before)
+    clearance = ClearanceMap(standing_alone(site_map), RecentObstacles())
+    return way_out(clearance, site_map.movers, CONFIG, before=before)
 
 
 def min_room_m(way: WayOut, site_map: SiteMap) -> float:
-    """Return how much room a drone that flies a way leaves to what moves, after its reaction."""
+    """Return the gap to movers of a drone that flies a way after its reaction."""
     flown_s = np.maximum(MOVING.times_s - CONFIG.reaction_s, 0.0)
     speed_mps = math.hypot(way.x_mps, way.y_mps)
     flown_s = np.minimum(flown_s, CONFIG.furthest_m / max(speed_mps, 0.01))
@@ -99,7 +100,7 @@ def test_a_leg_leads_round_what_stands_in_the_way_for_now() -> None:
     """A person who has stopped for a moment is passed at a distance."""
     halted = mover(0.0, 0.7)
     site_map = with_movers(halted, passed=where("left"), pose=(0.0, -0.4, math.pi / 2))
-    leg = best_leg(ClearanceMap(site_map, RecentObstacles()))
+    leg = best_route(ClearanceMap(site_map, RecentObstacles()))
     assert leg is not None
     apart_m = np.hypot(*(leg.path_m - (halted.x_m, halted.y_m)).T)
     assert apart_m.min() > halted.radius_m + 0.3
@@ -156,7 +157,7 @@ def test_beyond_the_edge_and_over_unknown_ground_is_no_way_out() -> None:
 
 
 def test_it_can_stop_before_what_stands() -> None:
-    """The faster it gives way, the more room it needs before a wall."""
+    """The faster it gives way, the more clearance it needs before a wall."""
     wall = np.column_stack([np.arange(-1.5, 1.5, 0.05), np.full(60, 0.42 + 0.15)])
     way = escape(with_movers(mover(1.0, -1.2, -0.5, 0.6), obstacles=wall))
     assert way.y_mps < 0.31
@@ -166,8 +167,8 @@ def test_ground_where_something_moved_is_not_flown_over_unseen() -> None:
     """It may come back; where nobody has looked since, no leg leads there."""
     lane = np.column_stack([np.arange(-2.0, 2.0, 0.1), np.full(40, 1.2)])
     crossed = drawn_map(passed=where("left") | where("near"))
-    assert best_leg(ClearanceMap(crossed, RecentObstacles())) is not None
-    leg = best_leg(ClearanceMap(replace(crossed, lanes_m=lane), RecentObstacles()))
+    assert best_route(ClearanceMap(crossed, RecentObstacles())) is not None
+    leg = best_route(ClearanceMap(replace(crossed, lanes_m=lane), RecentObstacles()))
     assert leg is None or leg.path_m[:, 1].max() < 1.2 - 0.6
 
 
