@@ -12,8 +12,8 @@ from behaviours.fly.tried_sides import TriedSides
 from behaviours.fly.wander import wander
 from behaviours.path.gimbal_pointing import LookingDown, mark_pitch_rad, shows_unplaced
 from behaviours.path.planner import PathToPad
+from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.board import HELD_TURN, HELIPAD, OBSTACLES, PHASE
-from uav_bt.protocols import Decision
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, HelipadFix, MissionPhase, Velocity
 
@@ -56,11 +56,18 @@ class _Phase(enum.Enum):
     OVERFLY = "overfly"  # the pad is below the view: the last metre goes by the track
 
 
-def _room_ahead(decision: Decision) -> float:
-    """Return how far a policy finds it free of obstacles ahead, wherever the carpet ends."""
-    if decision.free_m is not None:
-        return max(decision.free_m, decision.forward_m)
-    return 0.0 if decision.blocked and not decision.carpet_ends else math.inf
+def _room_ahead(answer: Answer) -> float:
+    """Return how far a policy finds it free of obstacles ahead, wherever the ground ends."""
+    match answer:
+        case Advance():
+            return math.inf if answer.free_m is None else max(answer.free_m, answer.forward_m)
+        case Blocked():
+            untold_m = math.inf if answer.ground_ends else 0.0
+            return untold_m if answer.free_m is None else answer.free_m
+        case FollowLeg() | Rotate():  # they do not report how far the way is free
+            return math.inf
+        case Done():
+            return 0.0
 
 
 class PadApproach:
@@ -185,23 +192,24 @@ class PadApproach:
         cfg, now_s = self._config, self._leaf.clock.now()
         wanted_m = min(cfg.min_free_m, fix.range_m - cfg.before_pad_m)
         if abs(fix.bearing_rad) < cfg.ahead_rad:
-            decision = self._leaf.decide()
-            if decision is not None:
+            answer = self._leaf.decide()
+            if answer is not None:
                 self._judged_s = now_s
-                self._room_m = _room_ahead(decision)
+                self._room_m = _room_ahead(answer)
                 if self._room_m < wanted_m:
-                    self._turn_away(fix, decision, state)
+                    self._turn_away(fix, answer, state)
                     return
         # Only a path that was judged lately, facing the pad, is flown.
         judged = now_s - self._judged_s <= cfg.judged_s
         self._steer(fix, fix.bearing_rad, max_m=self._room_m if judged else 0.0)
 
-    def _turn_away(self, fix: HelipadFix, decision: Decision, state: DroneState) -> None:
+    def _turn_away(self, fix: HelipadFix, answer: Answer, state: DroneState) -> None:
         """Begin a detour with a turn to the side that is tried now."""
-        self._sides.stopped(fix.range_m, -1 if decision.yaw_rad < 0.0 else 1)
+        to_left = isinstance(answer, Advance | Blocked) and answer.yaw_rad < 0.0
+        self._sides.stopped(fix.range_m, -1 if to_left else 1)
         self._enter(_Phase.DETOUR)
         self._leaf.write(HELD_TURN, self._sides.leaving())
-        self._leaf.keep_turning(state, Decision(yaw_rad=self._config.turn_away_rad))
+        self._leaf.keep_turning(state, self._config.turn_away_rad)
 
     def _steer(self, fix: HelipadFix, heading_rad: float, *, max_m: float = math.inf) -> None:
         cfg, leaf = self._config, self._leaf

@@ -9,10 +9,10 @@ from behaviours.fly.ground_pointing import pitch_showing_ground
 from behaviours.fly.steering import SteeringLeaf
 from behaviours.fly.wander import wander
 from behaviours.path.gimbal_pointing import mark_pitch_rad
-from behaviours.path.map_search import Aim, MapSearch
+from behaviours.path.map_search import Aim, Course, MapSearch
 from behaviours.path.next_viewpoint import GroundInView
+from uav_bt.answers import Done
 from uav_bt.board import CAMERA, CORRIDOR, HELIPAD, OBSTACLES, PHASE, SITE_MAP
-from uav_bt.protocols import Decision
 from uav_bt.tree import Status
 from uav_bt.types import DroneState, HelipadFix, MissionPhase, Velocity
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -162,24 +162,24 @@ class PadSearch:
         return self._led
 
     def _plan(self, site_map: SiteMap, state: DroneState, *, to_mark: bool) -> None:
-        decision = self._decide(site_map, state)
-        if decision is not None and to_mark and (decision.done or self._map.aim is not Aim.MARK):
-            decision = None
-        self._led = decision is not None
-        if decision is None:
+        course = self._decide(site_map, state)
+        if to_mark and (isinstance(course, Done) or self._map.aim is not Aim.MARK):
+            course = None
+        self._led = course is not None
+        if course is None:
             return
         if self._leaf.turning:
             self._leaf.restart_view()
-        if decision.done:
+        if isinstance(course, Done):
             self._map.pause()
             if site_map.mark is not None:
                 self._gone_s = site_map.mark.seen_s
             self._begin_scan(state)
             return
-        self._leaf.feedback_message = decision.reason
-        self._leaf.fly_on(state, decision)
+        self._leaf.feedback_message = course.reason
+        self._leaf.fly_on(state, course)
 
-    def _decide(self, site_map: SiteMap, state: DroneState) -> Decision | None:
+    def _decide(self, site_map: SiteMap, state: DroneState) -> Course | None:
         camera = self._leaf.read(CAMERA).value
         if camera is None:
             return None

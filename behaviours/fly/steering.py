@@ -1,6 +1,6 @@
 """What Explore, Avoid and ReturnToBase share: ask the policy about a view, move, wait.
 
-An advance is only decided on a class map captured after the last movement ended, as in the paper.
+An advance only begins on a class map captured after the last movement ended, as in the paper.
 A turn is held in one direction until it has worked, so that the drone does not oscillate between
 two boxes, and it does not stop for each view: the drone turns while the policy judges them.
 """
@@ -15,17 +15,18 @@ import numpy as np
 
 from behaviours.fly.course import Course
 from behaviours.fly.ground_pointing import LOOKS_DOWN, pitch_showing_ground
+from behaviours.fly.held_rotation import HeldRotation
 from behaviours.fly.keeping_away import (
     KeepAwayConfig,
     by_the_map,
     push_away_mps,
     step_away_m,
 )
-from behaviours.fly.movement import MovingLeaf
-from behaviours.fly.mover import Progress
-from behaviours.fly.turn import Turn
+from behaviours.fly.moving_leaf import MovingLeaf
+from behaviours.fly.step import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.stage_timer import StageTimer
+from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
 from uav_bt.board import (
     FLIGHT_HEIGHT,
     FLIGHT_PITCH,
@@ -39,7 +40,7 @@ from uav_bt.board import (
 )
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
-from uav_bt.protocols import Decision, LeafPolicy
+from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Port
 from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
 
@@ -63,7 +64,7 @@ class SteeringConfig:
     interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
     climb_per_s: float = 0.8  # of the error in height, while it flies at a speed
     climb_mps: float = 0.25  # at most
-    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends so much further on
+    lengthen_m: float = 0.2  # a step under way is only replaced by one that ends further on by this
 
 
 class SteeringLeaf(MovingLeaf):
@@ -93,7 +94,7 @@ class SteeringLeaf(MovingLeaf):
         self._step_ends_m = 0.0  # ahead, of the advance under way
         self._stepped_s = 0.0
         self._course = Course()
-        self._turn = Turn()
+        self._rotation = HeldRotation()
 
     def gimbal_pitch_rad(self) -> float | None:
         """Return the camera's pitch with the port `looks_down`, None to leave it as it is."""
@@ -109,24 +110,41 @@ class SteeringLeaf(MovingLeaf):
         goes_on = super().moving(state)
         if not goes_on:
             wait_s = self.steering.interrupted_s if self.progress is Progress.INTERRUPTED else 0.0
-            self._view_from_s = max(self._view_from_s, self._mover.ended_s + wait_s)
+            self._view_from_s = max(self._view_from_s, self._step.ended_s + wait_s)
         return goes_on
 
-    def move(self, state: DroneState, decision: Decision) -> None:
+    def go_on(self, state: DroneState, answer: Advance | FollowLeg | Rotate | None) -> bool:
+        """Begin an advance, or fly on a leg or a rotation.
+
+        Args:
+            state: of the drone.
+            answer: to the present view; None without one.
+
+        Returns:
+            Whether an advance began.
+        """
+        if isinstance(answer, Advance):
+            self._advance(state, answer)
+            return True
+        self.fly_on(state, answer)
+        return False
+
+    def _advance(self, state: DroneState, answer: Advance, *, flown_m: float = 0.0) -> None:
         """Start an advance that corrects the altitude, too.
 
         Args:
             state: of the drone.
-            decision: how far, and in which direction.
+            answer: how far, and in which direction.
+            flown_m: of it, since the frame was captured.
         """
         self.write(HELD_TURN, HeldTurn())
         error_m = self._too_high_m(state)
         self._advancing = True
-        self._step_ends_m = decision.forward_m
+        self._step_ends_m = answer.forward_m - flown_m
         self._stepped_s = self.clock.now()
         self.start_move(
-            forward_m=decision.forward_m,
-            yaw_rad=decision.yaw_rad,
+            forward_m=self._step_ends_m,
+            yaw_rad=answer.yaw_rad,
             down_m=error_m if abs(error_m) > self.steering.altitude_slack_m else 0.0,
         )
 
@@ -135,17 +153,17 @@ class SteeringLeaf(MovingLeaf):
         flight_height_m = self.read(FLIGHT_HEIGHT).value
         return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
 
-    def fly_on(self, state: DroneState, decision: Decision | None) -> None:
-        """Fly ahead at a speed while the heading follows, without a stop between decisions.
+    def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
+        """Fly ahead at a speed while the heading follows, without a stop between answers.
 
         Args:
             state: of the drone.
-            decision: with a speed; without a new view the last is flown on for a while.
+            answer: the new one; None to fly on the last for a while.
         """
         cfg, yaw_rad = self.steering, state.attitude.yaw_rad
-        if decision is not None and decision.speed_mps:
+        if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
             self.write(HELD_TURN, HeldTurn())
-        course = self._course.follow(decision, yaw_rad=yaw_rad, now_s=self.clock.now())
+        course = self._course.follow(answer, yaw_rad=yaw_rad, now_s=self.clock.now())
         if course is None:
             return
         speed_mps, yaw_rate = course
@@ -168,26 +186,28 @@ class SteeringLeaf(MovingLeaf):
         """Judge the view during a step: replace it by one that leads further, or break it off.
 
         Returns:
-            True when that was done; False when the step goes on, or there is none.
+            True when one of both was done; False when the step goes on, or no step is under way.
         """
-        if not (self._mover.busy and self._advancing and self.port_value("flowing")):
+        if not (self._step.busy and self._advancing and self.port_value("flowing")):
             return False
         now_s, motion = self.clock.now(), self.read(ODOMETRY).value
         forward_mps = (state if motion is None else motion.over_ground(state)).velocity.forward_mps
         self._step_ends_m -= forward_mps * (now_s - self._stepped_s)
         self._stepped_s = now_s
-        decision, frame = self.decide(), self.read(FRAME).value
-        if decision is None or frame is None:
+        answer, frame = self.decide(), self.read(FRAME).value
+        if frame is None:
             return False
-        if decision.blocked:
-            self.restart_view()
-            return True
-        # The decision was made for the place where the frame was captured.
-        flown_m = forward_mps * (now_s - frame.captured_s)
-        if decision.forward_m - flown_m < self._step_ends_m + self.steering.lengthen_m:
-            return False
-        self.move(state, replace(decision, forward_m=decision.forward_m - flown_m))
-        return True
+        match answer:
+            case Blocked() | Done():
+                self.restart_view()
+                return True
+            case Advance():
+                # The answer was given for the place where the frame was captured.
+                flown_m = forward_mps * (now_s - frame.captured_s)
+                if answer.forward_m - flown_m >= self._step_ends_m + self.steering.lengthen_m:
+                    self._advance(state, answer, flown_m=flown_m)
+                    return True
+        return False
 
     def make_room(self) -> bool:
         """Start a step away from an obstacle that is too near.
@@ -220,43 +240,43 @@ class SteeringLeaf(MovingLeaf):
 
     def restart_view(self) -> None:
         """Drop movement and turn, and only use views captured once the airframe has settled."""
-        self._mover.drop(self.clock.now())
+        self._step.drop(self.clock.now())
         self._view_from_s = self.clock.now() + self.steering.settle_s
         self._course.drop()
-        self._turn = Turn()
+        self._rotation = HeldRotation()
 
     @property
     def turning(self) -> bool:
         """True while a turn is under way."""
-        return self._turn.under_way
+        return self._rotation.under_way
 
     @property
     def turn_is_complete(self) -> bool:
         """True when the drone has turned as far as the policy asked, or no turn is under way."""
-        return self._turn.complete
+        return self._rotation.complete
 
     @property
     def held_turn(self) -> HeldTurn:
         """The turn held since the last advance, by whichever leaf."""
         return self.read(HELD_TURN).value or HeldTurn()
 
-    def keep_turning(self, state: DroneState, decision: Decision | None) -> None:
-        """Begin a turn as the policy decided, or go on with the one under way.
+    def keep_turning(self, state: DroneState, away_rad: float | None) -> None:
+        """Begin a turn, or go on with the one under way.
 
         Args:
             state: of the drone.
-            decision: the policy's on the present view, if there is one.
+            away_rad: the least turn, clockwise positive; None to begin none.
         """
         yaw_rad, held = state.attitude.yaw_rad, self.held_turn
         if not self.turning:
-            if decision is None or not decision.blocked:
+            if away_rad is None:
                 return
-            self._turn.begin(abs(decision.yaw_rad), yaw_rad=yaw_rad)
+            self._rotation.begin(abs(away_rad), yaw_rad=yaw_rad)
         direction = held.direction
-        if direction == 0 and decision is not None:
-            direction = 1 if decision.yaw_rad > 0.0 else -1
-        turned_rad = held.turned_rad + abs(self._turn.go_on(yaw_rad, direction))
-        self.write(HELD_TURN, HeldTurn(direction=direction, turned_rad=turned_rad))
+        if direction == 0 and away_rad is not None:
+            direction = 1 if away_rad > 0.0 else -1
+        turned_rad = held.turned_rad + abs(self._rotation.go_on(yaw_rad, direction))
+        self.write(HELD_TURN, replace(held, direction=direction, turned_rad=turned_rad))
         # Views captured while turning count at once: the direction is the same for all of them.
         self._view_from_s = -math.inf
         self.propose(self.turn_keeping_away(direction * self.steering.yaw_rate_radps))
@@ -285,7 +305,7 @@ class SteeringLeaf(MovingLeaf):
         view = current_view(self)
         return None if view is None or view[0].captured_s < self._view_from_s else view
 
-    def decide(self) -> Decision | None:
+    def decide(self) -> Answer | None:
         """Ask the policy about the present view; None while there is none."""
         view = self.current_view()
         if view is None:
@@ -293,6 +313,6 @@ class SteeringLeaf(MovingLeaf):
             return None
         shown = policy_view(self, *view, held=self.held_turn, tie_break=float(self._rng.random()))
         with self._timer:
-            decision = ask(self._policy, shown)
-        self.feedback_message = decision.reason
-        return decision
+            answer = ask(self._policy, shown)
+        self.feedback_message = answer.reason
+        return answer

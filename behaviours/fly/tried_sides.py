@@ -51,12 +51,12 @@ class TriedSides:
 
     def leaving(self) -> HeldTurn:
         """Return the turn that the detour begins with."""
-        return HeldTurn(direction=self._side, turned_rad=self._relief_rad)
+        return HeldTurn(direction=self._side, relief_turns=self._relief_turns)
 
     def facing(self) -> HeldTurn:
         """Return what is held while the pad is faced: no direction, but the relief."""
-        return HeldTurn(turned_rad=self._relief_rad)
+        return HeldTurn(relief_turns=self._relief_turns)
 
     @property
-    def _relief_rad(self) -> float:
-        return 2.0 * math.pi if self._in_vain >= self._config.relieved_after else 0.0
+    def _relief_turns(self) -> int:
+        return 1 if self._in_vain >= self._config.relieved_after else 0

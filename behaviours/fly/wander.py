@@ -1,8 +1,9 @@
-"""Advance or turn under a leaf policy: what a search and a detour have in common."""
+"""Advance or turn under a leaf policy, in a search and in a detour."""
 
 from __future__ import annotations
 
 from behaviours.fly.steering import SteeringLeaf
+from uav_bt.answers import Advance, Blocked, Done, FollowLeg, Rotate
 from uav_bt.types import DroneState
 
 
@@ -18,16 +19,17 @@ def wander(leaf: SteeringLeaf, state: DroneState) -> bool:
     """
     if leaf.flow(state) or leaf.moving(state):
         return False
-    decision = leaf.decide()
-    free = decision is not None and not decision.blocked
-    if not leaf.turning and (decision is None or (free and decision.speed_mps is not None)):
-        leaf.fly_on(state, decision)  # at a speed, for as long as views come
-        return False
-    if decision is not None and free and not leaf.turning:
-        leaf.move(state, decision)
-        return True
-    if free and leaf.turn_is_complete:
-        leaf.turn_back(state)  # judge the view once more, then advance
-    elif leaf.turning or (decision is not None and not leaf.make_room()):
-        leaf.keep_turning(state, decision)
+    match leaf.decide():
+        case Blocked(yaw_rad=yaw_rad):
+            if leaf.turning or not leaf.make_room():
+                leaf.keep_turning(state, yaw_rad)
+        case Done():  # as long as the search lasts it looks round
+            if leaf.turning or not leaf.make_room():
+                leaf.keep_turning(state, 0.0)
+        case Advance() | FollowLeg() | Rotate() if leaf.turning and leaf.turn_is_complete:
+            leaf.turn_back(state)  # judge the view once more, then advance
+        case _ if leaf.turning:
+            leaf.keep_turning(state, None)
+        case answer:
+            return leaf.go_on(state, answer)
     return False

@@ -11,7 +11,7 @@ import numpy as np
 from behaviours.path.clearance import Route
 from behaviours.path.margins import Margins
 from behaviours.path.movers_ahead import MoversAheadConfig, yielding_mps
-from uav_bt.protocols import Decision
+from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, Pose2D
 from uav_bt.types.site_map import SiteMap
 
@@ -72,7 +72,7 @@ def follow(
     config: FollowConfig | None = None,
     most_mps: float = math.inf,
     reason: str = "",
-) -> Decision | None:
+) -> FollowLeg | Rotate | None:
     """Return the heading and the speed to fly along a route.
 
     The drone only turns until it faces the way. It flies slower, or waits, where something that
@@ -93,21 +93,17 @@ def follow(
     margins = (margins or Margins()).by(site_map.residual_m)
     config = config or FollowConfig()
     bearing_rad, speed_mps = _course(route, site_map.pose, margins, config)
-    facing = abs(bearing_rad) < config.facing_rad
-    if facing:
-        allowed_mps = _by_corridor(corridor, config)
-        if allowed_mps == 0.0 and _is_mapped(corridor, site_map, config):
-            allowed_mps = config.past_mps
-        speed_mps = min(speed_mps * math.cos(bearing_rad), allowed_mps, most_mps)
-        if speed_mps == 0.0:
-            return None
-        speed_mps = yielding_mps(site_map.movers, route.path_m, speed_mps, config.moving)
-        reason = reason if speed_mps > 0.0 else "waits"
-    return Decision(
-        forward_m=max(float(np.hypot(*(route.path_m[-1] - route.path_m[0]))), 0.1),
-        yaw_rad=bearing_rad,
-        speed_mps=speed_mps if facing else 0.0,
-        reason=reason,
+    if abs(bearing_rad) >= config.facing_rad:
+        return Rotate(yaw_rad=bearing_rad, reason=reason)
+    allowed_mps = _by_corridor(corridor, config)
+    if allowed_mps == 0.0 and _is_mapped(corridor, site_map, config):
+        allowed_mps = config.past_mps
+    speed_mps = min(speed_mps * math.cos(bearing_rad), allowed_mps, most_mps)
+    if speed_mps == 0.0:
+        return None
+    speed_mps = yielding_mps(site_map.movers, route.path_m, speed_mps, config.moving)
+    return FollowLeg(
+        yaw_rad=bearing_rad, speed_mps=speed_mps, reason=reason if speed_mps > 0.0 else "waits"
     )
 
 

@@ -22,12 +22,14 @@ from behaviours.path.next_viewpoint import (
     still_shows_m2,
     unseen,
 )
-from uav_bt.protocols import Decision
+from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints
 from uav_bt.types.site_map import MapMark, SiteMap
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Course = FollowLeg | Rotate | Done
+"""The answers of `MapSearch`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +101,7 @@ class MapSearch:
         obstacles: ObstaclePoints | None,
         corridor: Corridor | None,
         in_view: GroundInView,
-    ) -> Decision | None:
+    ) -> Course | None:
         """Return the next course.
 
         Args:
@@ -110,7 +112,7 @@ class MapSearch:
             in_view: Ground that the camera shows at the pitch of the search.
 
         Returns:
-            The course; done where the mark must be below or right ahead and was not found; None
+            The course; `Done` where the mark must be below or right ahead and was not found; None
             when the map knows no way.
         """
         if site_map.contradicted_s > self.config.doubted_s:
@@ -124,15 +126,15 @@ class MapSearch:
         maps = ClearanceMaps(site_map, recent, self.config.margins, crossing=True)
         if mark is not None:
             self.aim = Aim.MARK
-            decision = self._to_mark(maps, mark, corridor)
-            if decision is not None:
-                return decision
+            course = self._to_mark(maps, mark, corridor)
+            if course is not None:
+                return course
         self.aim = Aim.GROUND
         return self._to_ground(maps, site_map.captured_s, corridor, in_view)
 
     def _to_mark(
         self, maps: ClearanceMaps, mark: MapMark, corridor: Corridor | None
-    ) -> Decision | None:
+    ) -> Course | None:
         cfg, site_map = self.config, maps.map
         place = mark.x_m, mark.y_m
         route = maps.route_to(place, near_m=cfg.close_m, far_m=cfg.reach_m)
@@ -141,14 +143,14 @@ class MapSearch:
         forward_m, right_m = site_map.pose.to_body(*place)
         if len(route.path_m) == 1 or math.hypot(forward_m, right_m) <= cfg.close_m:
             looked = self._looked(math.atan2(right_m, forward_m), site_map.captured_s)
-            return looked or Decision(done=True, reason="at the mark")
+            return looked or Done(reason="at the mark")
         self._facing_s = None
         reason = f"mark {math.hypot(forward_m, right_m):.1f} m"
         return self._follow(route, site_map, corridor, reason)
 
     def _to_ground(
         self, maps: ClearanceMaps, now_s: float, corridor: Corridor | None, in_view: GroundInView
-    ) -> Decision | None:
+    ) -> Course | None:
         if self._viewpoint is not None and not self._is_settled(
             self._viewpoint, maps[self._passage], in_view
         ):
@@ -181,7 +183,7 @@ class MapSearch:
         clearance: ClearanceMap,
         corridor: Corridor | None,
         in_view: GroundInView,
-    ) -> Decision | None:
+    ) -> Course | None:
         cfg, site_map = self.config, clearance.map
         cell = site_map.cell_of(view.x_m, view.y_m)
         reason = f"unseen {view.shows_m2:.1f} m2"
@@ -193,13 +195,13 @@ class MapSearch:
             in_vain_m = self._still_wanted(shown_by(view, clearance, in_view, cfg.view), clearance)
             self._in_vain_m = np.vstack([self._in_vain_m, in_vain_m])
             self.pause()
-            return Decision(forward_m=0.1, speed_mps=0.0, reason="looked")
+            return Rotate(yaw_rad=0.0, reason="looked")
         self._facing_s = None
         return self._follow(clearance.route_to_cell(cell), site_map, corridor, reason)
 
     def _follow(
         self, route: Route, site_map: SiteMap, corridor: Corridor | None, reason: str
-    ) -> Decision | None:
+    ) -> Course | None:
         cfg = self.config
         return follow(
             route, site_map, corridor, margins=cfg.margins, config=cfg.follow, reason=reason
@@ -221,7 +223,7 @@ class MapSearch:
         apart_m = math.hypot(view.x_m - site_map.pose.x_m, view.y_m - site_map.pose.y_m)
         return apart_m <= self.config.at_viewpoint_m
 
-    def _looked(self, turn_rad: float, now_s: float, reason: str = "looks") -> Decision | None:
+    def _looked(self, turn_rad: float, now_s: float, reason: str = "looks") -> Rotate | None:
         """Return the turn that is left; None once what lies there was faced for long enough."""
         cfg = self.config
         if abs(turn_rad) > cfg.facing_rad:
@@ -230,7 +232,7 @@ class MapSearch:
             self._facing_s = now_s
         elif now_s - self._facing_s >= cfg.look_s:
             return None
-        return Decision(forward_m=0.1, yaw_rad=turn_rad, speed_mps=0.0, reason=reason)
+        return Rotate(yaw_rad=turn_rad, reason=reason)
 
     def _wanted(self, clearance: ClearanceMap) -> Flags:
         wanted = unseen(clearance, self._round_s, self.config.view)

@@ -1,8 +1,8 @@
 """Where to fly to cover a place: the leg that passes the most new ground in a second.
 
 A next-best-view planner (Connolly, 1985; Bircher et al., 2016) over the site map. It finds the
-fastest path to every place that is known to be free, at speeds that the clearance allows, and counts
-on each the ground within half a metre that has not been passed yet. Ground that was not seen yet
+fastest path to every place that is known to be free, at speeds that the clearance allows. On each
+it counts the ground within half a metre that has not been passed yet. Ground that was not seen yet
 counts, too, where it may be: beside known ground.
 """
 

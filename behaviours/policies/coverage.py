@@ -14,8 +14,9 @@ from behaviours.path.gimbal_pointing import GimbalConfig, ground_share
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.survey import SurveyConfig, best_route, new_ground_per_second
+from uav_bt.answers import Answer, Blocked, Done
 from uav_bt.errors import MissionError
-from uav_bt.protocols import Decision, PolicyView
+from uav_bt.protocols import PolicyView
 from uav_bt.types.site_map import SiteMap
 
 
@@ -52,7 +53,7 @@ class Coverage:
         self.config = config or CoverageConfig()
         self._value = value
 
-    def decide(self, view: PolicyView) -> Decision:
+    def decide(self, view: PolicyView) -> Answer:
         """Return a heading and a speed; a turn when no way is known; done when all is covered.
 
         Raises:
@@ -65,7 +66,7 @@ class Coverage:
                 "<Segment/> and <RememberObstacles/> ahead of the leaves that fly"
             )
         ground_rad = _ground_rad(site_map, cfg.around_m)
-        turn = Decision(
+        turn = Blocked(
             yaw_rad=math.copysign(cfg.turn_rad, view.turning or ground_rad or 1.0),
             reason="no way",
             free_m=0.0,
@@ -75,9 +76,7 @@ class Coverage:
         if site_map.contradicted_s > cfg.doubted_s:
             return replace(turn, reason="the view contradicts the map")
         if site_map.untracked_s > cfg.blind_s and self._sees_little_ground(view, site_map):
-            return Decision(
-                forward_m=0.1, yaw_rad=ground_rad, speed_mps=0.0, reason="turns to the ground"
-            )
+            return Rotate(yaw_rad=ground_rad, reason="turns to the ground")
         recent = recent_obstacles(view.obstacles, site_map, unmapped_s=cfg.follow.unmapped_s)
         maps = ClearanceMaps(site_map, recent, cfg.margins, past_assumed=True)
         room = maps[Passage.ORDINARY]
@@ -92,7 +91,7 @@ class Coverage:
             # What moves is in the way of ground for a while only.
             still = not site_map.movers and not len(site_map.lanes_m)
             covered = view.full_turns > 0 and not room.shut_in and still
-            return Decision(done=True, reason="covered") if covered else turn
+            return Done(reason="covered") if covered else turn
         reason = f"{leg.new_m2:.1f} m2 in {leg.time_s:.0f} s"
         way = follow(
             leg,

@@ -20,8 +20,8 @@ from tests.behaviours.leaf_world import (
     steering_bench,
 )
 from tests.behaviours.path.test_survey import drawn_map, where
+from uav_bt.answers import Done, FollowLeg
 from uav_bt.board import HELIPAD, OBSTACLES, ODOMETRY, PHASE, SITE_MAP, STATE
-from uav_bt.protocols import Decision
 from uav_bt.testing import LeafBench
 from uav_bt.tree import Status
 from uav_bt.types import (
@@ -111,10 +111,17 @@ def test_searches_under_the_policy() -> None:
 
 def test_a_policy_that_flies_at_a_speed_is_searched_under_at_that_speed() -> None:
     """Not in one step to the end of what it says, which may be metres away."""
-    bench = searching(Says(Decision(forward_m=2.6, yaw_rad=0.1, speed_mps=0.4)))
+    bench = searching(Says(FollowLeg(yaw_rad=0.1, speed_mps=0.4)))
     fly(bench, seconds=0.3)
     assert velocity(bench).forward_mps == pytest.approx(0.4)
     assert velocity(bench).yaw_rate_radps > 0.0
+
+
+def test_while_the_policy_is_done_the_search_looks_round() -> None:
+    bench = searching(Says(Done(reason="covered")))
+    fly(bench, seconds=0.3)
+    assert velocity(bench).forward_mps == 0.0
+    assert abs(velocity(bench).yaw_rate_radps) > 0.3
 
 
 def test_the_search_turns_away_by_itself() -> None:

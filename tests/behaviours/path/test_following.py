@@ -14,7 +14,7 @@ from behaviours.path.margins import Margins
 from behaviours.path.nearby import RecentObstacles, recent_obstacles
 from behaviours.path.survey import best_route
 from tests.behaviours.path.test_survey import drawn_map, where
-from uav_bt.protocols import Decision
+from uav_bt.answers import FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints
 
 MARGINS = Margins()
@@ -89,7 +89,7 @@ def test_in_the_open_it_looks_far_ahead() -> None:
     assert leg.straight_m == pytest.approx(np.minimum.accumulate(leg.clear_m), abs=0.15)
 
 
-def past(obstacles: np.ndarray, free_m: float = 0.3) -> Decision | None:
+def past(obstacles: np.ndarray, free_m: float = 0.3) -> FollowLeg | Rotate | None:
     """Return the course straight ahead with a corridor that is blocked so near."""
     clearance = ClearanceMap(
         drawn_map(pose=(0.0, 0.0, 0.0), obstacles=obstacles), RecentObstacles()
@@ -110,7 +110,7 @@ def test_it_creeps_past_what_the_map_has_beside_the_way() -> None:
     """The corridor is wider than the way there."""
     beside = np.array([[x_m, -0.45] for x_m in (0.3, 0.4, 0.5)])
     way = past(beside)
-    assert way is not None
+    assert isinstance(way, FollowLeg)
     assert way.speed_mps == pytest.approx(FollowConfig().past_mps)
 
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from behaviours.path.map_search import Aim, MapSearch
+from behaviours.path.map_search import Aim, Course, MapSearch
 from tests.behaviours.path.drawn_hall import SIGHT, DrawnHall
 from tests.behaviours.path.test_survey import drawn_map
-from uav_bt.protocols import Decision
+from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Corridor, ObstaclePoints, Pose2D
 from uav_bt.types.site_map import MapMark
 
@@ -18,7 +18,7 @@ BOXES = (
     *((-3.4, 3.2), (-0.9, 3.7), (2.1, 3.4), (3.9, 1.2), (3.3, -1.9), (1.0, -3.6)),
     *((-1.2, -2.4), (-3.7, 0.3), (-1.4, 1.1), (1.2, 0.8), (0.7, -1.2), (4.1, -4.0)),
 )
-TURN = Decision(yaw_rad=0.3, speed_mps=0.0)
+TURN = Rotate(yaw_rad=0.3)
 
 
 def hall(x_m: float, y_m: float, yaw_rad: float, **what: object) -> DrawnHall:
@@ -54,8 +54,7 @@ def test_when_all_was_seen_it_begins_anew() -> None:
     search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
     place.now_s = 60.0
     decision = search.decide(place.map(), None, None, None, SIGHT)
-    assert decision is not None
-    assert not decision.done
+    assert isinstance(decision, FollowLeg | Rotate)
     for _ in range(300):
         place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
     assert place.flown_m > 10.0
@@ -76,14 +75,15 @@ def test_it_flies_to_the_mark_and_says_when_it_is_there() -> None:
     """Round the boxes, without a stop on the way, and not much further than straight."""
     mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=0.0)
     search, place = MapSearch(), known(hall(2.6, 2.2, -2.4))
-    decision, nearest_m = TURN, math.inf
-    while not decision.done and place.now_s < 60.0:
+    decision: Course = TURN
+    nearest_m = math.inf
+    while not isinstance(decision, Done) and place.now_s < 60.0:
         decision = search.decide(place.map(mark), mark, None, None, SIGHT) or TURN
         assert search.aim is Aim.MARK
         place.fly(decision)
         nearest_m = min(nearest_m, place.clearance_m())
     apart_m = math.hypot(place.pose.x_m - mark.x_m, place.pose.y_m - mark.y_m)
-    assert decision.done
+    assert isinstance(decision, Done)
     assert apart_m < 1.1
     assert place.flown_m < 10.0
     assert place.now_s < 25.0
@@ -96,8 +96,9 @@ def test_home_leads_through_a_gap_where_there_is_no_other_way() -> None:
     wall = tuple((0.0, y_m) for y_m in np.arange(-4.9, 5.0, 0.1) if abs(y_m) > 0.25)
     place = known(DrawnHall(side_m=10.0, boxes=wall, box_m=0.05))
     place.pose = Pose2D(x_m=-2.0, y_m=1.0, yaw_rad=0.0)
-    search, decision = MapSearch(), TURN
-    while not decision.done and place.now_s < 60.0:
+    search = MapSearch()
+    decision: Course = TURN
+    while not isinstance(decision, Done) and place.now_s < 60.0:
         decision = search.decide(place.map(mark), mark, None, None, SIGHT) or TURN
         place.fly(decision)
     assert place.pose.x_m > 0.5
@@ -140,12 +141,12 @@ def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
     beside = np.array([(0.6, 0.5), (0.6, -0.5)])
     assumed = ObstaclePoints(points_m=np.empty((0, 2)), assumed_m=beside, captured_s=0.0)
     by_doubt = MapSearch().decide(place.map(mark), mark, assumed, None, SIGHT)
-    speeds = [each.speed_mps if each else None for each in (free, by_corridor, by_doubt)]
-    assert speeds[0] == 0.6
-    assert speeds[1] is not None
-    assert speeds[1] < 0.3
-    assert speeds[2] is not None
-    assert speeds[2] < 0.5
+    assert isinstance(free, FollowLeg)
+    assert isinstance(by_corridor, FollowLeg)
+    assert isinstance(by_doubt, FollowLeg)
+    assert free.speed_mps == 0.6
+    assert by_corridor.speed_mps < 0.3
+    assert by_doubt.speed_mps < 0.5
 
 
 def test_what_lies_beyond_the_grid_is_looked_at_once() -> None:
@@ -156,11 +157,11 @@ def test_what_lies_beyond_the_grid_is_looked_at_once() -> None:
         whole = replace(drawn_map(), pose=pose, free=cells, outside=~cells, full=True)
         whole = replace(whole, seen_s=cells.astype(np.float32), captured_s=1.0 + 0.2 * step)
         decision = search.decide(whole, None, None, None, SIGHT)
-        if decision is None:
+        if decision is None or isinstance(decision, Done):
             break
         looked += decision.reason == "looked"
         yaw_rad = pose.yaw_rad + max(-0.2, min(0.2, decision.yaw_rad))
-        step_m = 0.2 * (decision.speed_mps or 0.0)
+        step_m = 0.2 * decision.speed_mps if isinstance(decision, FollowLeg) else 0.0
         x_m, y_m = pose.x_m + step_m * math.cos(yaw_rad), pose.y_m + step_m * math.sin(yaw_rad)
         pose = Pose2D(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
     assert looked >= 3
