@@ -14,7 +14,7 @@ from behaviours.path.gimbal_pointing import GimbalConfig, ground_share
 from behaviours.path.margins import Margins, Passage
 from behaviours.path.nearby import recent_obstacles
 from behaviours.path.survey import SurveyConfig, best_route, new_ground_per_second
-from uav_bt.answers import Answer, Blocked, Done
+from uav_bt.answers import Answer, Blocked, Done, Rotate
 from uav_bt.errors import MissionError
 from uav_bt.protocols import PolicyView
 from uav_bt.types.site_map import SiteMap
