@@ -155,7 +155,7 @@ class PadApproach:
         self._entered_s = self._clear_s = self._leaf.leaf_clock.now()
         self._path.drop()
         self._heading.reset()
-        self._leaf.restart_view()
+        self._leaf.drop_course()
         self._leaf.write(PHASE, MissionPhase.APPROACH)
 
     def _face_pad(self) -> None:

@@ -70,7 +70,7 @@ class PadSearch:
         """Begin, or go on after an approach that failed."""
         self._to_scan_rad = 0.0
         self._map.pause()
-        self._leaf.restart_view()
+        self._leaf.drop_course()
         self._leaf.write(PHASE, MissionPhase.SEARCH)
 
     def gave_up(self, fix: HelipadFix | None) -> None:
@@ -169,7 +169,7 @@ class PadSearch:
         if course is None:
             return
         if self._leaf.turning:
-            self._leaf.restart_view()
+            self._leaf.drop_course()
         if isinstance(course, Done):
             self._map.pause()
             if site_map.mark is not None:
@@ -198,7 +198,7 @@ class PadSearch:
         self._next_scan_s = self._leaf.leaf_clock.now() + self._config.next_scan_s
         self._to_scan_rad = 2.0 * math.pi
         self._scan_yaw_rad = state.attitude.yaw_rad
-        self._leaf.restart_view()
+        self._leaf.drop_course()
 
     def _scan(self, state: DroneState) -> None:
         """Turn once round with the camera down."""

@@ -17,7 +17,7 @@ _AROUND_M: Final = 0.15  # of a mover's circle: so far off its points may be
 
 
 @dataclass(frozen=True, kw_only=True)
-class GiveWayConfig:
+class WayOutConfig:
     """How the drone gets out of the way."""
 
     moving: MoversAheadConfig = field(default_factory=MoversAheadConfig)
@@ -40,14 +40,14 @@ class WayOut:
     y_mps: float = 0.0
 
 
-def is_threatened(site_map: SiteMap, config: GiveWayConfig) -> bool:
+def is_threatened(site_map: SiteMap, config: WayOutConfig) -> bool:
     """Return whether something comes too near to a drone that stays where it is."""
     pose, moving = site_map.pose, config.moving
     here_m = np.broadcast_to((pose.x_m, pose.y_m), (len(moving.times_s), 2))
     return bool(gap_m(site_map.movers, here_m, moving) < moving.spare_m)
 
 
-def runs_into(site_map: SiteMap, velocity_mps: Floats, config: GiveWayConfig) -> bool:
+def runs_into(site_map: SiteMap, velocity_mps: Floats, config: WayOutConfig) -> bool:
     """Return whether a drone that flies on for a moment comes too near to what moves.
 
     Args:
@@ -83,7 +83,7 @@ def is_of_movers(movers: Sequence[MapMover], points_m: Floats) -> Flags:
 def way_out(
     clearance: ClearanceMap,
     movers: Sequence[MapMover],
-    config: GiveWayConfig,
+    config: WayOutConfig,
     *,
     before: WayOut | None = None,
 ) -> WayOut:

@@ -15,7 +15,7 @@ from behaviours.path.movers_ahead import MoversAheadConfig, gap_m, outlines_m, y
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.survey import best_route
 from behaviours.path.ways_out import (
-    GiveWayConfig,
+    WayOutConfig,
     WayOut,
     is_threatened,
     runs_into,
@@ -25,7 +25,7 @@ from behaviours.path.ways_out import (
 from tests.behaviours.path.test_survey import drawn_map, where
 from uav_bt.types.site_map import MapMover, SiteMap
 
-CONFIG, MOVING = GiveWayConfig(), MoversAheadConfig()
+CONFIG, MOVING = WayOutConfig(), MoversAheadConfig()
 AHEAD = np.array([[0.1 * step, 0.0] for step in range(20)])
 
 
