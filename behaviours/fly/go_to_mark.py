@@ -29,6 +29,15 @@ from uav_bt.tree import Port, Status
 from uav_bt.types import DroneState, HelipadFix, MissionPhase
 from uav_bt.types.site_map import SiteMap
 
+ARRIVE = Port(
+    "arrive_m",
+    float,
+    default=0.12,
+    least=0.01,
+    most=2,
+    doc="horizontal distance that counts as above, m",
+)
+
 
 class MarkLeaf(CourseLeaf):
     """Base of the leaves whose camera follows the landing mark down."""
@@ -194,17 +203,7 @@ class StopAboveMark(MarkLeaf):
     The mark may have left the view below.
     """
 
-    ports = (
-        *MarkLeaf.ports,
-        Port(
-            "arrive_m",
-            float,
-            default=0.12,
-            least=0.01,
-            most=2,
-            doc="horizontal distance that counts as above, m",
-        ),
-    )
+    ports = (*MarkLeaf.ports, ARRIVE)
     # Passed, and this near beside or behind, the mark is shown by a camera that looks straight down
     # (chosen).
     passed_m: ClassVar[float] = 0.35

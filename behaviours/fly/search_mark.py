@@ -34,9 +34,6 @@ class MarkFound(Leaf):
     """
 
     condition = True
-    ports = (
-        Port("tracked", bool, default=True, doc="whether a track counts without a sighting of now"),
-    )
     reads = (*TRACK_KEYS, TRACK_TRIED)
 
     def update(self) -> Status:
@@ -45,8 +42,7 @@ class MarkFound(Leaf):
         if fix is None:
             return Status.FAILURE
         carried = fix.std_m <= TRACK.carried_std_m and (tried_s is None or fix.captured_s > tried_s)
-        found = fix.detected or (carried and self.port_value("tracked"))
-        return Status.SUCCESS if found else Status.FAILURE
+        return Status.SUCCESS if fix.detected or carried else Status.FAILURE
 
 
 class SearchByMap(CourseLeaf):
