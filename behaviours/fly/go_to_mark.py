@@ -43,7 +43,6 @@ class MarkLeaf(CourseLeaf):
     """Base of the leaves whose camera follows the landing mark down."""
 
     reads = (*CourseLeaf.reads, *TRACK_KEYS)
-    writes = (*CourseLeaf.writes, TRACK_TRIED)
     ports = (GIMBAL,)
 
     def on_setup(self, mission: MissionContext) -> None:
@@ -66,12 +65,6 @@ class MarkLeaf(CourseLeaf):
             if looks_rad is not None:
                 return looks_rad
         return mark_pitch_rad(fix.range_m, state.height_above_carpet_m, flight_rad)
-
-    def give_up(self, fix: HelipadFix | None) -> Status:
-        """Note that the approach by a track has ended: it counts again once the mark is seen."""
-        if fix is not None:
-            self.write(TRACK_TRIED, fix.captured_s)
-        return Status.FAILURE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,8 +122,8 @@ class GoToMark(MarkLeaf):
     def work(self, state: DroneState) -> Status:
         """Plan on each new map, and fly on between two."""
         cfg, fix, now_s = self.config, believed_fix(self), self.leaf_clock.now()
-        if fix is None or self.clock.now() - fix.captured_s > TRACK.lost_s:
-            return self.give_up(fix)
+        if fix is None:
+            return Status.FAILURE
         if now_s < self._blocked_until_s:
             return Status.FAILURE
         if is_at_mark(fix, self.clock.now()) and is_clear(self, fix):
@@ -181,7 +174,6 @@ class GoToMark(MarkLeaf):
             route,
             site_map,
             self.read(CORRIDOR).value,
-            margins=cfg.margins,
             config=cfg.follow,
             most_mps=TRACK.slow_down_per_s * fix.range_m,
             reason=f"mark {fix.range_m:.1f} m",
@@ -204,6 +196,7 @@ class StopAboveMark(MarkLeaf):
     """
 
     ports = (*MarkLeaf.ports, ARRIVE)
+    writes = (*MarkLeaf.writes, TRACK_TRIED)
     # Passed, and this near beside or behind, the mark is shown by a camera that looks straight down
     # (chosen).
     passed_m: ClassVar[float] = 0.35
@@ -220,7 +213,8 @@ class StopAboveMark(MarkLeaf):
             return Status.FAILURE
         passed = fix.forward_m < 0.0 and fix.range_m < self.passed_m
         if passed or fix.range_m < self.port_value("arrive_m"):
-            self.give_up(fix)  # where no mark is found below, the track has led nowhere
+            # Where no mark is found below, the track is not tried again until it is seen again.
+            self.write(TRACK_TRIED, fix.captured_s)
             return Status.SUCCESS
         if not is_clear(self, fix):
             return Status.FAILURE

@@ -10,7 +10,6 @@ from behaviours.fly.course_leaf import GIMBAL
 from behaviours.fly.mark_track import (
     TRACK,
     TRACK_KEYS,
-    TRACK_TRIED,
     believed_fix,
     is_at_mark,
     is_clear,
@@ -72,7 +71,6 @@ class GoToMarkUnderPolicy(SteeringLeaf):
     config: ClassVar[UnderPolicyConfig] = UnderPolicyConfig()
     ports = (POLICY, GIMBAL)
     reads = (*SteeringLeaf.reads, *TRACK_KEYS)
-    writes = (*SteeringLeaf.writes, TRACK_TRIED)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy; no obstacle was met yet."""
@@ -91,9 +89,7 @@ class GoToMarkUnderPolicy(SteeringLeaf):
     def work(self, state: DroneState) -> Status:
         """Ask the policy about each view that faces the mark."""
         cfg, fix, now_s = self.config, believed_fix(self), self.clock.now()
-        if fix is None or now_s - fix.captured_s > TRACK.lost_s:
-            if fix is not None:
-                self.write(TRACK_TRIED, fix.captured_s)
+        if fix is None:
             return Status.FAILURE
         if is_at_mark(fix, now_s, cfg.close_m) and is_clear(self, fix):
             self._side = 0

@@ -25,7 +25,7 @@ TRACK_TRIED: Final = Key(
     float,
     "capture up to which sightings of the track did not lead to the mark",
     unit="s",
-    writer="GoToMark, StopAboveMark",
+    writer="StopAboveMark",
 )
 TRACK_KEYS: Final = (HELIPAD, OBSTACLES, SITE_MAP, MARK_GONE)
 """Keys that a leaf must declare that it reads, to fly to the mark by its track."""
@@ -79,15 +79,18 @@ def mark_of(leaf: Leaf) -> MapMark | None:
 
 
 def believed_fix(leaf: Leaf) -> HelipadFix | None:
-    """Return the track, if a mark may be there: near the map's mark, else not beyond the ground.
+    """Return the track while it is not lost and a mark may be there; else None.
 
-    A mask may take something far behind the ground's edge for the mark.
+    A mark may be near the map's mark, and on a map without one anywhere but beyond the ground's
+    edge: a mask may take something far behind that edge for the mark.
 
     Args:
         leaf: Declares `TRACK_KEYS`.
     """
     fix, site_map = leaf.read(HELIPAD).value, leaf.read(SITE_MAP).value
-    if fix is None or site_map is None:
+    if fix is None or leaf.clock.now() - fix.captured_s > TRACK.lost_s:
+        return None
+    if site_map is None:
         return fix
     x_m, y_m = site_map.pose.to_world(fix.forward_m, fix.right_m)
     mark = mark_of(leaf)

@@ -32,6 +32,7 @@ class Route:
         clear_m: (N,) clearance of each place, as of `ClearanceMap.clearance_at`.
         straight_m: (N,) least clearance on the straight line from the drone to each place.
         time_s: Time to fly it.
+        margins: The margins that it keeps.
         new_m2: Ground that it passes for the first time; 0 where that was not asked for.
     """
 
@@ -39,7 +40,18 @@ class Route:
     clear_m: Floats
     straight_m: Floats
     time_s: float
+    margins: Margins
     new_m2: float = 0.0
+
+    @property
+    def length_m(self) -> float:
+        """The length of the path."""
+        return float(np.hypot(*np.diff(self.path_m, axis=0).T).sum())
+
+    @property
+    def apart_m(self) -> float:
+        """The distance between its ends."""
+        return float(np.hypot(*(self.path_m[-1] - self.path_m[0])))
 
 
 class ClearanceMap:
@@ -72,6 +84,11 @@ class ClearanceMap:
         margins = (margins or Margins()).by(site_map.residual_m)
         self.map, self.margins = site_map, margins
         self._free = site_map.free | self._around(over)
+        self._doubted = np.zeros_like(self._free)
+        if margins.cross_unknown:
+            unseen = ~(self._free | site_map.outside)
+            self._doubted |= unseen | (self._distance_m(recent.assumed_m) < margins.doubt_m)
+            self._free = self._free | unseen
         points_m = np.vstack([site_map.obstacles_m, outlines_m(site_map.movers), recent.seen_m])
         self.obstacle_m = self._distance_of(self._marked(points_m) | self._filled())
         ends_m = self._distance_m(np.vstack([site_map.edges_m, recent.edges_m]))
@@ -111,9 +128,26 @@ class ClearanceMap:
 
     @cached_property
     def fastest(self) -> FastestPaths:
-        """The fastest paths from the drone to everywhere."""
+        """The fastest paths from the drone to everywhere, in whatever direction they begin."""
+        return fastest_paths(self.open, self._cell_s, self.start)
+
+    @cached_property
+    def _turned(self) -> FastestPaths:
+        """The fastest paths with the first turn: it holds the drone to the way that it has begun.
+
+        The cells around the drone cost the turn to them, spread over the first metres of the path.
+        """
+        margins, found = self.margins, self.map
+        forward_m, right_m = np.moveaxis(found.pose.points_to_body(found.places_m()), -1, 0)
+        turn_s = np.abs(np.arctan2(right_m, forward_m)) / margins.yaw_rate_radps
+        around = np.hypot(forward_m, right_m) <= margins.turn_m
+        shares = np.where(around, found.cell_m / margins.turn_m, 0.0)
+        return fastest_paths(self.open, self._cell_s + shares * turn_s, self.start)
+
+    @property
+    def _cell_s(self) -> Floats:
         cell_s = self.map.cell_m / self.margins.speed_mps(self.clear_m)
-        return fastest_paths(self.open, cell_s, self.start)
+        return np.asarray(cell_s * np.where(self._doubted, self.margins.unknown_times, 1.0))
 
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
         """Return the fastest route to the surroundings of a place; None without one.
@@ -123,7 +157,7 @@ class ClearanceMap:
             near_m: The route that is the fastest to within this distance is returned.
             far_m: Where no route leads so near, the one that ends nearest is, within this distance.
         """
-        time_s = self.fastest.time_s
+        time_s = self._turned.time_s
         apart_m = np.linalg.norm(self.map.places_m() - to, axis=-1)
         apart_m = np.where(np.isfinite(time_s), apart_m, math.inf)
         end = int(np.where(apart_m <= near_m, time_s, math.inf).argmin())
@@ -131,7 +165,8 @@ class ClearanceMap:
             end = int(apart_m.argmin())
         if apart_m.reshape(-1)[end] > max(near_m, far_m):
             return None
-        return self.route_to_cell(divmod(end, apart_m.shape[1]))
+        cell = divmod(end, apart_m.shape[1])
+        return self.route_along(self._turned.to(cell), time_s=float(time_s[cell]))
 
     def route_to_cell(self, cell: Cell) -> Route:
         """Return the fastest route to a cell that is reached."""
@@ -145,6 +180,7 @@ class ClearanceMap:
             clear_m=self.clear_m[tuple(cells.T)],
             straight_m=self._straight_m(cells),
             time_s=time_s,
+            margins=self.margins,
             new_m2=new_m2,
         )
 
@@ -195,6 +231,8 @@ class ClearanceMap:
         displaced.
         """
         marked, found = self._marked(places_m), self.map
+        if self.margins.cross_unknown:
+            return np.zeros_like(marked), marked
         trusted = self.margins.past_assumed and not found.movers and not len(found.lanes_m)
         is_open = trusted & found.ground & (self.obstacle_m >= self.margins.doubt_m)
         return marked & ~is_open, marked & is_open
@@ -249,7 +287,8 @@ class ClearanceMaps:
         margins: Margins of the ordinary passage.
         crossing: Whether narrower passages lead through where something moved.
         past_assumed: Whether the tightest passage leads over open ground with assumed obstacles.
-        over: Landing mark that is flown over; the tightest passage is that of the last metres then.
+        over: Landing mark that is flown over; narrower passages have the margins of the last metres
+            before it then.
     """
 
     def __init__(
@@ -263,11 +302,17 @@ class ClearanceMaps:
         over: Place | None = None,
     ) -> None:
         narrow = replace(site_map, lanes_m=np.empty((0, 2))) if crossing else site_map
-        tightest = replace(margins.tightest(), past_assumed=past_assumed)
+        margins_of = {
+            Passage.ORDINARY: margins,
+            Passage.TIGHT: margins.tight(),
+            Passage.TIGHTEST: replace(margins.tightest(), past_assumed=past_assumed),
+        }
+        if over is not None:
+            at_pad = margins.at_pad()
+            margins_of |= {Passage.TIGHT: at_pad, Passage.TIGHTEST: at_pad.tightest()}
         self._parts = {
-            Passage.ORDINARY: (site_map, margins),
-            Passage.TIGHT: (narrow, margins.tight()),
-            Passage.TIGHTEST: (narrow, tightest if over is None else margins.at_pad()),
+            passage: (site_map if passage is Passage.ORDINARY else narrow, each)
+            for passage, each in margins_of.items()
         }
         self.map, self._recent, self._over = site_map, recent, over
         self._made: dict[Passage, ClearanceMap] = {}
@@ -279,12 +324,21 @@ class ClearanceMaps:
         return self._made[passage]
 
     def route_to(self, to: Place, *, near_m: float, far_m: float) -> Route | None:
-        """Return the route through the widest passage that leads there; None without one.
+        """Return the route to a place; None without one.
+
+        It leads through the widest passage, unless a narrower one saves `Margins.saved_s`.
 
         Args:
             to: Place in the map's frame, metres.
             near_m: As in `ClearanceMap.route_to`.
             far_m: The same.
         """
-        routes = (self[each].route_to(to, near_m=near_m, far_m=far_m) for each in Passage)
-        return next((found for found in routes if found is not None), None)
+        best: Route | None = None
+        for passage in Passage:
+            margins = self._parts[passage][1]
+            if best is not None and best.length_m <= margins.direct * best.apart_m:
+                break
+            found = self[passage].route_to(to, near_m=near_m, far_m=far_m)
+            if found is not None and (best is None or found.time_s < best.time_s - margins.saved_s):
+                best = found
+        return best

@@ -82,7 +82,7 @@ def follow(
         route: From the drone's place.
         site_map: The map on which it was planned.
         corridor: What the safety corridor shows ahead; None without depth.
-        margins: Speeds beside obstacles.
+        margins: Speeds beside obstacles; None for those of the route.
         config: Where the drone steers to.
         most_mps: Highest speed.
         reason: One or two words for the status line.
@@ -90,7 +90,7 @@ def follow(
     Returns:
         None when the corridor is blocked right ahead by something that is not on the map.
     """
-    margins = (margins or Margins()).by(site_map.residual_m)
+    margins = route.margins if margins is None else margins.by(site_map.residual_m)
     config = config or FollowConfig()
     bearing_rad, speed_mps = _course(route, site_map.pose, margins, config)
     if abs(bearing_rad) >= config.facing_rad:

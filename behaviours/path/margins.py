@@ -52,6 +52,14 @@ class Margins:
         start_slack_m: It may lose this much of that clearance: a cell's rounding.
         min_start_m: A drone that is nearer than this only flies away.
         enough_reached: A drone that reaches less than this share of the flyable cells is shut in.
+        yaw_rate_radps: Rate of the turn that a route begins with (`CourseLeaf` turns about so fast).
+        turn_m: The turn is counted over the first metres of a route.
+        saved_s: A narrower passage is flown where it saves this time.
+        direct: A route of up to this multiple of the straight line is not compared with narrower
+            passages.
+        cross_unknown: Whether a route may cross unseen cells and assumed obstacles.
+        unknown_times: Such a cell costs this multiple of its time.
+        pad_edge_m: `edge_m` of the last metres before the pad.
         over_m: A landing mark that is flown over counts as seen, free ground to this distance from
             its middle: half of the pad's diagonal, and a cell.
     """
@@ -75,6 +83,13 @@ class Margins:
     start_slack_m: float = 0.03
     min_start_m: float = 0.3
     enough_reached: float = 0.5
+    yaw_rate_radps: float = 0.8
+    turn_m: float = 0.5
+    saved_s: float = 6.0
+    direct: float = 1.3
+    cross_unknown: bool = False
+    unknown_times: float = 3.0
+    pad_edge_m: float = 0.2
     over_m: float = math.hypot(*PAD_SIZE_M[:2]) / 2 + 0.1
 
     def __post_init__(self) -> None:
@@ -111,16 +126,11 @@ class Margins:
         """Return the margins of the last metres, where boxes stand beside the pad.
 
         The camera sees those metres from nearby before they are flown, so assumed obstacles and
-        unseen cells close the way no further than a known obstacle does.
+        unseen cells cost time there, and do not close the way.
         """
-        return replace(
-            self.tightest(),
-            doubt_m=self.tightest_m,
-            unknown_m=self.tightest_m,
-            past_assumed=True,
-        )
+        return replace(self.tight(), edge_m=self.pad_edge_m, cross_unknown=True)
 
     def speed_mps(self, clear_m: Floats) -> Floats:
         """Return the speed at each clearance."""
-        at_m = self.min_start_m, self.touch_m, self.wide_m
+        at_m = min(self.min_start_m, self.touch_m - self.start_slack_m), self.touch_m, self.wide_m
         return np.interp(clear_m, at_m, (self.away_mps, self.slow_mps, self.fast_mps))

@@ -15,8 +15,8 @@ from behaviours.path.movers_ahead import MoversAheadConfig, gap_m, outlines_m, y
 from behaviours.path.nearby import RecentObstacles
 from behaviours.path.survey import best_route
 from behaviours.path.ways_out import (
-    WayOutConfig,
     WayOut,
+    WayOutConfig,
     is_threatened,
     runs_into,
     standing_alone,
