@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from behaviours.fly.giving_way import GIVES_WAY, GivingWay
-from behaviours.fly.steering import SteeringLeaf
+from behaviours.fly.steering import GIVES_WAY, SteeringLeaf
 from uav_bt.answers import Advance, Blocked, Done, FollowLeg, Rotate
-from uav_bt.board.context import MissionContext
 from uav_bt.tree import Status
 from uav_bt.types import DroneState
 
@@ -18,18 +16,13 @@ class Avoid(SteeringLeaf):
 
     ports = (*SteeringLeaf.ports, GIVES_WAY)
 
-    def on_setup(self, mission: MissionContext) -> None:
-        """Find the policy, and watch what moves."""
-        super().on_setup(mission)
-        self._giving_way = GivingWay(self)
-
     def initialise(self) -> None:
         """Forget the last turn."""
-        self.restart_view()
+        self.drop_course()
 
     def work(self, state: DroneState) -> Status:
         """Go on turning until the policy finds the path free."""
-        if self._giving_way.work() or self.moving(state):
+        if self.gives_way() or self.moving(state):
             return Status.RUNNING
         answer = self.decide()
         match answer:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from behaviours.fly.heading import HeadingController
+from behaviours.fly.heading_control import HeadingController
 from uav_bt.answers import FollowLeg, Rotate
 
 _LASTS_S: Final = 0.5  # chosen: a course is flown up to this time without a new answer

@@ -8,43 +8,35 @@ two boxes, and it does not stop for each view: the drone turns while the policy 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from behaviours.fly.course import Course
-from behaviours.fly.ground_pointing import LOOKS_DOWN, pitch_showing_ground
+from behaviours.fly.course_leaf import CourseLeaf
 from behaviours.fly.held_rotation import HeldRotation
-from behaviours.fly.keeping_away import (
-    KeepAwayConfig,
-    by_the_map,
-    push_away_mps,
-    step_away_m,
-)
-from behaviours.fly.moving_leaf import MovingLeaf
+from behaviours.fly.keeping_away import step_away_m
 from behaviours.fly.step import Progress
 from behaviours.policies.view import VIEW_KEYS, ask, current_view, policy_view
 from behaviours.stage_timer import StageTimer
 from uav_bt.answers import Advance, Answer, Blocked, Done, FollowLeg, Rotate
-from uav_bt.board import (
-    FLIGHT_HEIGHT,
-    FLIGHT_PITCH,
-    FRAME,
-    HELD_TURN,
-    OBSTACLES,
-    ODOMETRY,
-    PHASE,
-    SITE_MAP,
-    STATE,
-)
+from uav_bt.board import FLIGHT_PITCH, FRAME, HELD_TURN, ODOMETRY
 from uav_bt.board.blackboard import Key
 from uav_bt.board.context import MissionContext
 from uav_bt.protocols import LeafPolicy
 from uav_bt.tree import Port
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn, Velocity
+from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, HeldTurn
 
 POLICY = Port("policy", str, default="segmentation", doc="leaf policy that chooses the way")
+LOOKS_DOWN = Port(
+    "looks_down",
+    bool,
+    default=False,
+    doc="lower the camera where, by the site map, it would show little ground to follow",
+)
+GIVES_WAY = Port(
+    "gives_way", bool, default=False, doc="stop for what moves, and get out of its way"
+)
 FLOWING = Port(
     "flowing", bool, default=False, doc="look ahead during a step: lengthen it, or break it off"
 )
@@ -55,29 +47,21 @@ class SteeringConfig:
     """How steps and turns are flown. Distances are from the body's centre."""
 
     altitude_slack_m: float = 0.08  # the altimeter's noise; more is corrected with the next advance
-    keep_away: KeepAwayConfig = field(default_factory=KeepAwayConfig)
     # Of a steady turn: in the 0.3 s from a frame's capture to its effect it turns by 10 degrees.
     yaw_rate_radps: float = 0.6
     turn_lag_s: float = 0.1  # for which a turn goes on after the command that ends it is sent
     turn_back_rad: float = math.radians(4)  # a smaller overshoot of a turn is left
     settle_s: float = 0.2  # the airframe swings on after a turn and would deflect a step
     interrupted_s: float = 1.0  # from an interrupted movement to the view that decides the next one
-    climb_per_s: float = 0.8  # of the error in height, while it flies at a speed
-    climb_mps: float = 0.25  # at most
     lengthen_m: float = 0.2  # a step under way is only replaced by one that ends further on by this
 
 
-class SteeringLeaf(MovingLeaf):
+class SteeringLeaf(CourseLeaf):
     """Base of the leaves that move step by step under a leaf policy."""
 
     steering: ClassVar[SteeringConfig] = SteeringConfig()
     ports: ClassVar[tuple[Port[Any], ...]] = (POLICY, LOOKS_DOWN)
-    reads: ClassVar[tuple[Key[Any], ...]] = (
-        *(STATE, FLIGHT_HEIGHT, FLIGHT_PITCH, ODOMETRY),
-        *VIEW_KEYS,
-    )
-    writes = (PHASE, HELD_TURN)
-    resumes = False  # an interrupted step is decided anew, on what is in view then
+    reads: ClassVar[tuple[Key[Any], ...]] = (*CourseLeaf.reads, FLIGHT_PITCH, *VIEW_KEYS)
 
     def on_setup(self, mission: MissionContext) -> None:
         """Find the policy.
@@ -93,7 +77,6 @@ class SteeringLeaf(MovingLeaf):
         self._advancing = False  # the movement under way, if any, is an advance
         self._step_ends_m = 0.0  # ahead, of the advance under way
         self._stepped_s = 0.0
-        self._course = Course()
         self._rotation = HeldRotation()
 
     def gimbal_pitch_rad(self) -> float | None:
@@ -101,7 +84,11 @@ class SteeringLeaf(MovingLeaf):
         flight_rad = self.read(FLIGHT_PITCH).value
         if flight_rad is None or not self.port_value(LOOKS_DOWN.name):
             return None
-        return pitch_showing_ground(self, flight_rad)
+        return self.ground_pitch_rad(flight_rad)
+
+    def gives_way(self) -> bool:
+        """Give way with the port `gives_way`; False when nothing comes too near."""
+        return bool(self.port_value(GIVES_WAY.name)) and self.give_way()
 
     # --- advancing --------------------------------------------------------------------------------
 
@@ -138,7 +125,7 @@ class SteeringLeaf(MovingLeaf):
             flown_m: of it, since the frame was captured.
         """
         self.write(HELD_TURN, HeldTurn())
-        error_m = self._too_high_m(state)
+        error_m = self.too_high_m(state)
         self._advancing = True
         self._step_ends_m = answer.forward_m - flown_m
         self._stepped_s = self.clock.now()
@@ -146,40 +133,6 @@ class SteeringLeaf(MovingLeaf):
             forward_m=self._step_ends_m,
             yaw_rad=answer.yaw_rad,
             down_m=error_m if abs(error_m) > self.steering.altitude_slack_m else 0.0,
-        )
-
-    def _too_high_m(self, state: DroneState) -> float:
-        """Return the error in height; where no leaf has set a flight height there is none."""
-        flight_height_m = self.read(FLIGHT_HEIGHT).value
-        return 0.0 if flight_height_m is None else state.height_above_carpet_m - flight_height_m
-
-    def fly_on(self, state: DroneState, answer: FollowLeg | Rotate | None) -> None:
-        """Fly ahead at a speed while the heading follows, without a stop between answers.
-
-        Args:
-            state: of the drone.
-            answer: the new one; None to fly on the last for a while.
-        """
-        cfg, yaw_rad = self.steering, self._yaw_rad(state)
-        if isinstance(answer, FollowLeg) and answer.speed_mps > 0.0:
-            self.write(HELD_TURN, HeldTurn())
-        course = self._course.follow(answer, yaw_rad=yaw_rad, now_s=self.clock.now())
-        if course is None:
-            return
-        speed_mps, yaw_rate = course
-        if speed_mps == 0.0:
-            self.propose(self.turn_keeping_away(yaw_rate))
-            return
-        down_mps = cfg.climb_per_s * self._too_high_m(state)
-        # The heading follows the way; what pushes the drone aside on it is beside the view.
-        _, right_mps = self._push_mps()
-        self.propose(
-            Velocity(
-                forward_mps=speed_mps,
-                right_mps=right_mps,
-                down_mps=max(-cfg.climb_mps, min(cfg.climb_mps, down_mps)),
-                yaw_rate_radps=yaw_rate,
-            )
         )
 
     def flow(self, state: DroneState) -> bool:
@@ -199,7 +152,7 @@ class SteeringLeaf(MovingLeaf):
             return False
         match answer:
             case Blocked() | Done():
-                self.restart_view()
+                self.drop_course()
                 return True
             case Advance():
                 # The answer was given for the place where the frame was captured.
@@ -215,34 +168,19 @@ class SteeringLeaf(MovingLeaf):
         Returns:
             False when none is, or when the step would lead nearer to another.
         """
-        step_m = step_away_m(self.read(OBSTACLES).value, self.steering.keep_away)
+        step_m = step_away_m(self.obstacles(), self.course.keep_away)
         if step_m is None:
             return False
         self._advancing = False
         self.start_move(forward_m=step_m[0], right_m=step_m[1])
         return True
 
-    def turn_keeping_away(self, yaw_rate_radps: float) -> Velocity:
-        """Return a turn on the spot that moves away from what is too near.
-
-        A hovering drone drifts, and while it turns it may drift to where the camera does not point.
-        """
-        forward_mps, right_mps = self._push_mps()
-        return Velocity(forward_mps=forward_mps, right_mps=right_mps, yaw_rate_radps=yaw_rate_radps)
-
-    def _push_mps(self) -> tuple[float, float]:
-        site_map, motion = self.read(SITE_MAP).value, self.read(ODOMETRY).value
-        placed = None if site_map is None or motion is None else site_map.at(motion.pose)
-        cfg = self.steering.keep_away
-        return push_away_mps(by_the_map(self.read(OBSTACLES).value, placed, cfg), cfg)
-
     # --- turning ----------------------------------------------------------------------------------
 
-    def restart_view(self) -> None:
-        """Drop movement and turn, and only use views captured once the airframe has settled."""
-        self._step.drop(self.clock.now())
+    def drop_course(self) -> None:
+        """Forget movement, course and turn; only views from now on count."""
+        super().drop_course()
         self._view_from_s = self.clock.now() + self.steering.settle_s
-        self._course.drop()
         self._rotation = HeldRotation()
 
     @property
@@ -267,7 +205,7 @@ class SteeringLeaf(MovingLeaf):
             state: of the drone.
             away_rad: the least turn, clockwise positive; None to begin none.
         """
-        yaw_rad, held = state.attitude.yaw_rad, self.held_turn
+        yaw_rad, held = self.yaw_rad(state), self.held_turn
         if not self.turning:
             if away_rad is None:
                 return
@@ -289,19 +227,42 @@ class SteeringLeaf(MovingLeaf):
         """
         cfg = self.steering
         frame, direction = self.read(FRAME).value, self.held_turn.direction
-        self.restart_view()
+        self.drop_course()
         if frame is None:
             return
-        ends_rad = self._yaw_rad(state) + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
+        ends_rad = self.yaw_rad(state) + direction * cfg.yaw_rate_radps * cfg.turn_lag_s
         back_rad = math.remainder(frame.attitude.yaw_rad - ends_rad, 2.0 * math.pi)
         if abs(back_rad) > cfg.turn_back_rad:
             self._advancing = False
             self.start_move(yaw_rad=back_rad)
 
-    def _yaw_rad(self, state: DroneState) -> float:
-        """Return telemetry's heading as it is now, as far as the odometry knows it."""
-        motion = self.read(ODOMETRY).value
-        return state.attitude.yaw_rad if motion is None else motion.reported_yaw_rad
+    # --- advancing or turning ---------------------------------------------------------------------
+
+    def wander(self, state: DroneState) -> bool:
+        """Advance or turn as the policy decides, in a search and in a detour.
+
+        Args:
+            state: Of the drone.
+
+        Returns:
+            Whether an advance began.
+        """
+        if self.flow(state) or self.moving(state):
+            return False
+        match self.decide():
+            case Blocked(yaw_rad=yaw_rad):
+                if self.turning or not self.make_room():
+                    self.keep_turning(state, yaw_rad)
+            case Done():  # as long as the search lasts it looks round
+                if self.turning or not self.make_room():
+                    self.keep_turning(state, 0.0)
+            case Advance() | FollowLeg() | Rotate() if self.turning and self.turn_is_complete:
+                self.turn_back(state)  # judge the view once more, then advance
+            case _ if self.turning:
+                self.keep_turning(state, None)
+            case answer:
+                return self.go_on(state, answer)
+        return False
 
     # --- viewing ----------------------------------------------------------------------------------
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.path.next_view import Sight
+from behaviours.path.next_viewpoint import GroundInView
 from uav_bt.answers import Done, FollowLeg, Rotate
 from uav_bt.types import Pose2D
 from uav_bt.types.site_map import MapMark, SiteMap
 
 CELL_M = 0.1
-SIGHT = Sight(near_m=1.2, far_m=3.8, half_rad=math.radians(34))
+SIGHT = GroundInView(near_m=1.2, far_m=3.8, half_rad=math.radians(34))
 _YAW_RATE_RADPS = 0.9
 _TICK_S = 0.2
 

@@ -42,7 +42,7 @@ def test_a_hall_is_searched_systematically() -> None:
     while place.seen_share() < 0.95 and place.now_s < 150.0:
         row, column = place.map().cell_of(place.pose.x_m, place.pose.y_m)
         assert place.free[row, column]
-        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+        place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
         nearest_m = min(nearest_m, place.clearance_m())
     assert place.seen_share() >= 0.95
     assert place.flown_m < 40.0
@@ -53,10 +53,10 @@ def test_a_hall_is_searched_systematically() -> None:
 def test_when_all_was_seen_it_begins_anew() -> None:
     search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
     place.now_s = 60.0
-    decision = search.decide(place.map(), None, None, SIGHT)
+    decision = search.decide(place.map(), None, None, None, SIGHT)
     assert isinstance(decision, FollowLeg | Rotate)
     for _ in range(300):
-        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+        place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
     assert place.flown_m > 10.0
 
 
@@ -67,7 +67,7 @@ def test_ground_that_stays_unseen_is_not_stared_at() -> None:
     hidden[95:105, 70:80] = True
     for _ in range(250):
         place.seen_s[hidden] = -math.inf
-        place.fly(search.decide(place.map(), None, None, SIGHT) or TURN)
+        place.fly(search.decide(place.map(), None, None, None, SIGHT) or TURN)
     assert place.flown_m > 6.0
 
 
@@ -78,7 +78,7 @@ def test_it_flies_to_the_mark_and_says_when_it_is_there() -> None:
     decision: Course = TURN
     nearest_m = math.inf
     while not isinstance(decision, Done) and place.now_s < 60.0:
-        decision = search.decide(place.map(mark), None, None, SIGHT) or TURN
+        decision = search.decide(place.map(mark), mark, None, None, SIGHT) or TURN
         assert search.aim is Aim.MARK
         place.fly(decision)
         nearest_m = min(nearest_m, place.clearance_m())
@@ -99,19 +99,17 @@ def test_home_leads_through_a_gap_where_there_is_no_other_way() -> None:
     search = MapSearch()
     decision: Course = TURN
     while not isinstance(decision, Done) and place.now_s < 60.0:
-        decision = search.decide(place.map(mark), None, None, SIGHT) or TURN
+        decision = search.decide(place.map(mark), mark, None, None, SIGHT) or TURN
         place.fly(decision)
     assert place.pose.x_m > 0.5
 
 
-def test_a_mark_that_is_gone_is_not_flown_to_until_it_is_seen_again() -> None:
+def test_without_a_mark_unseen_ground_is_flown_to() -> None:
     mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=5.0)
     search, place = MapSearch(), known(hall(2.6, 2.2, -2.4))
-    search.mark_is_gone(place.map(mark))
-    search.decide(place.map(mark), None, None, SIGHT)
+    search.decide(place.map(mark), None, None, None, SIGHT)
     assert search.aim is Aim.GROUND
-    assert search.mark_of(place.map(mark)) is None
-    search.decide(place.map(replace(mark, seen_s=6.0)), None, None, SIGHT)
+    search.decide(place.map(mark), mark, None, None, SIGHT)
     assert search.aim is Aim.MARK
 
 
@@ -119,19 +117,19 @@ def test_a_mark_across_unknown_ground_is_not_flown_to_straight() -> None:
     """First the ground before it is looked at."""
     mark = MapMark(x_m=-3.6, y_m=-3.4, std_m=0.03, seen_s=0.0)
     search, place = MapSearch(), hall(2.6, 2.2, -2.4)
-    search.decide(place.map(mark), None, None, SIGHT)
+    search.decide(place.map(mark), mark, None, None, SIGHT)
     assert search.aim is Aim.GROUND
 
 
 def test_a_map_that_is_contradicted_is_not_flown_by() -> None:
     search, place = MapSearch(), known(hall(0.0, -0.2, 0.0))
-    assert search.decide(place.map(contradicted_s=3.0), None, None, SIGHT) is None
+    assert search.decide(place.map(contradicted_s=3.0), None, None, None, SIGHT) is None
 
 
 def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
     mark = MapMark(x_m=3.0, y_m=-0.2, std_m=0.03, seen_s=0.0)
     place = known(DrawnHall(side_m=10.0))
-    free = MapSearch().decide(place.map(mark), None, None, SIGHT)
+    free = MapSearch().decide(place.map(mark), mark, None, None, SIGHT)
     near = Corridor(
         captured_s=0.0,
         free_distance_m=0.6,
@@ -139,10 +137,10 @@ def test_corridor_and_assumed_obstacles_limit_the_speed() -> None:
         nearest_side="front",
         time_to_impact_s=math.inf,
     )
-    by_corridor = MapSearch().decide(place.map(mark), None, near, SIGHT)
+    by_corridor = MapSearch().decide(place.map(mark), mark, None, near, SIGHT)
     beside = np.array([(0.6, 0.5), (0.6, -0.5)])
     assumed = ObstaclePoints(points_m=np.empty((0, 2)), assumed_m=beside, captured_s=0.0)
-    by_doubt = MapSearch().decide(place.map(mark), assumed, None, SIGHT)
+    by_doubt = MapSearch().decide(place.map(mark), mark, assumed, None, SIGHT)
     assert isinstance(free, FollowLeg)
     assert isinstance(by_corridor, FollowLeg)
     assert isinstance(by_doubt, FollowLeg)
@@ -158,7 +156,7 @@ def test_what_lies_beyond_the_grid_is_looked_at_once() -> None:
     for step in range(400):
         whole = replace(drawn_map(), pose=pose, free=cells, outside=~cells, full=True)
         whole = replace(whole, seen_s=cells.astype(np.float32), captured_s=1.0 + 0.2 * step)
-        decision = search.decide(whole, None, None, SIGHT)
+        decision = search.decide(whole, None, None, None, SIGHT)
         if decision is None or isinstance(decision, Done):
             break
         looked += decision.reason == "looked"
