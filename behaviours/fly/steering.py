@@ -205,7 +205,7 @@ class SteeringLeaf(CourseLeaf):
             state: of the drone.
             away_rad: the least turn, clockwise positive; None to begin none.
         """
-        yaw_rad, held = self.yaw_rad(state), self.held_turn
+        yaw_rad, held = state.attitude.yaw_rad, self.held_turn
         if not self.turning:
             if away_rad is None:
                 return
