@@ -108,7 +108,7 @@ def fly(name: str, seed: int) -> dict[str, object]:
     place = PLACES[name]
     scene, track = place.drawn(seed), Track(place.survey_s)
     text = resolve_tree("survey_and_land").read_text(encoding="utf-8")
-    text = text.replace('msec="180000"', f'msec="{1000 * place.survey_s}"')
+    text = text.replace('duration_ms="180000"', f'duration_ms="{1000 * place.survey_s}"')
     options = app.FlightOptions(
         drone=TwinDrone(scene, profile=Profile.named("lab"), seed=seed),
         seed=seed,

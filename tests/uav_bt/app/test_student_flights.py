@@ -14,7 +14,7 @@ from uav_bt.errors import NodeFailedError
 
 ROOT = Path(__file__).parents[3]
 SMALL = app.FlightOptions(scene="val-b", seed=3, image_size_px=(320, 180))
-EXPLORES = 'msec="90000"'
+EXPLORES = '="90000"'  # the time of the exploration, ms
 
 
 def shortened(name: str, folder: Path) -> Path:
@@ -22,7 +22,7 @@ def shortened(name: str, folder: Path) -> Path:
     text = (ROOT / "trees" / f"{name}.xml").read_text(encoding="utf-8")
     assert EXPLORES in text
     path = folder / f"{name}.xml"
-    path.write_text(text.replace(EXPLORES, 'msec="6000"', 1), encoding="utf-8")
+    path.write_text(text.replace(EXPLORES, '="6000"', 1), encoding="utf-8")
     return path
 
 
