@@ -13,9 +13,11 @@ from behaviours.fly.look import HelipadKnown, HoverFor, Hovering, PointCamera, T
 from behaviours.fly.return_to_base import ReturnToBase
 from behaviours.fly.take_off import TakeOff
 from behaviours.perceive.advise import Advise
-from behaviours.perceive.class_map import FindHelipad, RememberObstacles, Segment
+from behaviours.perceive.class_map import FindHelipad, Segment
 from behaviours.perceive.depth import BuildCorridor, EstimateDepth
+from behaviours.perceive.motion import TrackMotion
 from behaviours.perceive.recent_views import RememberViews
+from behaviours.perceive.site_map import MapSite
 from uav_bt.tree import Leaf
 
 NODES: Final[tuple[type[Leaf], ...]] = (
@@ -32,11 +34,12 @@ NODES: Final[tuple[type[Leaf], ...]] = (
     HoverFor,
     Hovering,
     Land,
+    MapSite,
     PointCamera,
-    RememberObstacles,
     RememberViews,
     ReturnToBase,
     Segment,
     TakeOff,
+    TrackMotion,
     Turn,
 )

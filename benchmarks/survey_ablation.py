@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from mission_text import cover_or_turn, explore_and_come_home
 
-from behaviours.perceive.class_map import RememberObstacles
+from behaviours.perceive.site_map import MapSite
 from behaviours.policies.coverage import Coverage
 from perception.mapping.registration import RegistrationConfig
 from perception.mapping.site_mapper import SiteMapperConfig
@@ -39,7 +39,7 @@ SURVEY_S = 180
 FLIGHTS = "flights.jsonl"
 
 
-class RememberUnmatched(RememberObstacles):
+class MapUnmatched(MapSite):
     """The map without scan matching: the odometry is believed to be without drift."""
 
     mapping = SiteMapperConfig(
@@ -69,7 +69,7 @@ class Variant:
     """How one kind of flight differs from the survey as it ships."""
 
     explore: str = "coverage"
-    memory: str = "RememberObstacles"
+    mapper: str = "MapSite"
     hold: HoldConfig = field(default_factory=HoldConfig)
 
     def policies(self, seed: int) -> dict[str, LeafPolicy]:
@@ -87,14 +87,14 @@ class Variant:
             explore_s=SURVEY_S,
             home=f'<ReturnToBase gives_way="{"true" if by_map else "false"}"/>',
             gimbal_deg=-42 if self.explore != "segmentation" else -30,
-            memory=self.memory,
+            mapper=self.mapper,
         )
 
 
 VARIANTS = {
     "survey": Variant(),
     "nearest": Variant(explore="nearest"),
-    "unmatched": Variant(memory="RememberUnmatched"),
+    "unmatched": Variant(mapper="MapUnmatched"),
     "unheld": Variant(hold=HoldConfig(blind_s=0.0)),
     "random": Variant(explore="random"),
     "rule": Variant(explore="segmentation"),
@@ -117,7 +117,7 @@ def fly(name: str, scene: str, seed: int, profile: str, movers: int) -> dict[str
         policies={} if policy is None else {"Explore": policy, "Avoid": policy},
         runner=app.RunnerConfig(hold=variant.hold),
     )
-    registry = NodeRegistry.installed().with_nodes(RememberUnmatched)
+    registry = NodeRegistry.installed().with_nodes(MapUnmatched)
     report = app.fly(text, options, registry=registry)
     return {
         "variant": name,

@@ -170,8 +170,8 @@ class PolicyView:
         camera: at the class map's size.
         gimbal_pitch_rad: when the frame was captured; 0 level, negative down.
         height_above_carpet_m: when the frame was captured.
-        obstacles: remembered, also those out of view; None without `RememberObstacles`.
-        site_map: the map of the place; None without `RememberObstacles`.
+        obstacles: remembered, also those out of view; None without `MapSite`.
+        site_map: the map of the place; None without `MapSite`.
         corridor: how far the path is free; None without depth in the tree.
         recent: the pixels of the last seconds; None without `RememberViews`.
         turning: a turn under way: +1 clockwise, -1 counter-clockwise, 0 none.

@@ -28,8 +28,8 @@ class EstimateDepth(Leaf):
     """Metric depth of each new frame; SUCCESS always, staleness shows by age.
 
     A frame that gives no metric depth (black, frozen, too little carpet, no height) writes none,
-    and the leaf's message says why. Where RememberObstacles ticks before it, boxes whose base has
-    left the view are still known by where it was.
+    and the leaf's message says why. Where `MapSite` ticks before it, the
+    range of a box is known by its base after that has left the view.
     """
 
     ports = (

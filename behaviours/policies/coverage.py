@@ -60,7 +60,7 @@ class Coverage:
         if site_map is None:
             raise MissionError(
                 "policy 'coverage' flies by the map of the place, and none is on the board: put "
-                "<Segment/> and <RememberObstacles/> ahead of the leaves that fly"
+                "<Segment/>, <TrackMotion/> and <MapSite/> ahead of the leaves that fly"
             )
         ground_rad = _ground_rad(site_map, cfg.around_m)
         turn = Decision(

@@ -25,10 +25,9 @@ from perception.obstacles.contact_scan import (
     find_bases,
     scan_ground,
 )
-from perception.odometry.carpet import CarpetOdometry
 from uav_bt.classes import GROUP_CARPET
-from uav_bt.types import CameraModel, ClassMap, DroneState, Frame, ObstaclePoints, Pose2D
-from uav_bt.types.dead_reckoning import MotionEstimate
+from uav_bt.types import CameraModel, ClassMap, Frame, ObstaclePoints, Pose2D
+from uav_bt.types.dead_reckoning import OdometryPose
 from uav_bt.types.projection import project
 
 
@@ -65,7 +64,6 @@ class ObstacleMemory:
 
     def __init__(self, config: ObstacleMemoryConfig | None = None) -> None:
         self._config = config or ObstacleMemoryConfig()
-        self._odometry = CarpetOdometry()
         self._points = np.empty((0, 2))  # odometry frame
         self._until_s = np.empty(0)
         self._seen_s = np.empty(0)
@@ -74,33 +72,27 @@ class ObstacleMemory:
         self._unplaced_rad = np.empty(0)  # bearings in the odometry frame
         self._unplaced_edges_rad = np.empty(0)
 
-    @property
-    def motion(self) -> MotionEstimate | None:
-        """How the drone moves over the ground; None before the first frame."""
-        return self._odometry.estimate
+    def expire(self, now_s: float) -> None:
+        """Drop what is too old at a time."""
+        self._keep(self._until_s >= now_s)
 
-    def predict(self, state: DroneState) -> None:
-        """Follow the drone's own motion up to a telemetry sample."""
-        now = self._odometry.predict(state)
-        if now is not None:
-            self._keep(self._until_s >= now.time_s)
-
-    def update(self, class_map: ClassMap, frame: Frame, camera: CameraModel) -> GroundScan | None:
+    def update(
+        self, class_map: ClassMap, frame: Frame, camera: CameraModel, pose: Pose2D
+    ) -> GroundScan | None:
         """Take in a class map.
 
         Args:
             class_map: made from `frame`.
             frame: its telemetry places what is seen.
             camera: intrinsics at the class map's size.
+            pose: of the body when the frame was captured, dead-reckoned.
 
         Returns:
             The view as it was scanned; None when nothing in it can be placed.
         """
         self._newest_s = frame.captured_s
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
-        self._odometry.see(class_map, frame, camera)
-        pose = self._odometry.at(frame.captured_s)
-        if pose is None or frame.gimbal_pitch_rad < self._config.min_pitch_rad:
+        if frame.gimbal_pitch_rad < self._config.min_pitch_rad:
             return None
         cfg = self._config
         scan = scan_ground(class_map, frame, camera, cfg.scan)
@@ -129,7 +121,7 @@ class ObstacleMemory:
         return scan
 
     def forget(self) -> None:
-        """Drop all that is remembered; the odometry goes on."""
+        """Drop all that is remembered."""
         self._keep(np.zeros(len(self._points), dtype=bool))
         self._unplaced_rad = self._unplaced_edges_rad = np.empty(0)
 
@@ -146,11 +138,8 @@ class ObstacleMemory:
         on_trail = (apart_m <= trails_m[:, 2]).any(axis=1) & (self._kinds == _Kind.BASE)
         self._until_s[on_trail] = np.minimum(self._until_s[on_trail], until_s)
 
-    def points(self) -> ObstaclePoints:
-        """Return what is remembered, from where the drone is now."""
-        pose = self._odometry.now
-        if pose is None:
-            return ObstaclePoints(points_m=np.empty((0, 2)), captured_s=self._newest_s)
+    def points(self, pose: OdometryPose) -> ObstaclePoints:
+        """Return what is remembered, from where the drone is now, dead-reckoned."""
         local, age_s = pose.points_to_body(self._points), pose.time_s - self._seen_s
         is_base, is_edge = self._kinds == _Kind.BASE, self._kinds == _Kind.EDGE
         return ObstaclePoints(

@@ -12,7 +12,7 @@ from uav_bt.board import CLASS_MAP, STATE
 from uav_bt.classes import CARPET
 from uav_bt.protocols import Decision, PolicyView
 from uav_bt.testing import LeafBench
-from uav_bt.tree import Leaf, Status
+from uav_bt.tree import Leaf, MissionTree, Status
 from uav_bt.types import Attitude, BodyVelocity, ClassMap, DroneState, FlyingState, MovementStatus
 
 ADVANCE = Decision(forward_m=0.3, reason="clear")
@@ -97,3 +97,12 @@ def halted_proposals(bench: LeafBench) -> tuple[object, object]:
     bench.proposals.clear()
     bench.halt()
     return bench.proposed, bench.pointed
+
+
+def replace_tree(bench: LeafBench, leaf: Leaf) -> None:
+    """Let another tree take over the bench's mission, as the runner does."""
+    tree = MissionTree(leaf)
+    tree.setup(bench.leaf.mission)
+    bench.halt()
+    tree.inherit(bench.tree)
+    bench.tree = tree

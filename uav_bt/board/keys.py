@@ -82,21 +82,21 @@ OBSTACLES: Final = Key(
     "obstacles",
     ObstaclePoints,
     "where obstacles stand, also those that have left the view",
-    writer="RememberObstacles",
+    writer="MapSite",
     max_age_s=_FRAME_MAX_AGE_S,
 )
 ODOMETRY: Final = Key(
     "odometry",
     MotionEstimate,
     "where the drone is and how it moves over the ground, as the ground shows it",
-    writer="RememberObstacles",
+    writer="TrackMotion",
     max_age_s=_STATE_MAX_AGE_S,
 )
 SITE_MAP: Final = Key(
     "site_map",
     SiteMap,
     "the map of the place: ground, obstacles, edges, objects, landing mark",
-    writer="RememberObstacles",
+    writer="MapSite",
     max_age_s=_FRAME_MAX_AGE_S,
 )
 PHASE: Final = Key(

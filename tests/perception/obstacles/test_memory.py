@@ -26,6 +26,7 @@ from uav_bt.types import (
     Frame,
     ObstaclePoints,
 )
+from uav_bt.types.dead_reckoning import Odometry
 from uav_bt.types.projection import pixel_rays, project
 
 CAMERA = anafi_camera(640, 360).resized(224, 112)
@@ -76,8 +77,28 @@ def state(time_s: float, yaw_rad: float = 0.0, forward_mps: float = 0.0) -> Dron
     )
 
 
-def look(memory: ObstacleMemory, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
-    memory.update(ClassMap(ids=ids, captured_s=time_s), frame(time_s, pitch_rad), CAMERA)
+class Flight:
+    """A drone whose telemetry places what it sees.
+
+    Args:
+        config: what is remembered.
+    """
+
+    def __init__(self, config: ObstacleMemoryConfig | None = None) -> None:
+        self.memory, self._odometry = ObstacleMemory(config), Odometry()
+
+    def predict(self, sample: DroneState) -> None:
+        self.memory.expire(self._odometry.update(sample).time_s)
+
+    def points(self) -> ObstaclePoints:
+        assert self._odometry.now is not None
+        return self.memory.points(self._odometry.now)
+
+    def look(self, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
+        pose = self._odometry.at(time_s)
+        assert pose is not None
+        class_map = ClassMap(ids=ids, captured_s=time_s)
+        self.memory.update(class_map, frame(time_s, pitch_rad), CAMERA, pose)
 
 
 # --- bases ----------------------------------------------------------------------------------------
@@ -168,14 +189,14 @@ def test_a_box_nearer_than_the_view_hides_its_base() -> None:
 
 def test_a_base_is_remembered_after_it_left_the_view() -> None:
     """Flown past and turned away from, the box is still where it was."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0, forward_mps=0.5))
-    look(memory, draw_box(carpet(), 2.0, 0.4, 0.8), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0, forward_mps=0.5))
+    flight.look(draw_box(carpet(), 2.0, 0.4, 0.8), 0.0)
     for tick in range(1, 31):
-        memory.predict(state(0.1 * tick, forward_mps=0.5))
-    memory.predict(state(3.1, yaw_rad=math.pi / 2))
+        flight.predict(state(0.1 * tick, forward_mps=0.5))
+    flight.predict(state(3.1, yaw_rad=math.pi / 2))
 
-    found = memory.points().points_m
+    found = flight.points().points_m
 
     # It was 2.0 + 0.15 ahead of the centre; 1.5 m flown and half a tick of braking; turned right.
     ahead = 2.0 + CAMERA_FORWARD_M - 1.5 - 0.025
@@ -186,81 +207,81 @@ def test_a_base_is_remembered_after_it_left_the_view() -> None:
 
 def test_seen_again_a_point_is_kept_once() -> None:
     """Ten looks at one box leave as many points as one look."""
-    once, often = ObstacleMemory(), ObstacleMemory()
+    once, often = Flight(), Flight()
     ids = draw_box(carpet(), 2.0, -0.4, 0.4)
-    for memory, looks in ((once, 1), (often, 10)):
+    for flight, looks in ((once, 1), (often, 10)):
         for tick in range(looks):
-            memory.predict(state(0.1 * tick))
-            look(memory, ids, 0.1 * tick)
+            flight.predict(state(0.1 * tick))
+            flight.look(ids, 0.1 * tick)
 
     assert len(often.points().points_m) == len(once.points().points_m) > 5
 
 
 def test_carpet_seen_in_its_place_forgets_a_point() -> None:
     """What was a mistake, or was moved, does not stay."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
 
-    memory.predict(state(0.1))
-    look(memory, carpet(), 0.1)
+    flight.predict(state(0.1))
+    flight.look(carpet(), 0.1)
 
-    assert memory.points().points_m.shape == (0, 2)
-    assert memory.points().nearest_m == math.inf
+    assert flight.points().points_m.shape == (0, 2)
+    assert flight.points().nearest_m == math.inf
 
 
 def test_old_points_are_forgotten() -> None:
     """Dead reckoning goes astray: nothing is kept for longer than its time."""
-    memory = ObstacleMemory(ObstacleMemoryConfig(max_age_s=5.0))
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    flight = Flight(ObstacleMemoryConfig(max_age_s=5.0))
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
 
-    memory.predict(state(5.0))
-    assert len(memory.points().points_m) > 0
-    assert np.allclose(memory.points().points_age_s, 5.0)
-    memory.predict(state(5.1))
-    assert len(memory.points().points_m) == 0
+    flight.predict(state(5.0))
+    assert len(flight.points().points_m) > 0
+    assert np.allclose(flight.points().points_age_s, 5.0)
+    flight.predict(state(5.1))
+    assert len(flight.points().points_m) == 0
 
 
 def test_the_end_of_the_carpet_is_remembered_longer() -> None:
     """A decimetre matters less there; and it does not count among the obstacles."""
-    memory = ObstacleMemory(ObstacleMemoryConfig(max_age_s=5.0, edge_age_s=9.0))
+    flight = Flight(ObstacleMemoryConfig(max_age_s=5.0, edge_age_s=9.0))
     ids = draw_box(carpet(), 1.8, -0.3, 0.2)
     ids[:60][ids[:60] == CARPET] = BACKGROUND
-    memory.predict(state(0.0))
-    look(memory, ids, 0.0)
-    nearest_m = memory.points().nearest_m
+    flight.predict(state(0.0))
+    flight.look(ids, 0.0)
+    nearest_m = flight.points().nearest_m
     assert nearest_m == pytest.approx(1.8 + CAMERA_FORWARD_M, abs=0.1)
 
-    memory.predict(state(5.1))
+    flight.predict(state(5.1))
 
-    assert len(memory.points().points_m) == 0
-    assert len(memory.points().edges_m) > 10
-    memory.predict(state(9.1))
-    assert len(memory.points().edges_m) == 0
+    assert len(flight.points().points_m) == 0
+    assert len(flight.points().edges_m) > 10
+    flight.predict(state(9.1))
+    assert len(flight.points().edges_m) == 0
 
 
 def test_far_bases_are_not_remembered() -> None:
     """Beyond the range a pixel is worth too many centimetres."""
-    memory = ObstacleMemory(ObstacleMemoryConfig(max_range_m=2.0))
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
+    flight = Flight(ObstacleMemoryConfig(max_range_m=2.0))
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
 
-    assert len(memory.points().points_m) == 0
+    assert len(flight.points().points_m) == 0
 
 
 def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
     """Straight down a roof is nearer than any base."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
-    before = memory.points().points_m
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
+    before = flight.points().points_m
 
-    memory.predict(state(0.1))
-    look(memory, carpet(), 0.1, pitch_rad=-math.pi / 2)
+    flight.predict(state(0.1))
+    flight.look(carpet(), 0.1, pitch_rad=-math.pi / 2)
 
-    assert np.array_equal(memory.points().points_m, before)
-    assert memory.points().captured_s == pytest.approx(0.1)
+    assert np.array_equal(flight.points().points_m, before)
+    assert flight.points().captured_s == pytest.approx(0.1)
 
 
 NEAR_BOX = ObstacleMemoryConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
@@ -268,27 +289,27 @@ NEAR_BOX = ObstacleMemoryConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
 
 def test_an_unexplained_near_box_is_a_bearing() -> None:
     """Its bearings, from the body's centre, turn as the drone does."""
-    memory = ObstacleMemory(NEAR_BOX)
-    memory.predict(state(0.0, yaw_rad=3.0))
-    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    flight = Flight(NEAR_BOX)
+    flight.predict(state(0.0, yaw_rad=3.0))
+    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
 
-    found = memory.points()
+    found = flight.points()
     assert len(found.unplaced_rad) > 5
     assert (found.unplaced_rad > 0.1).all()
     assert found.unplaced_within(math.radians(60)) == len(found.unplaced_rad)
     assert found.unplaced_within(0.1) == 0
 
-    memory.predict(state(0.1, yaw_rad=3.0 + 1.0 - 2 * math.pi))
-    assert memory.points().unplaced_rad == pytest.approx(found.unplaced_rad - 1.0)
+    flight.predict(state(0.1, yaw_rad=3.0 + 1.0 - 2 * math.pi))
+    assert flight.points().unplaced_rad == pytest.approx(found.unplaced_rad - 1.0)
 
 
 def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     """At the assumed ranges, for the assumed time; no longer, since it was never seen there."""
-    memory = ObstacleMemory(NEAR_BOX)
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    flight = Flight(NEAR_BOX)
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
 
-    found = memory.points()
+    found = flight.points()
     assert len(found.points_m) == 0
     ranges = np.hypot(found.assumed_m[:, 0], found.assumed_m[:, 1])
     bearings = np.arctan2(found.assumed_m[:, 1], found.assumed_m[:, 0])
@@ -296,39 +317,39 @@ def test_an_unexplained_near_box_is_assumed_anywhere_on_its_bearing() -> None:
     assert bearings.min() == pytest.approx(found.unplaced_rad.min(), abs=0.1)
     assert bearings.max() == pytest.approx(found.unplaced_rad.max(), abs=0.1)
 
-    memory.predict(state(2.9))
-    assert len(memory.points().assumed_m) > 0
-    memory.predict(state(3.1))
-    assert len(memory.points().assumed_m) == 0
+    flight.predict(state(2.9))
+    assert len(flight.points().assumed_m) > 0
+    flight.predict(state(3.1))
+    assert len(flight.points().assumed_m) == 0
 
 
 def test_carpet_at_the_lower_edge_ends_what_is_assumed_before_it() -> None:
     """The view begins further away than the first assumed range; a tall box would reach into it."""
-    memory = ObstacleMemory(NEAR_BOX)
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
-    assumed = memory.points().assumed_m
-    memory.predict(state(0.1, yaw_rad=math.pi))
-    look(memory, carpet(), 0.1)
-    assert len(memory.points().assumed_m) == len(assumed)  # it looks elsewhere
+    flight = Flight(NEAR_BOX)
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 0.8, 0.2, 0.6), 0.0)
+    assumed = flight.points().assumed_m
+    flight.predict(state(0.1, yaw_rad=math.pi))
+    flight.look(carpet(), 0.1)
+    assert len(flight.points().assumed_m) == len(assumed)  # it looks elsewhere
 
-    memory.predict(state(0.2))
-    look(memory, carpet(), 0.2)
-    assert len(memory.points().assumed_m) == 0
+    flight.predict(state(0.2))
+    flight.look(carpet(), 0.2)
+    assert len(flight.points().assumed_m) == 0
 
 
 def test_a_remembered_base_explains_the_near_box() -> None:
     """The base seen from further away is the same box: its range is known."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0, forward_mps=1.0))
-    look(memory, draw_box(carpet(), 1.8, -0.3, 0.3), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0, forward_mps=1.0))
+    flight.look(draw_box(carpet(), 1.8, -0.3, 0.3), 0.0)
     for tick in range(1, 11):
-        memory.predict(state(0.1 * tick, forward_mps=1.0))
+        flight.predict(state(0.1 * tick, forward_mps=1.0))
     ids = carpet()
     ids[:, 90:134] = BOXES[0]
-    look(memory, ids, 1.0)
+    flight.look(ids, 1.0)
 
-    found = memory.points()
+    found = flight.points()
 
     assert len(found.points_m) > 5
     assert len(found.unplaced_rad) == 0
@@ -338,23 +359,14 @@ def test_a_remembered_base_explains_the_near_box() -> None:
 
 def test_the_pad_is_no_obstacle() -> None:
     """The drone flies above it."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(
-        memory,
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(
         np.where(draw_box(carpet(), 2.0, -0.4, 0.4) == CARPET, 1, HELIPAD_BOX).astype(np.uint8),
         0.0,
     )
 
-    assert len(memory.points().points_m) == 0
-
-
-def test_before_telemetry_nothing_is_known() -> None:
-    """A class map without a pose cannot be placed."""
-    memory = ObstacleMemory()
-    look(memory, draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
-
-    assert len(memory.points().points_m) == 0
+    assert len(flight.points().points_m) == 0
 
 
 # --- points ---------------------------------------------------------------------------------------
@@ -437,28 +449,28 @@ def test_the_twins_box_is_where_it_stands() -> None:
 
 def test_an_edge_that_was_never_seen_is_told_by_its_bearings() -> None:
     """Its bearings turn with the drone, and an obstacle is not made of it."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, end_carpet(carpet(), 0.8), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(end_carpet(carpet(), 0.8), 0.0)
 
-    found = memory.points()
+    found = flight.points()
 
     assert len(found.unplaced_edges_rad) > 40
     assert len(found.unplaced_rad) == len(found.edges_m) == len(found.assumed_m) == 0
-    memory.predict(state(0.1, yaw_rad=1.0))
-    assert memory.points().unplaced_edges_rad == pytest.approx(found.unplaced_edges_rad - 1.0)
+    flight.predict(state(0.1, yaw_rad=1.0))
+    assert flight.points().unplaced_edges_rad == pytest.approx(found.unplaced_edges_rad - 1.0)
 
 
 def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
     """Flown up to, it is where it was seen to be."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0, forward_mps=0.5))
-    look(memory, end_carpet(carpet(), 2.0), 0.0)
+    flight = Flight()
+    flight.predict(state(0.0, forward_mps=0.5))
+    flight.look(end_carpet(carpet(), 2.0), 0.0)
     for tick in range(1, 25):
-        memory.predict(state(0.1 * tick, forward_mps=0.5))
-    look(memory, end_carpet(carpet(), 0.8), 2.4)
+        flight.predict(state(0.1 * tick, forward_mps=0.5))
+    flight.look(end_carpet(carpet(), 0.8), 2.4)
 
-    found = memory.points()
+    found = flight.points()
 
     ahead = np.abs(found.unplaced_edges_rad) < math.radians(20)
     assert not ahead.any()
@@ -466,24 +478,23 @@ def test_a_remembered_edge_explains_one_that_is_nearer_than_the_view() -> None:
 
 
 def test_all_can_be_forgotten() -> None:
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
-    assert len(memory.points().points_m)
-    memory.forget()
-    after = memory.points()
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    assert len(flight.points().points_m)
+    flight.memory.forget()
+    after = flight.points()
     assert not len(after.points_m)
     assert not len(after.edges_m)
-    assert memory.motion is not None
 
 
 def test_a_shorter_life_makes_nothing_older() -> None:
     """What may move is soon forgotten, and was seen lately all the same."""
-    memory = ObstacleMemory()
-    memory.predict(state(0.0))
-    look(memory, draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
-    memory.forget_by(2.5, np.array([[2.2, 0.0, 1.0]]))
-    memory.predict(state(1.0))
-    assert np.allclose(memory.points().points_age_s, 1.0)
-    memory.predict(state(2.6))
-    assert not len(memory.points().points_m)
+    flight = Flight()
+    flight.predict(state(0.0))
+    flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
+    flight.memory.forget_by(2.5, np.array([[2.2, 0.0, 1.0]]))
+    flight.predict(state(1.0))
+    assert np.allclose(flight.points().points_age_s, 1.0)
+    flight.predict(state(2.6))
+    assert not len(flight.points().points_m)

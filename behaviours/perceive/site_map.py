@@ -1,0 +1,89 @@
+"""The leaf that keeps the map of the place."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from behaviours.stage_timer import StageTimer
+from uav_bt.board import (
+    CAMERA,
+    CLASS_MAP,
+    FRAME,
+    HELIPAD,
+    OBSTACLES,
+    ODOMETRY,
+    SITE_MAP,
+)
+from uav_bt.board.context import MissionContext
+from uav_bt.tree import Leaf, Status
+from uav_bt.types import CameraModel, ClassMap, Frame
+from uav_bt.types.dead_reckoning import MotionEstimate
+
+if TYPE_CHECKING:
+    from perception.mapping.site_mapper import SiteMapperConfig
+
+
+class MapSite(Leaf):
+    """Keep the map of the place; SUCCESS always.
+
+    `TrackMotion` must stand ahead of it: a class map is taken in only with the drone's pose at its
+    capture. `FindHelipad` ahead of it puts the landing mark on the map.
+    """
+
+    mapping: ClassVar[SiteMapperConfig | None] = None  # None: as it ships
+    reads = (FRAME, CLASS_MAP, CAMERA, ODOMETRY, HELIPAD)
+    writes = (OBSTACLES, SITE_MAP)
+
+    def on_setup(self, mission: MissionContext) -> None:
+        """Make an empty map."""
+        # Late: SciPy takes long to import and `uav-bt check` must answer at once.
+        from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415
+        from perception.obstacles.memory import ObstacleMemory  # noqa: PLC0415
+
+        self._memory, self._mapper = ObstacleMemory(), SiteMapper(self.mapping)
+        self._timer = StageTimer(mission, "map")
+        self._last_s = -1.0
+
+    def on_inherit(self, former: Self) -> None:
+        """Keep the map and where the drone is on it."""
+        self._memory, self._mapper = former._memory, former._mapper
+        self._last_s = former._last_s
+
+    def update(self) -> Status:
+        """Take in a new class map, and carry what is near along with the drone."""
+        frame, camera = self.read(FRAME).value, self.read(CAMERA).value
+        class_map, motion = self.read(CLASS_MAP).value, self.read(ODOMETRY).value
+        self.feedback_message = ""
+        if frame is None or camera is None or class_map is None:
+            return Status.SUCCESS
+        if motion is None:
+            self.feedback_message = "no odometry: <TrackMotion/> must tick ahead of this leaf"
+            return Status.SUCCESS
+        self._memory.expire(motion.pose.time_s)
+        if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
+            self._last_s = class_map.captured_s
+            height_px, width_px = class_map.ids.shape
+            with self._timer:
+                self._take_in(class_map, frame, camera.resized(width_px, height_px), motion)
+        points = self._memory.points(motion.pose)
+        self.write(OBSTACLES, points, captured_s=points.captured_s)
+        return Status.SUCCESS
+
+    def _take_in(
+        self, class_map: ClassMap, frame: Frame, camera: CameraModel, motion: MotionEstimate
+    ) -> None:
+        scan = self._memory.update(class_map, frame, camera, motion.seen)
+        restarts = self._mapper.restarts
+        self._mapper.follow(motion)
+        if scan is not None:
+            self._mapper.see(scan, frame, camera)
+            # What moves is remembered for as long as the map carries it, not as what stands.
+            until_s = frame.captured_s + self._mapper.config.movers.life_s
+            self._memory.forget_by(until_s, self._mapper.trails_m())
+        fix = self.read(HELIPAD).value
+        if fix is not None and fix.detected:
+            self._mapper.see_mark(fix)
+        site_map = self._mapper.map()
+        if site_map.restarts > restarts:
+            self._memory.forget()  # what was placed by the map that was given up
+        self.write(SITE_MAP, site_map, captured_s=frame.captured_s)
