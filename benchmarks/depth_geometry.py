@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from perception.camera.ground_plane import CameraView, ground_depth, level_rays, ray_lengths
 from perception.depth.contact.depth import ContactDepth, contact_depth
+from perception.depth.corridor import CorridorBuilder
 from perception.depth.scale import AdaptiveScale, sample_carpet
-from perception.obstacles.corridor import CorridorBuilder
 from perception.segmentation.runtime import shipped_unet
 from sim_bridge.anafi import anafi_camera
 from sim_bridge.twin.profile import Profile

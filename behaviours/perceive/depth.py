@@ -6,8 +6,8 @@ import math
 
 from behaviours.stage_timer import StageTimer
 from perception.camera.ground_plane import view_of
+from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.networks.named import CONTACT, depth_file
-from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,

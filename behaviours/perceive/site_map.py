@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from behaviours.stage_timer import StageTimer
+from perception.mapping.view import View
 from uav_bt.board import (
     CAMERA,
     CLASS_MAP,
@@ -37,10 +38,10 @@ class MapSite(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Make an empty map."""
         # Late: SciPy takes long to import and `uav-bt check` must answer at once.
+        from perception.mapping.recent import RecentObstacles  # noqa: PLC0415
         from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415
-        from perception.obstacles.memory import ObstacleMemory  # noqa: PLC0415
 
-        self._memory, self._mapper = ObstacleMemory(), SiteMapper(self.mapping)
+        self._memory, self._mapper = RecentObstacles(), SiteMapper(self.mapping)
         self._timer = StageTimer(mission, "map")
         self._last_s = -1.0
 
@@ -65,21 +66,24 @@ class MapSite(Leaf):
             height_px, width_px = class_map.ids.shape
             with self._timer:
                 self._take_in(class_map, frame, camera.resized(width_px, height_px), motion)
-        points = self._memory.points(motion.pose)
+        points = self._memory.near(motion.pose)
         self.write(OBSTACLES, points, captured_s=points.captured_s)
         return Status.SUCCESS
 
     def _take_in(
         self, class_map: ClassMap, frame: Frame, camera: CameraModel, motion: MotionEstimate
     ) -> None:
-        scan = self._memory.update(class_map, frame, camera, motion.seen)
+        view = View.of(class_map, frame, camera, motion.seen, self._mapper.config.view)
         restarts = self._mapper.restarts
         self._mapper.follow(motion)
-        if scan is not None:
-            self._mapper.see(scan, frame, camera)
+        if view is None:
+            self._memory.pass_over(frame.captured_s)
+        else:
+            self._memory.add(view)
+            self._mapper.add(view)
             # What moves is remembered for as long as the map carries it, not as what stands.
             until_s = frame.captured_s + self._mapper.config.movers.life_s
-            self._memory.forget_by(until_s, self._mapper.trails_m())
+            self._memory.forget_trails(until_s, self._mapper.trails_m())
         fix = self.read(HELIPAD).value
         if fix is not None and fix.detected:
             self._mapper.see_mark(fix)

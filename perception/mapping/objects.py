@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from perception.mapping.landmarks import Landmarks
+from perception.mapping.tables import Floats
 from uav_bt.classes import BOXES
 from uav_bt.types import rotation
 from uav_bt.types.site_map import MapObject
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +31,7 @@ class ObjectConfig:
     near_m: float = 0.02
 
 
-def objects_of(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
+def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple[MapObject, ...]:
     """Return the objects that stand in the place, by class and then by position.
 
     Args:

@@ -20,7 +20,7 @@ from rich.console import Console
 
 from behaviours.perceive.depth import BuildCorridor
 from perception.camera.ground_plane import view_of
-from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
+from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from sim_bridge.twin.scene import Scene
 from uav_bt.app.assembly import Flight, Listeners
 from uav_bt.board import METRIC_DEPTH, SITE_MAP

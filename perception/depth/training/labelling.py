@@ -22,7 +22,8 @@ from perception.depth.contact.depth import contact_depth
 from perception.depth.metric import remembered_bases
 from perception.depth.training.clips import DepthLabels
 from perception.depth.training.parallax import Parallax, ParallaxConfig
-from perception.obstacles.memory import ObstacleMemory
+from perception.mapping.recent import RecentObstacles
+from perception.mapping.view import View
 from perception.odometry.camera_track import (
     FOOTAGE_SIZE_PX,
     CameraTrack,
@@ -112,7 +113,7 @@ def contact_labels(
     width, height = LABEL_SIZE_PX
     depth = np.full((len(footage), height, width), np.nan, dtype=np.float16)
     bound = np.full((len(footage), height, width), np.inf, dtype=np.float16)
-    memory, odometry = ObstacleMemory(), CarpetOdometry()
+    recent, odometry = RecentObstacles(), CarpetOdometry()
     states = _states_of(footage)
     state = next(states)
     odometry.predict(state)
@@ -126,12 +127,14 @@ def contact_labels(
             # What stands too near for its base to be seen was seen from further away.
             remembered, now = None, odometry.now
             if now is not None:
-                memory.expire(now.time_s)
-                remembered = remembered_bases(memory.points(now), state, frame, footage.camera)
+                recent.expire(now.time_s)
+                remembered = remembered_bases(recent.near(now), state, frame, footage.camera)
             odometry.see(class_map, frame, view.camera)
             seen = odometry.at(frame.captured_s)
             if seen is not None:
-                memory.update(class_map, frame, view.camera, seen)
+                placed = View.of(class_map, frame, view.camera, seen)
+                if placed is not None:
+                    recent.add(placed)
             if place % config.every == 0:
                 known = contact_depth(class_map.ids, view, remembered=remembered)
                 depth[place], bound[place] = _small(known.depth), _small(known.at_most)

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from perception.mapping.contradiction import ContradictionConfig
+from perception.mapping.mark_place import MarkPlaceConfig
 from perception.mapping.site_mapper import SiteMapper, SiteMapperConfig
-from perception.obstacles.contact_scan import scan_ground
+from perception.mapping.view import View
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
@@ -88,9 +90,16 @@ def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> 
             height_above_carpet_m=HEIGHT_M,
         )
         mapper.follow(motion(pose))
-        mapper.see(scan_ground(ClassMap(ids=ids, captured_s=time_s), frame, CAMERA), frame, CAMERA)
+        look(mapper, ClassMap(ids=ids, captured_s=time_s), frame, pose)
         maps.append(mapper.map())
     return maps
+
+
+def look(mapper: SiteMapper, class_map: ClassMap, frame: Frame, pose: Pose2D) -> None:
+    """Let the mapper take in a frame that was captured at a dead-reckoned pose."""
+    view = View.of(class_map, frame, CAMERA, pose)
+    assert view is not None
+    mapper.add(view)
 
 
 def motion(pose: OdometryPose) -> MotionEstimate:
@@ -214,7 +223,8 @@ def sighted(
 
 def show_carpet(mapper: SiteMapper, time_s: float) -> None:
     """Let the mapper see nothing but carpet, from 0.6 m behind its origin."""
-    mapper.follow(motion(OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)))
+    pose = OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)
+    mapper.follow(motion(pose))
     frame = Frame(
         image=np.zeros((4, 8, 3), dtype=np.uint8),
         index=0,
@@ -223,12 +233,12 @@ def show_carpet(mapper: SiteMapper, time_s: float) -> None:
         height_above_carpet_m=HEIGHT_M,
     )
     nothing = ClassMap(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
-    mapper.see(scan_ground(nothing, frame, CAMERA), frame, CAMERA)
+    look(mapper, nothing, frame, pose)
 
 
 def test_a_mark_is_moved_by_as_much_as_the_map_may_have_drifted() -> None:
     """Only by sightings again and again."""
-    mapper, views = SiteMapper(), SiteMapperConfig().mark_moved_views
+    mapper, views = SiteMapper(), MarkPlaceConfig().moved_views
     sighted(mapper, 0.5, from_s=0.0, views=20)
     *before, last = sighted(mapper, 0.0, from_s=2.0, views=views)
     assert all(mark.y_m == pytest.approx(0.5, abs=0.02) for mark in before)
@@ -257,7 +267,7 @@ def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
 
 def test_a_mark_that_was_carried_away_is_found_elsewhere() -> None:
     """Ground was seen where it was."""
-    mapper, views = SiteMapper(), SiteMapperConfig().mark_moved_views
+    mapper, views = SiteMapper(), MarkPlaceConfig().moved_views
     sighted(mapper, 0.5, from_s=0.0, views=20)
     show_carpet(mapper, 3.0)
     last = sighted(mapper, -1.0, from_s=4.0, views=views)[-1]
@@ -274,7 +284,8 @@ def hover(
     for index in range(views):
         time_s = from_s + 0.1 * index
         x_m, y_m = at.x_m - CAMERA_FORWARD_M, -at.y_m
-        mapper.follow(motion(OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=0.0)))
+        pose = OdometryPose(time_s=time_s, x_m=x_m, y_m=y_m, yaw_rad=0.0)
+        mapper.follow(motion(pose))
         frame = Frame(
             image=np.zeros((4, 8, 3), dtype=np.uint8),
             index=index,
@@ -283,7 +294,7 @@ def hover(
             height_above_carpet_m=at.z_m + float(rng.normal(0.0, height_std_m)),
         )
         class_map = ClassMap(ids=view.ids, captured_s=time_s)
-        mapper.see(scan_ground(class_map, frame, CAMERA), frame, CAMERA)
+        look(mapper, class_map, frame, pose)
     return mapper.map()
 
 
@@ -308,7 +319,7 @@ def test_a_box_that_is_looked_at_from_far_stays_on_the_map() -> None:
 
 def test_time_without_views_does_not_count_against_the_map() -> None:
     """After a long gap one view that is wrong is not enough to give the map up."""
-    mapper = SiteMapper(SiteMapperConfig(judged_points=5.0))
+    mapper = SiteMapper(SiteMapperConfig(contradiction=ContradictionConfig(judged_points=5.0)))
     fly(mapper)
     show_carpet(mapper, len(flown()) * STEP_S + 10.0)
     assert mapper.map().restarts == 0

@@ -17,12 +17,12 @@ import numpy as np
 
 from perception.camera.camera_file import Undistorter
 from perception.camera.ground_plane import view_of
+from perception.depth.corridor import CorridorBuilder, CorridorConfig
 from perception.depth.metric import MetricDepthMaker
 from perception.depth.scale import Scale
 from perception.depth.stage import DepthStage
 from perception.landing.detector import HelipadDetection
 from perception.landing.tracker import HelipadFinder
-from perception.obstacles.corridor import CorridorBuilder, CorridorConfig
 from uav_bt.classes import CARPET
 from uav_bt.display.video.perception_video import Seen
 from uav_bt.errors import ValueRangeError

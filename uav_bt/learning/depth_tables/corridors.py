@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from perception.camera.ground_plane import view_of
-from perception.obstacles.corridor import CorridorConfig, CorridorPlanes, build_corridor
+from perception.depth.corridor import CorridorConfig, CorridorPlanes, build_corridor
 from uav_bt.classes import CARPET
 from uav_bt.learning.depth_tables.images import MAP_SIZE_PX, Masks, SampleImage
 from uav_bt.learning.depth_tables.methods import methods_for, metric_maps

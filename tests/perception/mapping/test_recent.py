@@ -1,4 +1,4 @@
-"""The obstacle memory: where bases stand, what is forgotten, what has no range yet."""
+"""The recent layer: where bases stand, which points are dropped, which have no range yet."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from perception.obstacles.contact_scan import Bases, find_bases, scan_ground
-from perception.obstacles.memory import ObstacleMemory, ObstacleMemoryConfig
+from perception.mapping.contact_scan import Bases, find_bases, scan_ground
+from perception.mapping.recent import RecentObstacles, RecentObstaclesConfig
+from perception.mapping.view import View, ViewConfig
 from sim_bridge.anafi import CAMERA_FORWARD_M, anafi_camera
 from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
@@ -81,24 +82,31 @@ class Flight:
     """A drone whose telemetry places what it sees.
 
     Args:
-        config: what is remembered.
+        config: which points are kept.
+        view: which are placed.
     """
 
-    def __init__(self, config: ObstacleMemoryConfig | None = None) -> None:
-        self.memory, self._odometry = ObstacleMemory(config), Odometry()
+    def __init__(
+        self, config: RecentObstaclesConfig | None = None, view: ViewConfig | None = None
+    ) -> None:
+        self.recent, self._odometry, self._view = RecentObstacles(config), Odometry(), view
 
     def predict(self, sample: DroneState) -> None:
-        self.memory.expire(self._odometry.update(sample).time_s)
+        self.recent.expire(self._odometry.update(sample).time_s)
 
     def points(self) -> ObstaclePoints:
         assert self._odometry.now is not None
-        return self.memory.points(self._odometry.now)
+        return self.recent.near(self._odometry.now)
 
     def look(self, ids: Ids, time_s: float, pitch_rad: float = PITCH_RAD) -> None:
         pose = self._odometry.at(time_s)
         assert pose is not None
         class_map = ClassMap(ids=ids, captured_s=time_s)
-        self.memory.update(class_map, frame(time_s, pitch_rad), CAMERA, pose)
+        view = View.of(class_map, frame(time_s, pitch_rad), CAMERA, pose, self._view)
+        if view is None:
+            self.recent.pass_over(time_s)
+        else:
+            self.recent.add(view)
 
 
 # --- bases ----------------------------------------------------------------------------------------
@@ -184,7 +192,7 @@ def test_a_box_nearer_than_the_view_hides_its_base() -> None:
     assert (project(edge, CAMERA, PITCH_RAD)[:, 1] > 108).all()
 
 
-# --- memory ---------------------------------------------------------------------------------------
+# --- recent ---------------------------------------------------------------------------------------
 
 
 def test_a_base_is_remembered_after_it_left_the_view() -> None:
@@ -232,7 +240,7 @@ def test_carpet_seen_in_its_place_forgets_a_point() -> None:
 
 def test_old_points_are_forgotten() -> None:
     """Dead reckoning goes astray: nothing is kept for longer than its time."""
-    flight = Flight(ObstacleMemoryConfig(max_age_s=5.0))
+    flight = Flight(RecentObstaclesConfig(max_age_s=5.0))
     flight.predict(state(0.0))
     flight.look(draw_box(carpet(), 2.0, -0.4, 0.4), 0.0)
 
@@ -245,7 +253,7 @@ def test_old_points_are_forgotten() -> None:
 
 def test_the_end_of_the_carpet_is_remembered_longer() -> None:
     """A decimetre matters less there; and it does not count among the obstacles."""
-    flight = Flight(ObstacleMemoryConfig(max_age_s=5.0, edge_age_s=9.0))
+    flight = Flight(RecentObstaclesConfig(max_age_s=5.0, edge_age_s=9.0))
     ids = draw_box(carpet(), 1.8, -0.3, 0.2)
     ids[:60][ids[:60] == CARPET] = BACKGROUND
     flight.predict(state(0.0))
@@ -263,7 +271,7 @@ def test_the_end_of_the_carpet_is_remembered_longer() -> None:
 
 def test_far_bases_are_not_remembered() -> None:
     """Beyond the range a pixel is worth too many centimetres."""
-    flight = Flight(ObstacleMemoryConfig(max_range_m=2.0))
+    flight = Flight(view=ViewConfig(max_range_m=2.0))
     flight.predict(state(0.0))
     flight.look(draw_box(carpet(), 2.1, -0.4, 0.4), 0.0)
 
@@ -284,7 +292,7 @@ def test_looking_down_adds_nothing_and_forgets_nothing() -> None:
     assert flight.points().captured_s == pytest.approx(0.1)
 
 
-NEAR_BOX = ObstacleMemoryConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
+NEAR_BOX = RecentObstaclesConfig(assumed_ranges_m=(0.5, 1.0), assumed_age_s=3.0)
 
 
 def test_an_unexplained_near_box_is_a_bearing() -> None:
@@ -482,7 +490,7 @@ def test_all_can_be_forgotten() -> None:
     flight.predict(state(0.0))
     flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
     assert len(flight.points().points_m)
-    flight.memory.forget()
+    flight.recent.forget()
     after = flight.points()
     assert not len(after.points_m)
     assert not len(after.edges_m)
@@ -493,7 +501,7 @@ def test_a_shorter_life_makes_nothing_older() -> None:
     flight = Flight()
     flight.predict(state(0.0))
     flight.look(draw_box(carpet(), 2.0, -0.2, 0.2), 0.0)
-    flight.memory.forget_by(2.5, np.array([[2.2, 0.0, 1.0]]))
+    flight.recent.forget_trails(2.5, np.array([[2.2, 0.0, 1.0]]))
     flight.predict(state(1.0))
     assert np.allclose(flight.points().points_age_s, 1.0)
     flight.predict(state(2.6))
