@@ -19,7 +19,7 @@ from uav_bt.board import (
     STATE,
 )
 from uav_bt.board.context import MissionContext
-from uav_bt.classes import CARPET
+from uav_bt.classes import is_above_ground, is_ground
 from uav_bt.protocols import DepthEstimator
 from uav_bt.tree import Leaf, Port, Status
 
@@ -168,7 +168,7 @@ class BuildCorridor(Leaf):
         self._last_s = depth.captured_s
         height_px, width_px = depth.depth.shape
         ids = class_map.ids
-        things = ids != CARPET if self.port_value("background") else ids > CARPET
+        things = ~is_ground(ids) if self.port_value("background") else is_above_ground(ids)
         with self._timer:
             corridor = self._builder.build(
                 depth,

@@ -45,14 +45,14 @@ class GroundGrid:
     def __init__(self, config: GroundGridConfig | None = None) -> None:
         self.config = config = config or GroundGridConfig()
         side = 2 * round(config.reach_m / config.cell_m) + 1
-        self.seen_s = np.full((side, side), -np.inf, dtype=np.float32)
+        self.seen_s = np.full((side, side), -np.inf)  # float64: clocks may count from 1970
         self.free = np.zeros((side, side), dtype=bool)
         self.passed = np.zeros((side, side), dtype=bool)
         self._beyond = np.zeros((side, side), dtype=np.int8)  # votes: positive lies beyond the edge
         self._disc = _disc(config.passed_m / config.cell_m)
         self._around = np.argwhere(_disc(config.around_m / config.cell_m))
         self._around -= self._around.max(axis=0) // 2
-        self._moved_s = np.full((side, side), -np.inf, dtype=np.float32)  # something moved there
+        self._moved_s = np.full((side, side), -np.inf)  # something moved there
         self._has_moved = False
         self._lane = np.argwhere(_disc(config.lane_m / config.cell_m))
         self._lane -= self._lane.max(axis=0) // 2
@@ -126,7 +126,7 @@ class GroundGrid:
         cells = self._cells(places_m)
         inside = ((cells >= 0) & (cells < self.seen_s.shape[0])).all(axis=1)
         shown = np.zeros(len(places_m), dtype=bool)
-        shown[inside] = self.seen_s[tuple(cells[inside].T)] == np.float32(captured_s)
+        shown[inside] = self.seen_s[tuple(cells[inside].T)] == captured_s
         return shown
 
     def note_moving(self, places_m: Floats, captured_s: float) -> None:

@@ -11,7 +11,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 
 from perception.mapping.landmarks import Landmarks
 from perception.mapping.tables import Floats
-from uav_bt.classes import BOXES
+from uav_bt.classes import standing_classes
 from uav_bt.types import rotation
 from uav_bt.types.site_map import MapObject
 
@@ -41,7 +41,7 @@ def find_objects(points: Landmarks, config: ObjectConfig | None = None) -> tuple
     config = config or ObjectConfig()
     found: list[MapObject] = []
     lasting = points.take(points.seen_s - points.first_s >= config.min_seen_s)
-    for class_id in BOXES:
+    for class_id in standing_classes():
         of_class = lasting.take(lasting.ids == class_id)
         if len(of_class) < config.min_points:
             continue

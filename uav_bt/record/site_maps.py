@@ -78,7 +78,7 @@ def site_map_of(note: SiteMapNote) -> SiteMap:
         pose=note.pose,
         corner_m=(note.corner_m[0], note.corner_m[1]),
         cell_m=note.cell_m,
-        seen_s=np.where(ground, note.captured_s, -np.inf).astype(np.float32),
+        seen_s=np.where(ground, note.captured_s, -np.inf),
         free=(cells & _FREE) > 0,
         outside=(cells & _OUTSIDE) > 0,
         passed=(cells & _PASSED) > 0,

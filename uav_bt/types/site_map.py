@@ -91,7 +91,7 @@ class SiteMap:
     pose: Pose2D  # the drone now
     corner_m: tuple[float, float]  # the centre of cell (0, 0)
     cell_m: float
-    seen_s: NDArray[np.float32]  # when the cell last showed ground; -inf: never
+    seen_s: Floats  # when the cell last showed ground; -inf: never
     free: Flags  # known to be free to fly: ground, or below a line of sight to the ground
     outside: Flags  # beyond the edge of the ground
     passed: Flags  # within half a metre of the flown path

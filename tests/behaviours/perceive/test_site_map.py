@@ -121,7 +121,7 @@ def test_the_map_is_kept_when_another_tree_takes_over() -> None:
     assert aside.points_m[:, 1] == pytest.approx(-ahead.points_m[:, 0])
     site_map = bench.board[SITE_MAP]
     assert site_map.captured_s > known.captured_s
-    assert (site_map.seen_s == np.float32(known.captured_s)).any()  # ground that only it had seen
+    assert (site_map.seen_s == known.captured_s).any()  # ground that only it had seen
 
 
 def test_mapping_commands_nothing() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from uav_bt.classes import GROUP_BACKGROUND, GROUP_CARPET
 from uav_bt.testing import pinhole
 from uav_bt.types import Pose2D
 
-CAMERA = pinhole(224, 112)  # its lens is at the body's centre
+CAMERA = replace(pinhole(224, 112), forward_offset_m=0.0)
 SMALL = GroundGridConfig(reach_m=2.0)
 
 
@@ -68,3 +70,26 @@ def test_only_ground_beyond_the_grid_makes_it_full() -> None:
         see(grid, group, ahead_m=0.9, x_m=1.5)
         assert grid.full is full
         assert np.isfinite(grid.seen_s).sum() == 0
+
+
+@pytest.mark.parametrize("epoch_s", [0.0, 1.76e9])
+def test_views_a_tenth_of_a_second_apart_are_told_apart_by_any_clock(epoch_s: float) -> None:
+    """A drone's clock may count seconds from 1970."""
+    grid, place_m = GroundGrid(SMALL), np.array([[0.9, 0.0]])
+    see(grid, GROUP_CARPET, ahead_m=0.9, captured_s=epoch_s)
+    assert grid.shown_at(place_m, epoch_s).all()
+    assert not grid.shown_at(place_m, epoch_s + 0.1).any()
+
+
+@pytest.mark.parametrize("epoch_s", [0.0, 1.76e9])
+def test_a_lane_is_over_once_the_ground_was_seen_since(epoch_s: float) -> None:
+    """0.5 s after the last look it is a lane, 0.3 s after it is not."""
+    grid, place_m = GroundGrid(SMALL), np.array([[0.9, 0.0]])
+    grid.note_moving(place_m, epoch_s)
+    see(grid, GROUP_CARPET, ahead_m=0.9, captured_s=epoch_s)
+
+    def is_lane(now_s: float) -> bool:
+        return bool((np.hypot(*(grid.lanes_m(now_s) - place_m).T) < 0.05).any())
+
+    assert is_lane(epoch_s + 0.5)
+    assert not is_lane(epoch_s + 0.3)

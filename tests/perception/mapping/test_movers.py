@@ -159,6 +159,15 @@ def test_what_is_seen_not_to_be_there_is_forgotten() -> None:
     assert tracker.movers(time_s) == ()
 
 
+def test_asking_what_a_mover_owns_leaves_it_where_it_was() -> None:
+    tracker = MoverTracker()
+    *_, (time_s, before, _) = follow(tracker, lambda s: (2.0, -1.2 + 0.5 * s), until_s=2.0)
+    middle_m = np.array([[before[0].x_m, before[0].y_m]])
+    assert tracker.owns(middle_m).all()
+    assert tracker.owns(middle_m).all()
+    assert tracker.movers(time_s) == before
+
+
 def test_speeds_in_the_wrong_order_are_refused() -> None:
     with pytest.raises(ValueRangeError, match="in order"):
         MoverConfig(min_mps=2.0)

@@ -9,6 +9,7 @@ import pytest
 
 from perception.mapping.landmarks import Landmarks
 from perception.mapping.objects import ObjectConfig, find_objects
+from uav_bt import classes
 from uav_bt.types.site_map import MapObject
 
 
@@ -61,3 +62,12 @@ def test_a_margin_moves_all_sides() -> None:
     found = object_of(side((1.0, -0.25), (1.0, 0.25)))
     inner, outer = found.corners_m(margin_m=-0.05), found.corners_m()
     assert np.ptp(outer, axis=0) - np.ptp(inner, axis=0) == pytest.approx([0.1, 0.1])
+
+
+def test_every_obstacle_class_of_a_lab_makes_objects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this lab class 2 is an obstacle."""
+    groups = classes.CLASS_TO_GROUP.copy()
+    groups[2] = classes.GROUP_OBSTACLE
+    monkeypatch.setattr(classes, "CLASS_TO_GROUP", groups)
+    (found,) = find_objects(landmarks(side((1.0, -0.25), (1.0, 0.25)), class_id=2))
+    assert found.class_id == 2

@@ -21,6 +21,7 @@ from uav_bt.errors import ShapeError
 from uav_bt.types import (
     Attitude,
     BodyVelocity,
+    CameraModel,
     ClassMap,
     DroneState,
     FlyingState,
@@ -172,6 +173,20 @@ def test_specks_have_no_base() -> None:
     ids[60:62, 100:104] = BOXES[0]
 
     assert bases(ids).placed_m.shape == (0, 2)
+
+
+@pytest.mark.parametrize("half_view_deg", [21, 35, 40])
+def test_no_sample_lies_behind_the_camera(half_view_deg: int) -> None:
+    """Pitched down by 1 rad, a lens of 80 degrees sees the ground behind the point below it."""
+    focal_px = 56.0 / math.tan(math.radians(half_view_deg))
+    wide = CameraModel(
+        width_px=224, height_px=112, fx_px=focal_px, fy_px=focal_px, cx_px=111.5, cy_px=55.5
+    )
+    scan = scan_ground(ClassMap(ids=carpet(), captured_s=0.0), frame(0.0, -1.0), wide)
+    ranges_m = np.hypot(*np.moveaxis(scan.level_m, -1, 0))
+
+    assert (scan.level_m[..., 0] > 0.0).all()
+    assert (np.diff(ranges_m, axis=1) > 0.0).all()
 
 
 def test_no_obstacle_no_bases() -> None:
