@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from behaviours.stage_timer import StageTimer
@@ -38,20 +39,18 @@ class MapSite(Leaf):
     def on_setup(self, mission: MissionContext) -> None:
         """Make an empty map."""
         # Late: SciPy takes long to import and `uav-bt check` must answer at once.
-        from perception.mapping.recent import RecentObstacles  # noqa: PLC0415
         from perception.mapping.site_mapper import SiteMapper  # noqa: PLC0415
 
-        self._memory, self._mapper = RecentObstacles(), SiteMapper(self.mapping)
+        self._mapper = SiteMapper(self.mapping)
         self._timer = StageTimer(mission, "map")
-        self._last_s = -1.0
+        self._last_s = -math.inf
 
     def on_inherit(self, former: Self) -> None:
         """Keep the map and where the drone is on it."""
-        self._memory, self._mapper = former._memory, former._mapper
-        self._last_s = former._last_s
+        self._mapper, self._last_s = former._mapper, former._last_s
 
     def update(self) -> Status:
-        """Take in a new class map, and carry what is near along with the drone."""
+        """Take in a new class map, and write the map with the drone where it is now."""
         frame, camera = self.read(FRAME).value, self.read(CAMERA).value
         class_map, motion = self.read(CLASS_MAP).value, self.read(ODOMETRY).value
         self.feedback_message = ""
@@ -60,34 +59,27 @@ class MapSite(Leaf):
         if motion is None:
             self.feedback_message = "no odometry: <TrackMotion/> must tick ahead of this leaf"
             return Status.SUCCESS
-        self._memory.expire(motion.pose.time_s)
-        if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
-            self._last_s = class_map.captured_s
-            height_px, width_px = class_map.ids.shape
-            with self._timer:
-                self._take_in(class_map, frame, camera.resized(width_px, height_px), motion)
-        points = self._memory.near(motion.pose)
-        self.write(OBSTACLES, points, captured_s=points.captured_s)
+        with self._timer:
+            if self._last_s != class_map.captured_s == frame.captured_s == motion.seen.time_s:
+                self._last_s = class_map.captured_s
+                self._take_in(class_map, frame, camera, motion)
+            site_map = self._mapper.map(motion)
+        if self._last_s > -math.inf:
+            self.write(SITE_MAP, site_map, captured_s=self._last_s)
+            self.write(OBSTACLES, site_map.near, captured_s=self._last_s)
         return Status.SUCCESS
 
     def _take_in(
         self, class_map: ClassMap, frame: Frame, camera: CameraModel, motion: MotionEstimate
     ) -> None:
-        view = View.of(class_map, frame, camera, motion.seen, self._mapper.config.view)
-        restarts = self._mapper.restarts
+        height_px, width_px = class_map.ids.shape
+        sized, config = camera.resized(width_px, height_px), self._mapper.config.view
+        view = View.of(class_map, frame, sized, motion.seen, config)
         self._mapper.follow(motion)
         if view is None:
-            self._memory.pass_over(frame.captured_s)
+            self._mapper.pass_over(frame.captured_s)
         else:
-            self._memory.add(view)
             self._mapper.add(view)
-            # What moves is remembered for as long as the map carries it, not as what stands.
-            until_s = frame.captured_s + self._mapper.config.movers.life_s
-            self._memory.forget_trails(until_s, self._mapper.trails_m())
         fix = self.read(HELIPAD).value
         if fix is not None and fix.detected:
             self._mapper.see_mark(fix)
-        site_map = self._mapper.map()
-        if site_map.restarts > restarts:
-            self._memory.forget()  # what was placed by the map that was given up
-        self.write(SITE_MAP, site_map, captured_s=frame.captured_s)

@@ -1,7 +1,7 @@
 """Keep the map of the place: each view corrects the drone's place on it, then adds to it.
 
-A `View` passes through the layers in one direction: registration, landmarks, arrivals and movers,
-landmarks again with what stands, the grid of the ground.
+A `View` passes through the layers in one direction: recent obstacles, registration, landmarks,
+movers, the grid of the ground.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from perception.mapping.mark_place import MarkPlace, MarkPlaceConfig
 from perception.mapping.mover_track import MoverConfig
 from perception.mapping.movers import MoverTracker
 from perception.mapping.objects import find_objects
+from perception.mapping.recent import RecentObstacles, RecentObstaclesConfig
 from perception.mapping.registration import Registration, RegistrationConfig
 from perception.mapping.tables import Floats
 from perception.mapping.view import View, ViewConfig
-from uav_bt.errors import MissionError
 from uav_bt.types import HelipadFix
 from uav_bt.types.dead_reckoning import MotionEstimate
 from uav_bt.types.site_map import MapObject, SiteMap
@@ -63,6 +63,7 @@ class SiteMapperConfig:
     grid: GroundGridConfig = field(default_factory=GroundGridConfig)
     arrivals: ArrivalConfig = field(default_factory=ArrivalConfig)
     movers: MoverConfig = field(default_factory=MoverConfig)
+    recent: RecentObstaclesConfig = field(default_factory=RecentObstaclesConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     contradiction: ContradictionConfig = field(default_factory=ContradictionConfig)
@@ -81,6 +82,7 @@ class SiteMapper:
         self.restarts = 0  # how often the map was begun anew
         self._motion: MotionEstimate | None = None
         self._captured_s = -math.inf
+        self._recent = RecentObstacles(self.config.recent)
         self._begin()
 
     def _begin(self, *, agreed_s: float = -math.inf) -> None:
@@ -96,17 +98,23 @@ class SiteMapper:
         self._residual_m, self._matched = 0.0, 0
 
     def follow(self, motion: MotionEstimate) -> None:
-        """Follow the drone."""
+        """Follow the drone; called before each view with the motion up to it."""
         tracked = motion.untracked_s <= self.config.tracked_s
         self._registration.predict(motion.pose, motion.pose.time_s, tracked=tracked)
         self._motion = motion
         here = self._registration.corrected(motion.pose)
         self._grid.fly_over(here.x_m, here.y_m)
+        self._recent.expire(motion.pose.time_s)
+
+    def pass_over(self, captured_s: float) -> None:
+        """Take in that a frame was seen in which nothing can be placed."""
+        self._recent.pass_over(captured_s)
 
     def add(self, view: View) -> None:
         """Take in a view, whose pose is dead-reckoned."""
         cfg, time_s = self.config, view.captured_s
         self._captured_s = time_s
+        self._recent.add(view)
         off_m = self._registration.match(view, self._settled(time_s))
         if off_m is not None:
             self._matched = min(self._matched + 1, cfg.residual_views)
@@ -116,11 +124,14 @@ class SiteMapper:
         if self._contradiction.is_certain(time_s):
             self.restarts += 1
             self._begin(agreed_s=time_s)
+            self._recent.forget()  # it was placed by the map that is given up
             return
         self._add_points(placed, 0.0 if off_m is None else off_m)
         self._grid.add(placed)
         self._grid.note_moving(self._movers.may_move_m(time_s), time_s)
         self._movers.forget_free(self._grid.shown_at(self._movers.places_m(), time_s), time_s)
+        # Bases of a mover are kept for as long as the map keeps the mover.
+        self._recent.forget_trails(time_s + cfg.movers.life_s, self._trails_m())
         if time_s - self._objects_s >= cfg.objects_s:
             self._objects, self._objects_s = find_objects(self._bases), time_s
 
@@ -129,23 +140,15 @@ class SiteMapper:
         if self._motion is not None:
             self._mark.add(fix, self._motion.pose, self._registration, self._grid)
 
-    def trails_m(self) -> Floats:
-        """Return where movers were lately, in the dead-reckoned frame, and their radius, (K, 3)."""
-        trails_m = self._movers.trails_m()
-        trails_m[:, :2] = self._registration.correction.points_to_body(trails_m[:, :2])
-        return trails_m
+    def map(self, motion: MotionEstimate) -> SiteMap:
+        """Return the map with the drone where it is now.
 
-    def map(self) -> SiteMap:
-        """Return the map as it is known now.
-
-        Raises:
-            MissionError: the drone was not followed yet.
+        Args:
+            motion: the newest; not earlier than the newest view.
         """
-        if self._motion is None:
-            raise MissionError("a map begins with the drone's motion: call follow first")
         grid, window = self._grid, self._grid.window()
         return SiteMap(
-            pose=self._registration.corrected(self._motion.pose),
+            pose=self._registration.corrected(motion.pose),
             corner_m=grid.corner_m(window),
             cell_m=grid.config.cell_m,
             seen_s=grid.seen_s[window].copy(),
@@ -155,7 +158,7 @@ class SiteMapper:
             obstacles_m=self._bases.xy_m,
             edges_m=self._edges.xy_m,
             captured_s=self._captured_s,
-            movers=self._movers.movers(max(self._motion.pose.time_s, self._captured_s)),
+            movers=self._movers.movers(max(motion.pose.time_s, self._captured_s)),
             lanes_m=grid.lanes_m(self._captured_s),
             objects=self._objects,
             mark=self._mark.mark,
@@ -164,8 +167,15 @@ class SiteMapper:
             contradicted_s=self._contradiction.lasts_s(self._captured_s),
             restarts=self.restarts,
             full=grid.full,
-            untracked_s=self._motion.untracked_s,
+            untracked_s=motion.untracked_s,
+            near=self._recent.near(motion.pose),
         )
+
+    def _trails_m(self) -> Floats:
+        """Return where movers were lately, in the dead-reckoned frame, and their radius, (K, 3)."""
+        trails_m = self._movers.trails_m()
+        trails_m[:, :2] = self._registration.correction.points_to_body(trails_m[:, :2])
+        return trails_m
 
     def _settled(self, time_s: float) -> Landmarks:
         """Return the points that have been known for long enough to correct the drone's place."""

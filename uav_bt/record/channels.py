@@ -28,10 +28,9 @@ from uav_bt.types import (
     HelipadFix,
     Movement,
     ObstaclePoints,
-    Pose2D,
     Truth,
 )
-from uav_bt.types.site_map import MapMark, MapMover, MapObject
+from uav_bt.types.site_map import SiteMapBase
 
 Quality = Literal["lossless", "high", "small"]
 
@@ -151,26 +150,10 @@ class FrameNote:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SiteMapNote:
+class SiteMapNote(SiteMapBase):
     """A site map: as `uav_bt.types.site_map.SiteMap`, its grids as one image."""
 
-    pose: Pose2D
-    corner_m: tuple[float, ...]
-    cell_m: float
     cells_png: str  # base64; a byte for each cell, a bit for each grid
-    obstacles_m: NDArray[np.float64]
-    edges_m: NDArray[np.float64]
-    captured_s: float
-    movers: tuple[MapMover, ...] = ()
-    lanes_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
-    objects: tuple[MapObject, ...] = ()
-    mark: MapMark | None = None
-    correction: Pose2D
-    residual_m: float = 0.0
-    contradicted_s: float = 0.0
-    restarts: int = 0
-    full: bool = False
-    untracked_s: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

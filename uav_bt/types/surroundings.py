@@ -43,8 +43,9 @@ _PASSING_M = 0.02
 class ObstaclePoints:
     """Where obstacles stand on the carpet, as seen lately, from the body's centre now."""
 
-    points_m: NDArray[np.float64]  # (N, 2): forward, right, in the heading-aligned level frame
-    captured_s: float  # of the newest frame that went in
+    # (N, 2): forward, right, in the heading-aligned level frame
+    points_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    captured_s: float = -math.inf  # of the newest frame that went in
     # (K, 2), in the same frame: where obstacles of unknown range are assumed for the time being.
     assumed_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     # (E, 2), in the same frame: where the carpet ends.

@@ -214,9 +214,8 @@ def mapped(
         time_s = index * STEP_S
         pose = OdometryPose(time_s=time_s, x_m=-1.0, y_m=0.0, yaw_rad=0.0)
         still = BodyVelocity()
-        mapper.follow(
-            MotionEstimate(pose=pose, seen=pose, velocity=still, error=still, tracked_s=time_s)
-        )
+        motion = MotionEstimate(pose=pose, seen=pose, velocity=still, error=still, tracked_s=time_s)
+        mapper.follow(motion)
         frame = Frame(
             image=np.zeros((4, 8, 3), dtype=np.uint8),
             index=index,
@@ -228,7 +227,7 @@ def mapped(
         view = View.of(class_map, frame, CAMERA, pose)
         assert view is not None
         mapper.add(view)
-        yield mapper.map()
+        yield mapper.map(motion)
 
 
 def crossing(speed_mps: float = 0.5) -> list[tuple[float, float] | None]:

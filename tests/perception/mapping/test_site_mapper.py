@@ -19,7 +19,6 @@ from sim_bridge.twin.camera import CameraPose
 from sim_bridge.twin.scene import BoxSpec, Helipad, Scene
 from sim_bridge.twin.views import render_views
 from uav_bt.classes import CARPET
-from uav_bt.errors import MissionError
 from uav_bt.types import BodyVelocity, ClassMap, Frame, HelipadFix, Pose2D
 from uav_bt.types.dead_reckoning import MotionEstimate, OdometryPose
 from uav_bt.types.site_map import MapMark, SiteMap
@@ -91,7 +90,7 @@ def fly(mapper: SiteMapper, drift: Drift = no_drift, *, from_s: float = 0.0) -> 
         )
         mapper.follow(motion(pose))
         look(mapper, ClassMap(ids=ids, captured_s=time_s), frame, pose)
-        maps.append(mapper.map())
+        maps.append(mapper.map(motion(pose)))
     return maps
 
 
@@ -187,15 +186,10 @@ def test_the_mark_corrects_and_is_remembered() -> None:
         mapper.see_mark(
             HelipadFix(captured_s=tenths / 10, forward_m=1.0, right_m=0.5, detected=True)
         )
-    found = mapper.map()
+    found = mapper.map(motion(drifted))
     assert found.mark is not None
     assert math.dist((found.mark.x_m, found.mark.y_m), (1.0, 0.5)) < 0.03
     assert abs(found.pose.x_m) < 0.04
-
-
-def test_a_map_without_motion_is_refused() -> None:
-    with pytest.raises(MissionError, match="follow"):
-        SiteMapper().map()
 
 
 def sighted(
@@ -205,7 +199,8 @@ def sighted(
     marks = []
     for index in range(views):
         time_s = from_s + index / 10
-        mapper.follow(motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0)))
+        here = motion(OdometryPose(time_s=time_s, x_m=0.0, y_m=0.0, yaw_rad=0.0))
+        mapper.follow(here)
         mapper.see_mark(
             HelipadFix(
                 captured_s=time_s,
@@ -215,14 +210,14 @@ def sighted(
                 confidence=confidence,
             )
         )
-        mark = mapper.map().mark
+        mark = mapper.map(here).mark
         assert mark is not None
         marks.append(mark)
     return marks
 
 
-def show_carpet(mapper: SiteMapper, time_s: float) -> None:
-    """Let the mapper see nothing but carpet, from 0.6 m behind its origin."""
+def show_carpet(mapper: SiteMapper, time_s: float) -> SiteMap:
+    """Let the mapper see only carpet, from 0.6 m behind its origin; return the map then."""
     pose = OdometryPose(time_s=time_s, x_m=-0.6, y_m=0.0, yaw_rad=0.0)
     mapper.follow(motion(pose))
     frame = Frame(
@@ -234,6 +229,7 @@ def show_carpet(mapper: SiteMapper, time_s: float) -> None:
     )
     nothing = ClassMap(ids=np.full((112, 224), CARPET, dtype=np.uint8), captured_s=time_s)
     look(mapper, nothing, frame, pose)
+    return mapper.map(motion(pose))
 
 
 def test_a_mark_is_moved_by_as_much_as_the_map_may_have_drifted() -> None:
@@ -253,7 +249,8 @@ def test_a_doubtful_sighting_gives_way_to_a_good_one() -> None:
     mark = sighted(mapper, 0.0, from_s=2.0, views=1)[0]
     assert mark.y_m == pytest.approx(0.0, abs=0.03)
     assert mark.moved_m == 0.0
-    assert mapper.map().pose.y_m == pytest.approx(0.0, abs=0.03)
+    here = motion(OdometryPose(time_s=2.0, x_m=0.0, y_m=0.0, yaw_rad=0.0))
+    assert mapper.map(here).pose.y_m == pytest.approx(0.0, abs=0.03)
 
 
 def test_sightings_far_from_a_mark_that_still_stands_are_errors() -> None:
@@ -295,7 +292,7 @@ def hover(
         )
         class_map = ClassMap(ids=view.ids, captured_s=time_s)
         look(mapper, class_map, frame, pose)
-    return mapper.map()
+    return mapper.map(motion(pose))
 
 
 FAR = Scene(
@@ -321,6 +318,6 @@ def test_time_without_views_does_not_count_against_the_map() -> None:
     """After a long gap one view that is wrong is not enough to give the map up."""
     mapper = SiteMapper(SiteMapperConfig(contradiction=ContradictionConfig(judged_points=5.0)))
     fly(mapper)
-    show_carpet(mapper, len(flown()) * STEP_S + 10.0)
-    assert mapper.map().restarts == 0
-    assert mapper.map().contradicted_s < 1.0
+    found = show_carpet(mapper, len(flown()) * STEP_S + 10.0)
+    assert found.restarts == 0
+    assert found.contradicted_s < 1.0
